@@ -1,13 +1,11 @@
 //! Where a model and a recording differ: where, which physics is missing, how much of it, and the proof on data that no fit has seen.
 //!
-//! Read in this order: `ingest` (what the recordings are worth), `ready` (which rows), `library` (what is asked), `noise`, `name` (which, with rivals) with `choice`, `starts` and `settle`
+//! Read in this order: `ingest` (what the recordings are worth), `ready` (which rows), `library` (what is asked), `noise`, `name` (which, with rivals) with `selection`, `starts` and `settle`
 //! (how they are chosen), `prove` (second look and proof), `unknown` (what no name explains), `judge`, `findings`.
 //!
-//! Promises: the same input and seed give the same bits; held-out rows are seen by no choice and no fit; nothing found is a result
+//! Promises: the same input and seed give the same bits; held-out rows are seen by no selection and no fit; nothing found is a result
 //! like any other. Never: a file, a name of a data set.
 
-mod bank;
-mod choice;
 pub mod experiment;
 mod features;
 mod findings;
@@ -15,20 +13,22 @@ mod flexible;
 mod gram;
 mod hysteresis;
 mod ingest;
+mod jacobian_cache;
 pub(crate) mod judge;
 mod library;
 mod locate;
 mod look;
 mod modes;
-mod name;
 mod noise;
+mod outer_iteration;
 mod prove;
 mod ready;
-mod renaming;
 pub mod says;
-mod settle;
+mod selection;
 mod springs;
 mod starts;
+mod stepwise;
+mod substitution;
 mod terms;
 mod thinning;
 mod unknown;
@@ -45,14 +45,14 @@ use crate::result::Fit;
 use crate::robust::Influence;
 use crate::score::Fitted;
 use crate::size::Size;
-use bank::Bank;
 use experiment::Proposed;
 use features::Word;
 use flexible::Taken;
 use glam::DVec3;
-use name::{Asking, Naming};
+use jacobian_cache::JacobianCache;
 use physics::{AnyEffect, Model};
 use prove::Held;
+use selection::{Search, Selection};
 
 use std::collections::BTreeMap;
 
@@ -60,8 +60,8 @@ pub use ingest::{Ingested, ingest};
 pub use judge::Verdict;
 pub use locate::{Cell, Seen};
 pub use look::Thinned;
-pub use name::Rival;
 pub use prove::Proof;
+pub use selection::Rival;
 pub use untested::Untested;
 pub use view::{Beside, Over, Spectra, Trace};
 
@@ -189,57 +189,71 @@ fn of_chosen(
         },
         None => Split::in_blocks(&campaign, seed),
     };
-    let naming_split = split.keeping_some(&campaign, seed);
-    prove::set_apart(&mut campaign, [&split, &naming_split]);
+    let selection_split = split.keeping_some(&campaign, seed);
+    prove::set_apart(&mut campaign, [&split, &selection_split]);
     let words = features::words(&campaign, model);
     let influence = Influence::Redescending;
-    let used = naming_split.training.as_slice();
+    let used = selection_split.training.as_slice();
     let settings = Settings { used, influence, from: None, effort: Effort::Full };
     let known = ready::known(model, sigma);
     let base = fit(&campaign, &known, &settings);
     let library = library::library(model, &campaign);
-    let bank = Bank::default();
+    let jacobian_cache = JacobianCache::default();
     let base =
         whiten(&mut campaign, &known, &settings, &base, (&words, Taken::All)).unwrap_or(base);
-    let asking =
-        Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
+    let search = Search {
+        campaign: &campaign,
+        known: &known,
+        settings,
+        library: &library,
+        jacobian_cache: &jacobian_cache,
+    };
     let second_look = split.training.iter().zip(used).map(|(trains, used)| *trains && !used);
     let second_look: Vec<bool> = second_look.collect();
-    let (glimpse, also) = name::glimpsed(&asking, &base, unknown::PATCHES);
-    let (naming, law) = match unknown::ahead_at_once(&asking, &glimpse, &words, &second_look) {
-        Some((few, law)) => (few, Some(law)),
-        None => {
-            // Without a look at rivals: enough to tell what is noise.
-            let first = asking.settled(glimpse, &also);
-            // What is named tells what is noise, and what is noise tells what can be named.
-            let taken = (words.as_slice(), Taken::BorneOut);
-            let again = whiten(&mut campaign, &known, &settings, &first.fit, taken);
-            let (known, library, bank) = (&known, library.as_slice(), &bank);
-            let asking = Asking { campaign: &campaign, known, settings, library, bank };
-            let naming = match again {
-                None => name::name(&asking, first),
-                Some(bare) => name::anew(&asking, &bare, first),
-            };
-            let looks = (&naming_split, second_look.as_slice());
-            let naming = prove::confirmed(&campaign, model, looks, naming);
-            match unknown::instead_of_names(&asking, &naming, &words, &second_look) {
-                Some((few, law)) => (few, Some(law)),
-                None => {
-                    let law = unknown::confirmed(&asking, &naming, &words, &second_look);
-                    (naming, law)
+    let (preselection, also) = selection::preselected(&search, &base, unknown::PATCHES);
+    let (selection, law) =
+        match unknown::ahead_at_once(&search, &preselection, &words, &second_look) {
+            Some((few, law)) => (few, Some(law)),
+            None => {
+                // Without a look at rivals: enough to tell what is noise.
+                let first = search.until_stable(preselection, &also);
+                // What is named tells what is noise, and what is noise tells what can be named.
+                let taken = (words.as_slice(), Taken::Validated);
+                let again = whiten(&mut campaign, &known, &settings, &first.fit, taken);
+                let (known, library, jacobian_cache) =
+                    (&known, library.as_slice(), &jacobian_cache);
+                let search =
+                    Search { campaign: &campaign, known, settings, library, jacobian_cache };
+                let selection = match again {
+                    None => selection::select(&search, first),
+                    Some(bare) => selection::restarted(&search, &bare, first),
+                };
+                let looks = (&selection_split, second_look.as_slice());
+                let selection = prove::confirmed(&campaign, model, looks, selection);
+                match unknown::instead_of_names(&search, &selection, &words, &second_look) {
+                    Some((few, law)) => (few, Some(law)),
+                    None => {
+                        let law = unknown::confirmed(&search, &selection, &words, &second_look);
+                        (selection, law)
+                    }
                 }
             }
-        }
-    };
+        };
     // Names and laws stand; their numbers, and which rivals come near, are told by all that is not held out.
-    let around = naming.fit.surroundings.clone();
+    let around = selection.fit.surroundings.clone();
     let settings = Settings { used: &split.training, from: Some(&around), ..settings };
-    let naming = Naming { fit: fit(&campaign, &naming.fit.hypothesis, &settings), ..naming };
-    let asking =
-        Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
-    let naming = renaming::with_rivals(&asking, naming);
+    let selection =
+        Selection { fit: fit(&campaign, &selection.fit.hypothesis, &settings), ..selection };
+    let search = Search {
+        campaign: &campaign,
+        known: &known,
+        settings,
+        library: &library,
+        jacobian_cache: &jacobian_cache,
+    };
+    let selection = substitution::with_rivals(&search, selection);
     let not_tested = untested::untested(&model.arm, &library, &words);
-    finish(campaign, model, naming, law, split, &words, (not_tested, notes))
+    finish(campaign, model, selection, law, split, &words, (not_tested, notes))
 }
 
 /// Gives the campaign the noise that `seen` leaves, and the fit of what is known with it; none where it has it already.
@@ -262,7 +276,7 @@ fn whiten(
 fn finish(
     campaign: Campaign,
     model: &Model,
-    naming: Naming,
+    selection: Selection,
     law: Option<unknown::Law>,
     split: Split,
     words: &[Word],
@@ -274,7 +288,7 @@ fn finish(
         from: None,
         effort: Effort::Full,
     };
-    let Naming { fit: last, named } = naming;
+    let Selection { fit: last, named } = selection;
     let held_out = split.held_out();
     let held = Held::new(&campaign, (&split, &held_out), &last);
     let given = held.beside(&Hypothesis::fixed(*model), &last);
@@ -299,8 +313,8 @@ fn finish(
     let (findings, candidates) = judge::claimed(verdict, findings, |one| one.confidence);
     let unexplained = rest;
     let proof = held.proof(before, after, &last);
-    let asking = experiment::Asking::of(&campaign, model, &last, &split.training);
-    let next_experiment = asking.proposed(&named);
+    let design = experiment::Design::of(&campaign, model, &last, &split.training);
+    let next_experiment = design.proposed(&named);
     let early = readback::ahead(&campaign, &last, &settings).map(|suspicion| suspicion.says);
     let (far, rows) = far(&last, &campaign);
     if far > 0 {

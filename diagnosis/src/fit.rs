@@ -10,11 +10,11 @@ use crate::campaign::Campaign;
 use crate::colour::follows;
 use crate::hypothesis::Hypothesis;
 use crate::independent::Dependent;
+use crate::linearisation::{Length, Linearisation};
 use crate::minimise::{Minimum, Until, minimise};
 use crate::problem::{State, Weighing};
 use crate::result::{Fit, Parts};
 use crate::robust::{Influence, scale, weight};
-use crate::sheet::{Length, Sheet};
 use crate::start;
 use crate::surroundings::Surroundings;
 use crate::triangle::Triangle;
@@ -107,7 +107,7 @@ fn careful(influence: Influence) -> Influence {
 
 struct Fitting<'a> {
     campaign: &'a Campaign,
-    sheet: Arc<Sheet>,
+    linearisation: Arc<Linearisation>,
     weighing: Weighing,
     active: Vec<usize>,
     dependent: Vec<Dependent>,
@@ -124,7 +124,7 @@ impl<'a> Fitting<'a> {
         let weighing = Weighing::equal(campaign, used);
         Self {
             campaign,
-            sheet: Arc::new(Sheet::of(campaign, state, used)),
+            linearisation: Arc::new(Linearisation::of(campaign, state, used)),
             weighing,
             active: Vec::new(),
             dependent: Vec::new(),
@@ -138,7 +138,7 @@ impl<'a> Fitting<'a> {
     /// Follows the noise's scale, the weights and the set of determined numbers until they stand.
     fn settle(&mut self, afresh: bool, influence: Influence) {
         if afresh {
-            self.active = (0..self.sheet.state.surroundings.numbers().len()).collect();
+            self.active = (0..self.linearisation.state.surroundings.numbers().len()).collect();
             self.look_again(influence);
             self.run(Until { steps_max: STEPS, gain_least: SETTLED });
         }
@@ -196,9 +196,10 @@ impl<'a> Fitting<'a> {
     }
 
     fn run(&mut self, until: Until) {
-        let (sheet, data) = (Arc::clone(&self.sheet), self.data());
-        let found = minimise(self.campaign, sheet, data, &self.weighing, &self.active, until);
-        self.sheet = Arc::clone(&found.sheet);
+        let (linearisation, data) = (Arc::clone(&self.linearisation), self.data());
+        let found =
+            minimise(self.campaign, linearisation, data, &self.weighing, &self.active, until);
+        self.linearisation = Arc::clone(&found.linearisation);
         self.steps += found.steps;
         self.reduced = Some((self.active.clone(), found.data.clone()));
         self.minimum = Some(found);
@@ -215,14 +216,14 @@ impl<'a> Fitting<'a> {
                 None => {}
             }
         }
-        self.sheet.triangle(self.campaign, &self.weighing, &self.active)
+        self.linearisation.triangle(self.campaign, &self.weighing, &self.active)
     }
 
     /// Columns that the data determine, or a stated belief; the others go back to what is believed of them.
     fn choose_columns(&mut self) {
-        let state = &self.sheet.state;
+        let state = &self.linearisation.state;
         let all: Vec<usize> = (0..state.width()).collect();
-        let data = self.sheet.triangle(self.campaign, &self.weighing, &all);
+        let data = self.linearisation.triangle(self.campaign, &self.weighing, &all);
         let (kept, dependent) = state.sort(&data);
         self.reduced = Some((all, data));
         let first = state.surroundings.numbers().len();
@@ -238,7 +239,7 @@ impl<'a> Fitting<'a> {
 
     /// Numbers that ended at the zero below which they must not go are held there: as if below zero they would stand for what others are.
     fn leave_at_zero(&mut self) {
-        let lowest = self.sheet.state.lowest(&self.active);
+        let lowest = self.linearisation.state.lowest(&self.active);
         let at_zero = self.active.iter().zip(&lowest).filter(|(_, least)| **least == 0.0);
         self.bounded = at_zero.map(|(column, _)| *column).collect();
         self.active.retain(|column| !self.bounded.contains(column));
@@ -246,22 +247,23 @@ impl<'a> Fitting<'a> {
 
     /// Puts free numbers to values.
     fn put(&mut self, values: &[(usize, f64)]) {
-        let mut state = self.sheet.state.clone();
+        let mut state = self.linearisation.state.clone();
         let State { hypothesis, .. } = &mut state;
         for (k, value) in values {
             let free = hypothesis.free[*k];
             hypothesis.model.change(free.effect, |effect| effect.values_mut()[free.value] = *value);
         }
-        if state != self.sheet.state {
+        if state != self.linearisation.state {
             self.reduced = None;
-            self.sheet = Arc::new(Sheet::of(self.campaign, state, &self.weighing.used));
+            self.linearisation =
+                Arc::new(Linearisation::of(self.campaign, state, &self.weighing.used));
         }
     }
 
     /// The noise's factor of each instrument from its residuals; never below one where the noise is known.
     fn rescale(&mut self) {
         self.reduced = None;
-        let lengths = self.sheet.lengths();
+        let lengths = self.linearisation.lengths();
         for (index, instrument) in self.campaign.instruments.iter().enumerate() {
             let own = lengths.iter().filter(|one| one.instrument == index);
             let least = if instrument.noise_is_known { 1.0 } else { 1e-9 };
@@ -275,7 +277,7 @@ impl<'a> Fitting<'a> {
     /// readings gone wrong, but something that is missing there, and it is to be seen; so is what lies far off for some rows of a path, one after the other.
     fn reweigh(&mut self, influence: Influence) {
         self.reduced = None;
-        let lengths = self.sheet.lengths();
+        let lengths = self.linearisation.lengths();
         let mut streams: BTreeMap<(usize, usize), Vec<(usize, f64)>> = BTreeMap::new();
         for Length { instrument, stream, count, length, .. } in &lengths {
             streams.entry((*instrument, *stream)).or_default().push((*count, *length));
@@ -321,10 +323,20 @@ impl<'a> Fitting<'a> {
     }
 
     fn done(self) -> Fit {
-        let sum = self.sheet.cost(self.campaign, &self.weighing);
-        let Self { campaign, sheet, weighing, active, dependent, bounded, minimum, steps, .. } =
-            self;
-        let parts = Parts { sheet, weighing, active, dependent, bounded, minimum, steps, sum };
+        let sum = self.linearisation.cost(self.campaign, &self.weighing);
+        let Self {
+            campaign,
+            linearisation,
+            weighing,
+            active,
+            dependent,
+            bounded,
+            minimum,
+            steps,
+            ..
+        } = self;
+        let parts =
+            Parts { linearisation, weighing, active, dependent, bounded, minimum, steps, sum };
         Fit::of(campaign, parts)
     }
 
@@ -332,7 +344,7 @@ impl<'a> Fitting<'a> {
     /// known noise stands unless the residuals are too large for it (three standard deviations of their mean square).
     fn final_factors(&mut self) {
         self.reduced = None;
-        let lengths = self.sheet.lengths();
+        let lengths = self.linearisation.lengths();
         let clean = lengths.iter().filter(|l| self.weighing.weights[l.reading] >= 0.5);
         let all: f64 =
             clean.clone().map(|l| self.weighing.weights[l.reading] * l.count as f64).sum();

@@ -23,6 +23,7 @@ pub mod hypothesis;
 mod independent;
 pub mod iso9283;
 pub mod joint_error;
+mod linearisation;
 pub mod loaded;
 #[cfg(test)]
 mod made;
@@ -44,7 +45,6 @@ pub mod robust;
 mod score;
 pub mod select;
 pub mod share;
-mod sheet;
 pub mod simulate;
 pub mod single_joint;
 pub mod size;

@@ -8,8 +8,8 @@
 //! Never: a choice of columns or weights.
 
 use crate::campaign::Campaign;
+use crate::linearisation::Linearisation;
 use crate::problem::{State, Weighing, cost, with_priors};
-use crate::sheet::Sheet;
 use crate::triangle::Triangle;
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ const DAMPING_MAX: f64 = 1e12;
 
 /// Where the steps ended.
 pub(crate) struct Minimum {
-    pub(crate) sheet: Arc<Sheet>,
+    pub(crate) linearisation: Arc<Linearisation>,
     /// Data and priors, at the end.
     pub(crate) triangle: Triangle,
     /// The data alone, at the end.
@@ -44,22 +44,22 @@ impl Until {
     pub(crate) const CONVERGED: Self = Self { steps_max: usize::MAX, gain_least: 0.0 };
 }
 
-/// Steps over the columns `active` from where `sheet` stands, with its data reduced to them.
+/// Steps over the columns `active` from where `linearisation` stands, with its data reduced to them.
 pub(crate) fn minimise(
     campaign: &Campaign,
-    mut sheet: Arc<Sheet>,
+    mut linearisation: Arc<Linearisation>,
     mut data: Triangle,
     weighing: &Weighing,
     active: &[usize],
     until: Until,
 ) -> Minimum {
-    let mut sum = sheet.cost(campaign, weighing);
-    let mut triangle = with_priors(&data, &sheet.state, active);
+    let mut sum = linearisation.cost(campaign, weighing);
+    let mut triangle = with_priors(&data, &linearisation.state, active);
     let mut largest = vec![0.0_f64; active.len()];
     let (mut damping, mut growth) = (DAMPING_START, 2.0);
     let (mut steps, mut converged) = (0, false);
     while steps < until.steps_max.min(STEPS_MAX) && damping < DAMPING_MAX {
-        let state = &sheet.state;
+        let state = &linearisation.state;
         for (j, norm) in largest.iter_mut().enumerate() {
             *norm = norm.max(triangle.norm(j));
         }
@@ -78,9 +78,9 @@ pub(crate) fn minimise(
         let ratio = if promised > 0.0 { (sum - next.reached) / promised } else { -1.0 };
         if next.reached < sum {
             sum = next.reached;
-            sheet = next.sheet(campaign, weighing);
-            data = sheet.triangle(campaign, weighing, active);
-            triangle = with_priors(&data, &sheet.state, active);
+            linearisation = next.linearisation(campaign, weighing);
+            data = linearisation.triangle(campaign, weighing, active);
+            triangle = with_priors(&data, &linearisation.state, active);
             let back = 2.0 * ratio - 1.0;
             damping = (damping * (1.0 - back * back * back).max(1.0 / 3.0)).max(1e-12);
             growth = 2.0;
@@ -95,7 +95,7 @@ pub(crate) fn minimise(
             growth *= 2.0;
         }
     }
-    Minimum { sheet, triangle, data, steps, converged }
+    Minimum { linearisation, triangle, data, steps, converged }
 }
 
 /// Where a step would lead: with derivatives, or the sum alone.
@@ -105,24 +105,27 @@ struct Next {
 }
 
 enum Stands {
-    Whole(Sheet),
+    Whole(Linearisation),
     Alone(State),
 }
 
 impl Next {
     fn at(campaign: &Campaign, state: State, weighing: &Weighing, whole: bool) -> Self {
         if whole {
-            let sheet = Sheet::of(campaign, state, &weighing.used);
-            Self { reached: sheet.cost(campaign, weighing), stands: Stands::Whole(sheet) }
+            let linearisation = Linearisation::of(campaign, state, &weighing.used);
+            Self {
+                reached: linearisation.cost(campaign, weighing),
+                stands: Stands::Whole(linearisation),
+            }
         } else {
             Self { reached: cost(campaign, &state, weighing), stands: Stands::Alone(state) }
         }
     }
 
-    fn sheet(self, campaign: &Campaign, weighing: &Weighing) -> Arc<Sheet> {
+    fn linearisation(self, campaign: &Campaign, weighing: &Weighing) -> Arc<Linearisation> {
         Arc::new(match self.stands {
-            Stands::Whole(sheet) => sheet,
-            Stands::Alone(state) => Sheet::of(campaign, state, &weighing.used),
+            Stands::Whole(linearisation) => linearisation,
+            Stands::Alone(state) => Linearisation::of(campaign, state, &weighing.used),
         })
     }
 }

@@ -9,11 +9,11 @@ use crate::campaign::{Arrival, Campaign, Pose};
 use crate::colour::{Filter, stream};
 use crate::hypothesis::{Belief, Free, Hypothesis};
 use crate::independent::{Dependent, sort, sort_beside};
+use crate::linearisation::Linearisation;
 use crate::motion::Motion;
 use crate::motions::Motions;
 use crate::residual::{Columns, Rows};
 use crate::rides::Rides;
-use crate::sheet::Sheet;
 use crate::surroundings::{Number, Surroundings};
 use crate::triangle::Triangle;
 use physics::{Evaluation, Inputs, Memories, Model};
@@ -296,8 +296,8 @@ pub(crate) fn data_rows(
     active: &[usize],
     take: impl FnMut(&At<'_>, &[f64], f64),
 ) {
-    let sheet = Sheet::of(campaign, state.clone(), &weighing.used);
-    sheet.rows(campaign, weighing, active, take);
+    let linearisation = Linearisation::of(campaign, state.clone(), &weighing.used);
+    linearisation.rows(campaign, weighing, active, take);
 }
 
 /// The triangle with the priors of the free numbers among `active` added.

@@ -8,9 +8,9 @@
 use crate::campaign::Campaign;
 use crate::hypothesis::{Belief, Hypothesis};
 use crate::independent::{Dependent, SHOWN};
+use crate::linearisation::Linearisation;
 use crate::minimise::Minimum;
 use crate::problem::{Look, State, Weighing, visit};
-use crate::sheet::Sheet;
 use crate::surroundings::Surroundings;
 use crate::triangle::{Triangle, dot};
 use glam::DVec3;
@@ -54,7 +54,7 @@ pub struct Fit {
     inverse: Vec<Vec<f64>>,
     pub(crate) triangle: Triangle,
     /// The rows where it stands.
-    pub(crate) sheet: Arc<Sheet>,
+    pub(crate) linearisation: Arc<Linearisation>,
 }
 
 /// What the singular values of the Jacobian and the priors say, each column in units of its prior's width.
@@ -109,7 +109,7 @@ pub struct Off {
 
 /// What a fit leaves when it ends.
 pub(crate) struct Parts {
-    pub(crate) sheet: Arc<Sheet>,
+    pub(crate) linearisation: Arc<Linearisation>,
     pub(crate) weighing: Weighing,
     pub(crate) active: Vec<usize>,
     pub(crate) dependent: Vec<Dependent>,
@@ -121,12 +121,13 @@ pub(crate) struct Parts {
 
 impl Fit {
     pub(crate) fn of(campaign: &Campaign, parts: Parts) -> Self {
-        let Parts { sheet, weighing, active, dependent, bounded, minimum, steps, sum } = parts;
+        let Parts { linearisation, weighing, active, dependent, bounded, minimum, steps, sum } =
+            parts;
         let triangle = minimum.as_ref().map_or(Triangle::new(0), |m| m.triangle.clone());
         let readings = minimum.as_ref().map_or(0, |m| m.data.rows());
         let inverse = triangle.inverse();
-        let design_effect = design_effect(campaign, &sheet, &weighing, &active, &triangle);
-        let names = Names(&sheet.state);
+        let design_effect = design_effect(campaign, &linearisation, &weighing, &active, &triangle);
+        let names = Names(&linearisation.state);
         let mut undetermined: Vec<Undetermined> =
             dependent.iter().map(|d| names.undetermined(d)).collect();
         undetermined.extend(bounded.iter().map(|column| Undetermined {
@@ -134,7 +135,8 @@ impl Fit {
             what: format!("{}, which would be negative,", names.of(*column)),
             with: Vec::new(),
         }));
-        let posterior = Posterior { inverse: &inverse, active: &active, state: &sheet.state };
+        let posterior =
+            Posterior { inverse: &inverse, active: &active, state: &linearisation.state };
         let determined = posterior.determined();
         let open = (0..active.len()).filter(|place| !determined[*place]);
         undetermined.extend(open.map(|place| posterior.undetermined(place)));
@@ -152,9 +154,9 @@ impl Fit {
             active,
             inverse,
             triangle,
-            hypothesis: sheet.state.hypothesis.clone(),
-            surroundings: sheet.state.surroundings.clone(),
-            sheet,
+            hypothesis: linearisation.state.hypothesis.clone(),
+            surroundings: linearisation.state.surroundings.clone(),
+            linearisation,
         }
     }
 
@@ -202,7 +204,7 @@ impl Fit {
     /// How much of what was fitted the data determine, and how well they part it.
     #[must_use]
     pub fn conditioning(&self) -> Conditioning {
-        let (width, priors) = (self.active.len(), self.sheet.state.priors());
+        let (width, priors) = (self.active.len(), self.linearisation.state.priors());
         let at = |i: usize, j: usize| {
             if i <= j { self.triangle.at(i, j) * priors[self.active[j]] } else { 0.0 }
         };
@@ -346,7 +348,7 @@ impl Names<'_> {
 /// At least one: the mean variance of the numbers with poses as clusters, against that of independent readings.
 fn design_effect(
     campaign: &Campaign,
-    sheet: &Sheet,
+    linearisation: &Linearisation,
     weighing: &Weighing,
     active: &[usize],
     triangle: &Triangle,
@@ -359,7 +361,7 @@ fn design_effect(
         let seen = triangle.forward(std::mem::replace(gradient, vec![0.0; width]));
         dot(&seen, &seen)
     };
-    sheet.rows(campaign, weighing, active, |at, row, right| {
+    linearisation.rows(campaign, weighing, active, |at, row, right| {
         if at.pose != now {
             sum += close(&mut gradient);
             (now, poses) = (at.pose, poses + 1);

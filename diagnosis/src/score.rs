@@ -13,12 +13,12 @@ use crate::candidates::Candidate;
 use crate::colour::Filter;
 use crate::fit::Settings;
 use crate::hypothesis::{Belief, Free, Hypothesis, much};
+use crate::linearisation::Linearisation;
 use crate::motion::Motion;
 use crate::motions::{Motions, is_about_loads};
 use crate::problem::{At, State, Weighing, remember};
 use crate::result::Fit;
 use crate::rides::Rides;
-use crate::sheet::Sheet;
 use glam::DVec3;
 use nalgebra::{DMatrix, DMatrixView, Dyn};
 use physics::{AnyEffect, EFFECTS_MAX, Evaluation};
@@ -58,7 +58,7 @@ pub(crate) struct Fitted<'a> {
     pub(crate) fit: &'a Fit,
     pub(crate) state: State,
     pub(crate) weighing: Weighing,
-    pub(crate) sheet: Arc<Sheet>,
+    pub(crate) linearisation: Arc<Linearisation>,
 }
 
 impl<'a> Fitted<'a> {
@@ -70,19 +70,19 @@ impl<'a> Fitted<'a> {
             weights: fit.weights.clone(),
             factors: fit.factors.clone(),
         };
-        let sheet = if fit.sheet.shows(&state, settings.used) {
-            Arc::clone(&fit.sheet)
+        let linearisation = if fit.linearisation.shows(&state, settings.used) {
+            Arc::clone(&fit.linearisation)
         } else {
-            Arc::new(Sheet::of(campaign, state.clone(), settings.used))
+            Arc::new(Linearisation::of(campaign, state.clone(), settings.used))
         };
-        Self { campaign, fit, state, weighing, sheet }
+        Self { campaign, fit, state, weighing, linearisation }
     }
 
     /// The same fit, asked on other poses.
     pub(crate) fn among(&self, used: &[bool]) -> Self {
         let weighing = Weighing { used: used.to_vec(), ..self.weighing.clone() };
-        let sheet = Arc::new(Sheet::of(self.campaign, self.state.clone(), used));
-        Self { weighing, sheet, state: self.state.clone(), ..*self }
+        let linearisation = Arc::new(Linearisation::of(self.campaign, self.state.clone(), used));
+        Self { weighing, linearisation, state: self.state.clone(), ..*self }
     }
 
     /// The pull that is left of the fit itself: zero at a minimum, but for priors.
@@ -209,7 +209,7 @@ impl<'a> Fitted<'a> {
         let mut row = vec![0.0; width + count + 1];
         let mut filter = Filter::new(self.campaign);
         let mut along: Vec<DVec3> = Vec::with_capacity(count);
-        self.sheet.look(|at, slopes| {
+        self.linearisation.look(|at, slopes| {
             let scale = self.weighing.scale(at);
             if scale == 0.0 {
                 return;

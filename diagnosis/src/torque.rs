@@ -1,15 +1,13 @@
 //! What the motors feel and the model does not know: a diagnosis of recorded torque.
 //!
 //! Read in this order: `motion` (torque and motion in one band), `rigid` (what the masses ask for), `columns` and `library` (what may be missing), `case`
-//! (rows and sums), `choose` (which names), `refine`, `zone`, `prove`, `unknown`, `found`, `finish`.
+//! (rows and sums), `selection` (which names), `refine`, `zone`, `prove`, `unknown`, `found`, `finish`.
 //!
-//! Promises: the same input gives the same bits; held-out rows are seen by no choice and no fit. Never: a file, a name of a data set, the controller's own
+//! Promises: the same input gives the same bits; held-out rows are seen by no selection and no fit. Never: a file, a name of a data set, the controller's own
 //! tracking error as physics.
 
 pub(crate) mod blocks;
-mod called;
 mod case;
-pub(crate) mod choose;
 pub(crate) mod columns;
 mod filter;
 mod finish;
@@ -23,9 +21,11 @@ pub(crate) mod noise;
 mod payload;
 pub(crate) mod prove;
 mod refine;
+mod reinterpretation;
 mod resample;
 mod result;
 mod rigid;
+pub(crate) mod selection;
 mod smooth;
 mod stand;
 mod still;
@@ -42,28 +42,28 @@ mod zone;
 
 use recording::series::Recording;
 
-use called::{pushed, sprung, turned};
 use case::Case;
-use choose::{Asking, Choice, others};
 pub use found::{Number, Rival};
 pub use known::{Refit, Stated};
 use library::Form;
 pub use motion::has_torque;
+use reinterpretation::{hardening_as_spring, hysteresis_as_friction, spring_as_asymmetry};
 pub use result::{Diagnosis, Finding, JointProof};
+use selection::{Search, Selection, others};
 pub use unknown::Law;
 pub use view::Trace;
 pub use zone::Zone;
 
-/// A name that brings less than this share of what is left, on rows that took no part in its choice, tells nothing.
+/// A name that brings less than this share of what is left, on rows that took no part in its selection, tells nothing.
 const TELLS: f64 = 1e-3;
-/// Rows that took no part in its choice bear a name out where it makes them likelier by so much, in log-likelihood, its numbers as unsure as they are without these.
+/// Rows that took no part in its selection bear a name out where it makes them likelier by so much, in log-likelihood, its numbers as unsure as they are without these.
 const BEARS: f64 = 1.0;
 /// Stated masses, which carry no uncertainty, are doubted only where that explains so much more, in log-likelihood.
 const DOUBTED: f64 = 20.0;
 /// Where names leave so many times as much within a zone as those that rows from there had a say in, a law was lost with these rows.
 const LOST: f64 = 4.0;
 /// Rounds in which ripples are listened for.
-const RIPPLES: usize = 2;
+const RIPPLE_ROUNDS: usize = 2;
 
 /// Why nothing can be said.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -104,56 +104,56 @@ pub fn diagnose(
     if case.table.joints().next().is_none() {
         return Err(Doubt::Still);
     }
-    case.hear_noise();
+    case.estimate_noise();
     let train = case.rows.train.clone();
-    let (_, choice) = named(&mut case, &[], &train);
-    case.reload(&choice);
-    case.hear_noise();
-    let (always, choice) = named(&mut case, &choice.names, &train);
-    let mut zones = zones(&mut case, &choice, &train);
-    let (always, choice) = if zones.is_empty() {
-        (always, choice)
+    let (_, selection) = named(&mut case, &[], &train);
+    case.reload(&selection);
+    case.estimate_noise();
+    let (always, selection) = named(&mut case, &selection.names, &train);
+    let mut zones = zones(&mut case, &selection, &train);
+    let (always, selection) = if zones.is_empty() {
+        (always, selection)
     } else {
-        case.hear_noise();
+        case.estimate_noise();
         // What such rows asked for may be nothing.
         let zoned = named(&mut case, &[], &train);
         if reopened(&mut case, &mut zones, &zoned.1, &train) {
-            case.hear_noise();
-            named(&mut case, &choice.names, &train)
+            case.estimate_noise();
+            named(&mut case, &selection.names, &train)
         } else {
             zoned
         }
     };
-    let names = sprung(&case, stated, &confirmed(&case, &always, choice).names);
+    let names = hardening_as_spring(&case, stated, &confirmed(&case, &always, selection).names);
     let seen = case.rows.seen();
     let products = case.products(&seen);
-    let asking = refine::asking(&case, &products, &always);
-    let names = pushed(&asking, names);
-    let choice = asking.solve(&names);
-    refine::settle(&mut case, &choice, &always, &seen);
-    refine::agree(&mut case, &choice.names, &always, &seen);
-    let names = likeliest(&case, &weighed(&case, &always, &names));
-    let names = turned(&case, &always, names);
-    let names = warmed(&mut case, stated, &always, &names, &seen);
+    let search = refine::search(&case, &products, &always);
+    let names = spring_as_asymmetry(&search, names);
+    let selection = search.solve(&names);
+    refine::settle(&mut case, &selection, &always, &seen);
+    refine::agree(&mut case, &selection.names, &always, &seen);
+    let names = with_likelier_rivals(&case, &weighed(&case, &always, &names));
+    let names = hysteresis_as_friction(&case, &always, names);
+    let names = without_warm_friction_alone(&mut case, stated, &always, &names, &seen);
     let weighed = weighed(&case, &always, &names);
-    case.forget_memory();
-    resettle(&mut case, stated, &always, &weighed);
+    case.ignore_autocorrelation();
+    refit_nonlinear(&mut case, stated, &always, &weighed);
     Ok(finish::finish(&case, stated, (&always, &weighed), zones))
 }
 
 /// Numbers that are searched, bent or met half-way by what others tell, by the weights that all numbers are told with.
-fn resettle(case: &mut Case, stated: &Stated<'_>, always: &[usize], weighed: &[Weighed]) {
+fn refit_nonlinear(case: &mut Case, stated: &Stated<'_>, always: &[usize], weighed: &[Weighed]) {
     let seen = case.rows.seen();
     let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
     let products = case.products(&seen);
-    let choice = refine::asking(case, &products, always).solve(&names);
-    refine::settle(case, &choice, always, &seen);
+    let selection = refine::search(case, &products, always).solve(&names);
+    refine::settle(case, &selection, always, &seen);
     refine::agree(case, &names, always, &seen);
     refine::warm(case, &names, always, &seen, &|joint| stated.first("viscous_friction", joint));
 }
 
 /// Friction that falls with warmth needs friction: without, the name falls.
-fn warmed(
+fn without_warm_friction_alone(
     case: &mut Case,
     stated: &Stated<'_>,
     always: &[usize],
@@ -161,7 +161,7 @@ fn warmed(
     used: &[bool],
 ) -> Vec<usize> {
     let products = case.products(used);
-    let solved = refine::asking(case, &products, always).solve(names).solved;
+    let solved = refine::search(case, &products, always).solve(names).solved;
     let has_friction = |name: &usize| {
         let family = &case.library.families[*name];
         let viscous = |joint: usize| {
@@ -185,7 +185,7 @@ struct Weighed {
 }
 
 /// Names, each in the place of a likelier rival's; one whose rival is another form of a name that stands goes without.
-fn likeliest(case: &Case, weighed: &[Weighed]) -> Vec<usize> {
+fn with_likelier_rivals(case: &Case, weighed: &[Weighed]) -> Vec<usize> {
     let families = &case.library.families;
     let mut names: Vec<usize> = Vec::new();
     for one in weighed {
@@ -203,65 +203,66 @@ fn likeliest(case: &Case, weighed: &[Weighed]) -> Vec<usize> {
 
 fn weighed(case: &Case, always: &[usize], names: &[usize]) -> Vec<Weighed> {
     let products = case.products(&case.rows.seen());
-    let asking = refine::asking(case, &products, always);
-    let choice = asking.solve(names);
+    let search = refine::search(case, &products, always);
+    let selection = search.solve(names);
     let one = |name: &usize| {
-        let (confidence, rivals) = found::rivals(&asking, &choice, *name);
-        Weighed { name: *name, gain: asking.worth(&choice, *name), confidence, rivals }
+        let (confidence, rivals) = found::rivals(&search, &selection, *name);
+        Weighed { name: *name, gain: search.worth(&selection, *name), confidence, rivals }
     };
-    let pays = |one: &Weighed| one.gain > asking.price(&case.library.families[one.name]);
+    let pays = |one: &Weighed| one.gain > search.penalty(&case.library.families[one.name]);
     names.iter().map(one).filter(pays).collect()
 }
 
 /// The names that the rows ask for, whether stated masses are believed or doubted, whichever explains more.
-fn named(case: &mut Case, start: &[usize], used: &[bool]) -> (Vec<usize>, Choice) {
+fn named(case: &mut Case, start: &[usize], used: &[bool]) -> (Vec<usize>, Selection) {
     let exact = case.open.clone();
     let mut doubted = case.open.clone();
     doubted.extend(&case.doubted);
-    let mut best: Option<(f64, Vec<usize>, Choice)> = None;
+    let mut best: Option<(f64, Vec<usize>, Selection)> = None;
     let beliefs = if case.doubted.is_empty() { vec![exact] } else { vec![exact, doubted] };
     for always in beliefs {
         let mut names = start.to_vec();
-        let mut choice = None;
-        for round in 0..=RIPPLES {
+        let mut selection = None;
+        for round in 0..=RIPPLE_ROUNDS {
             let products = case.products(used);
-            let asking = refine::asking(case, &products, &always);
-            let chosen = asking.choose(&names);
+            let search = refine::search(case, &products, &always);
+            let chosen = search.choose(&names);
             let moved = case.recentre(&chosen) | case.late(&chosen);
-            let goes_on = round < RIPPLES && (refine::listen(case, &chosen, used) || moved);
+            let goes_on =
+                round < RIPPLE_ROUNDS && (refine::find_ripple(case, &chosen, used) || moved);
             names.clone_from(&chosen.names);
-            choice = Some(chosen);
+            selection = Some(chosen);
             if !goes_on {
                 break;
             }
         }
-        let Some(choice) = choice else { continue };
-        refine::settle(case, &choice, &always, used);
+        let Some(selection) = selection else { continue };
+        refine::settle(case, &selection, &always, used);
         let products = case.products(used);
-        let asking = refine::asking(case, &products, &always);
-        let choice = asking.choose(&choice.names);
+        let search = refine::search(case, &products, &always);
+        let selection = search.choose(&selection.names);
         let doubts = if always.len() > case.open.len() { DOUBTED } else { 0.0 };
-        let score = asking.score(&choice) - products.room(&always) - doubts;
+        let score = search.score(&selection) - products.room(&always) - doubts;
         if best.as_ref().is_none_or(|(most, ..)| score > *most) {
-            best = Some((score, always, choice));
+            best = Some((score, always, selection));
         }
     }
     match best {
-        Some((_, always, choice)) => (always, choice),
+        Some((_, always, selection)) => (always, selection),
         None => {
             let products = case.products(used);
-            let choice = refine::asking(case, &products, &[]).solve(&[]);
-            (Vec::new(), choice)
+            let selection = refine::search(case, &products, &[]).solve(&[]);
+            (Vec::new(), selection)
         }
     }
 }
 
 /// Sets zones of low speed apart that follow no law of the library.
-fn zones(case: &mut Case, choice: &Choice, used: &[bool]) -> Vec<Zone> {
+fn zones(case: &mut Case, selection: &Selection, used: &[bool]) -> Vec<Zone> {
     let joints: Vec<usize> = case.table.joints().collect();
     let mut zones = Vec::new();
     for joint in joints {
-        let left = case.residual(&choice.solved, joint);
+        let left = case.residual(&selection.solved, joint);
         if let Some(zone) = zone::find(&case.motion, &case.table, joint, &left, used) {
             let speeds = zone::speeds(&case.motion, joint);
             let counts = case.table.counts[joint].iter_mut();
@@ -274,10 +275,10 @@ fn zones(case: &mut Case, choice: &Choice, used: &[bool]) -> Vec<Zone> {
 
 /// Takes the rows back of zones where the names that are left without them leave much more than those did that stood with them: a law that is known
 /// holds there. Whether there was any.
-fn reopened(case: &mut Case, zones: &mut Vec<Zone>, choice: &Choice, used: &[bool]) -> bool {
+fn reopened(case: &mut Case, zones: &mut Vec<Zone>, selection: &Selection, used: &[bool]) -> bool {
     let before = zones.len();
     zones.retain(|zone| {
-        let left = case.residual(&choice.solved, zone.joint);
+        let left = case.residual(&selection.solved, zone.joint);
         let speeds = zone::speeds(&case.motion, zone.joint);
         let moves = &case.table.moves[zone.joint];
         let within: Vec<f64> = (0..left.len())
@@ -297,45 +298,49 @@ fn reopened(case: &mut Case, zones: &mut Vec<Zone>, choice: &Choice, used: &[boo
 
 /// Without the names that rows kept for a second look do not bear out, neither as they stand nor freed of the noise's memory; what these took from others
 /// is asked for once more.
-fn confirmed(case: &Case, always: &[usize], mut choice: Choice) -> Choice {
+fn confirmed(case: &Case, always: &[usize], mut selection: Selection) -> Selection {
     let products = case.products(&case.rows.train);
-    let asking = refine::asking(case, &products, always);
-    let Some(fell) = fallen(case, &asking, &mut choice) else { return choice };
-    let renamed = asking.renamed(choice).names;
+    let search = refine::search(case, &products, always);
+    let Some(fell) = fallen(case, &search, &mut selection) else { return selection };
+    let renamed = search.renamed(selection).names;
     let never: Vec<usize> = fell.into_iter().filter(|name| !renamed.contains(name)).collect();
-    let mut choice = asking.choose_but(&renamed, &never);
-    match fallen(case, &asking, &mut choice) {
-        Some(_) => asking.renamed(choice),
-        None => choice,
+    let mut selection = search.choose_but(&renamed, &never);
+    match fallen(case, &search, &mut selection) {
+        Some(_) => search.renamed(selection),
+        None => selection,
     }
 }
 
-/// Takes the names out of a choice that the rows for a second look do not bear out; none where all are.
-fn fallen(case: &Case, asking: &Asking<'_>, choice: &mut Choice) -> Option<Vec<usize>> {
+/// Takes the names out of a selection that the rows for a second look do not bear out; none where all are.
+fn fallen(case: &Case, search: &Search<'_>, selection: &mut Selection) -> Option<Vec<usize>> {
     let look = &case.rows.look;
-    let left = |choice: &Choice| {
-        [prove::rms_outside(case, &choice.solved, look), prove::news(case, &choice.solved, look)]
+    let left = |selection: &Selection| {
+        [
+            prove::rms_outside(case, &selection.solved, look),
+            prove::news(case, &selection.solved, look),
+        ]
     };
     let both = case.products(&case.rows.seen());
-    let foretold = |choice: &Choice| {
-        let columns = &choice.solved.columns;
-        both.likelihood(columns) - asking.products.likelihood(columns)
+    let foretold = |selection: &Selection| {
+        let columns = &selection.solved.columns;
+        both.likelihood(columns) - search.products.likelihood(columns)
     };
     let mut fell = Vec::new();
     loop {
-        let whole = left(choice);
-        let told = foretold(choice);
-        let asked = choice.names.iter().filter(|name| !case.is_belief(**name, asking.always));
-        let asked = asked
-            .filter(|name| foretold(&asking.solve(&others(&choice.names, **name))) > told - BEARS);
+        let whole = left(selection);
+        let told = foretold(selection);
+        let asked = selection.names.iter().filter(|name| !case.is_belief(**name, search.always));
+        let asked = asked.filter(|name| {
+            foretold(&search.solve(&others(&selection.names, **name))) > told - BEARS
+        });
         let harm = |name: &usize| {
-            let without = left(&asking.solve(&others(&choice.names, *name)));
+            let without = left(&search.solve(&others(&selection.names, *name)));
             (without[0] / whole[0]).max(without[1] / whole[1]) - 1.0
         };
         let worst = asked.map(|name| (*name, harm(name)));
         match worst.min_by(|a, b| a.1.total_cmp(&b.1)) {
             Some((name, harm)) if harm < TELLS => {
-                *choice = asking.solve(&others(&choice.names, name));
+                *selection = search.solve(&others(&selection.names, name));
                 fell.push(name);
             }
             _ => return (!fell.is_empty()).then_some(fell),

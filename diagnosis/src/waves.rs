@@ -55,7 +55,7 @@ fn parts(fitted: &Fitted<'_>) -> Vec<Vec<Part>> {
     let mut parts: Vec<Vec<Part>> = (0..arm.count()).map(|_| Vec::new()).collect();
     let mut pose = usize::MAX;
     let mut motions: Vec<Motion> = Vec::new();
-    fitted.sheet.look(|at, slopes| {
+    fitted.linearisation.look(|at, slopes| {
         let scale = fitted.weighing.scale(at);
         if scale == 0.0 {
             return;

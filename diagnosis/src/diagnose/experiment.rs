@@ -11,8 +11,8 @@ mod menu;
 pub use menu::{Experiment, Measured, Row, menu};
 
 use super::judge::is_ambiguous;
-use super::name::{ALIKE, Named, Rival, without};
 use super::ready::set_moving;
+use super::selection::{ALIKE, Rival, Selected, without};
 use crate::campaign::{Campaign, Place, Reading};
 use crate::fit::{Effort, Settings, compare, fit};
 use crate::from_recording;
@@ -42,7 +42,7 @@ pub struct Proposed {
 }
 
 /// What cannot be told apart in which recording.
-pub(super) struct Asking<'a> {
+pub(super) struct Design<'a> {
     campaign: &'a Campaign,
     given: &'a Model,
     last: &'a Fit,
@@ -104,7 +104,7 @@ fn measured(campaign: &Campaign) -> Measured {
     Measured { channels }
 }
 
-impl<'a> Asking<'a> {
+impl<'a> Design<'a> {
     pub(super) fn of(
         campaign: &'a Campaign,
         given: &'a Model,
@@ -115,7 +115,7 @@ impl<'a> Asking<'a> {
     }
 
     /// What would part the strongest name that is ambiguous from its nearest rivals; none where nothing is ambiguous.
-    pub(super) fn proposed(&self, named: &[Named]) -> Option<Proposed> {
+    pub(super) fn proposed(&self, named: &[Selected]) -> Option<Proposed> {
         let open = named.iter().filter(|one| is_ambiguous(one, self.last));
         let one = open.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         let own = self.last.hypothesis.model.effects().nth(one.effect)?;
@@ -139,7 +139,7 @@ impl<'a> Asking<'a> {
     }
 
     /// The fit of the recording with `rival` in the stead of `one`.
-    fn instead(&self, one: &Named, rival: &Rival) -> Option<Fit> {
+    fn instead(&self, one: &Selected, rival: &Rival) -> Option<Fit> {
         let mut hypothesis = without(self.last, self.given, &[one]);
         match rival.candidate.changes() {
             Some(place) => drop(hypothesis.revise(place)),

@@ -7,8 +7,8 @@
 
 use super::judge;
 use super::locate;
-use super::name::{Named, without};
 use super::prove::Held;
+use super::selection::{Selected, without};
 use super::{FLOOR, Finding, QUANTILE};
 use crate::hypothesis::{Hypothesis, named};
 use crate::result::Fit;
@@ -21,16 +21,16 @@ pub(super) fn findings(
     held: &Held<'_>,
     model: &Model,
     (last, uncertainty): (&Fit, &[f64]),
-    all: &[Named],
+    all: &[Selected],
     given: &Fit,
 ) -> Vec<Finding> {
-    let left = |gone: &[&Named]| {
+    let left = |gone: &[&Selected]| {
         let fit = held.beside(&without(last, model, gone), last);
         Left { energy: held.energy(&fit), rms: held.rms(&fit) }
     };
     let alone_left_out: Vec<Left> = all.par_iter().map(|one| left(&[one])).collect();
     let by_itself = (0..all.len()).into_par_iter().map(|k| {
-        let others: Vec<&Named> = all[..k].iter().chain(&all[k + 1..]).collect();
+        let others: Vec<&Selected> = all[..k].iter().chain(&all[k + 1..]).collect();
         left(&others).energy
     });
     let shares = shares(&Energies {
@@ -41,7 +41,7 @@ pub(super) fn findings(
     });
     let mut places: Vec<usize> = (0..all.len()).collect();
     places.sort_by(|a, b| shares[*b].total_cmp(&shares[*a]));
-    let order: Vec<&Named> = places.iter().map(|place| &all[*place]).collect();
+    let order: Vec<&Selected> = places.iter().map(|place| &all[*place]).collect();
     let first_ones = (0..order.len()).into_par_iter().map(|k| left(&order[k + 1..]).rms);
     let first_ones: Vec<f64> = first_ones.collect();
     let everywhere = vec![true; held.campaign.poses.len()];
@@ -93,8 +93,8 @@ struct Left {
 const TOGETHER: f64 = 0.95;
 
 /// Whether a parameter of one effect and a parameter of the other correlate by [`TOGETHER`] or more.
-fn are_together(one: &Named, other: &Named, fit: &Fit) -> bool {
-    let columns = |one: &Named| -> Vec<usize> {
+fn are_together(one: &Selected, other: &Selected, fit: &Fit) -> bool {
+    let columns = |one: &Selected| -> Vec<usize> {
         let free = fit.hypothesis.free.iter().enumerate();
         free.filter(|(_, free)| free.effect == one.effect).map(|(k, _)| fit.column_of(k)).collect()
     };
@@ -148,7 +148,7 @@ fn shares(left: &Energies) -> Vec<f64> {
 
 /// The standard uncertainty of a value of what was named, SI; none for one that neither was fitted nor has variants.
 fn sigma(
-    one: &Named,
+    one: &Selected,
     effect: &AnyEffect,
     value: usize,
     (last, uncertainty): (&Fit, &[f64]),

@@ -24,7 +24,7 @@ pub(super) enum Taken {
     /// All of them: where nothing is named yet, whatever may be a law is none of the noise's.
     All,
     /// Those that other stretches bear out.
-    BorneOut,
+    Validated,
 }
 
 /// Sums over the rows of one fold: columns with columns, columns with values, values with values.
@@ -165,7 +165,7 @@ mod tests {
             left / values.iter().map(|v| v * v).sum::<f64>()
         };
         let middle = |taken| (0..20).map(|seed| share(seed, taken)).sum::<f64>() / 20.0;
-        let (borne_out, all) = (middle(Taken::BorneOut), middle(Taken::All));
+        let (borne_out, all) = (middle(Taken::Validated), middle(Taken::All));
         assert!(borne_out > 0.8 && all < 0.7, "{borne_out}, {all}");
     }
 
@@ -175,7 +175,7 @@ mod tests {
         let noise = slow(1000, 3);
         let values: Vec<f64> =
             rows.iter().zip(&noise).map(|(row, noise)| 8.0 * row[30] + noise).collect();
-        let found = law(&rows, &values, &groups, Taken::BorneOut);
+        let found = law(&rows, &values, &groups, Taken::Validated);
         assert!((found[30] - 8.0).abs() < 1.0, "{}", found[30]);
     }
 }

@@ -5,7 +5,7 @@
 //!
 //! Promises: sums are compared with the weights and the noise of the fit that stands. Never: a decision; see `name`.
 
-use super::name::{Asking, Named, Naming, without};
+use super::selection::{Search, Selected, Selection, without};
 use crate::candidates::{Candidate, List};
 use crate::fit::compare;
 use crate::score::Fitted;
@@ -17,20 +17,20 @@ const DISTANCES: [f64; 2] = [1.0, 4.0];
 /// So many of all are fitted, the best first.
 const FITTED: usize = 3;
 
-impl Asking<'_> {
+impl Search<'_> {
     /// The best hysteresis of every joint whose play is named, in the stead of all that is named there.
-    pub(super) fn hystereses(&self, naming: &Naming) -> Vec<Candidate> {
-        let model = &naming.fit.hypothesis.model;
-        let new = naming.named.iter().filter(|one| one.stated.is_none());
+    pub(super) fn hystereses(&self, selection: &Selection) -> Vec<Candidate> {
+        let model = &selection.fit.hypothesis.model;
+        let new = selection.named.iter().filter(|one| one.stated.is_none());
         let play = new.filter_map(|one| match model.effects().nth(one.effect)? {
             AnyEffect::Backlash(_) | AnyEffect::Hysteresis(_) => model.effects().nth(one.effect),
             _ => None,
         });
-        play.filter_map(|play| self.hysteresis(naming, play)).collect()
+        play.filter_map(|play| self.hysteresis(selection, play)).collect()
     }
 
-    fn hysteresis(&self, naming: &Naming, play: &AnyEffect) -> Option<Candidate> {
-        let arm = &naming.fit.hypothesis.model.arm;
+    fn hysteresis(&self, selection: &Selection, play: &AnyEffect) -> Option<Candidate> {
+        let arm = &selection.fit.hypothesis.model.arm;
         let is_asked = |one: &&Candidate| {
             one.joint == play.joint()
                 && one.changes().is_none()
@@ -46,10 +46,10 @@ impl Asking<'_> {
             list.values("hysteresis", play.joint(), distance);
         }
         all.extend(list.found);
-        let here = naming.named.iter().filter(|one| one.candidate.joint == play.joint());
-        let here: Vec<&Named> = here.collect();
-        let bare = without(&naming.fit, &self.known.model, &here);
-        let bare = compare(self.campaign, &bare, &naming.fit, self.settings.used);
+        let here = selection.named.iter().filter(|one| one.candidate.joint == play.joint());
+        let here: Vec<&Selected> = here.collect();
+        let bare = without(&selection.fit, &self.known.model, &here);
+        let bare = compare(self.campaign, &bare, &selection.fit, self.settings.used);
         let fitted = Fitted::new(self.campaign, &bare, &self.settings);
         let mut scores = fitted.scores(&all);
         scores.retain(|score| is_sound(&all[score.candidate], &score.found));

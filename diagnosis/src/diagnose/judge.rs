@@ -2,7 +2,7 @@
 //!
 //! Promises: what cannot be told apart is never claimed. Never: a number that was not found elsewhere.
 
-use super::name::{Named, Rival};
+use super::selection::{Rival, Selected};
 use crate::candidates::Candidate;
 use crate::result::Fit;
 use physics::AnyEffect;
@@ -52,7 +52,7 @@ impl Verdict {
 }
 
 /// The verdict on names that carry the share `carried` of what stands above the noise on held-out rows; none: all of it.
-pub(super) fn verdict(found: &[Named], fit: &Fit, carried: Option<f64>) -> Verdict {
+pub(super) fn verdict(found: &[Selected], fit: &Fit, carried: Option<f64>) -> Verdict {
     let gains = found.iter().map(|one| (one.gain, is_ambiguous(one, fit)));
     let gains: Vec<(f64, bool)> = gains.collect();
     match found {
@@ -84,7 +84,7 @@ fn is_clear(names: &[(f64, bool)]) -> bool {
 }
 
 /// Whether another name, one that is not the same thing by another word, explains it as well; one of more numbers only where it is likely.
-pub(super) fn is_ambiguous(one: &Named, fit: &Fit) -> bool {
+pub(super) fn is_ambiguous(one: &Selected, fit: &Fit) -> bool {
     let own = fit.hypothesis.model.effects().nth(one.effect);
     let (_, shares) = confidence(one, fit);
     let alike = |(rival, share): (&Rival, f64)| {
@@ -153,11 +153,11 @@ fn is_play(effect: &AnyEffect) -> bool {
 
 /// The probability that a name is right beside its rivals, by their likelihoods and the numbers that each takes, and that of each rival; together they are 1.
 /// Where another word is the same thing, either is right: its share is the name's own.
-pub(super) fn confidence(one: &Named, fit: &Fit) -> (f64, Vec<f64>) {
+pub(super) fn confidence(one: &Selected, fit: &Fit) -> (f64, Vec<f64>) {
     let readings = fit.readings as f64 / fit.design_effect;
-    let price = readings.max(2.0).ln();
+    let penalty = readings.max(2.0).ln();
     let own = fit.hypothesis.model.effects().nth(one.effect);
-    let weight = |rival: &Rival| libm::exp(-(rival.behind + one.dearer(rival, price)).max(-20.0));
+    let weight = |rival: &Rival| libm::exp(-(rival.behind + one.dearer(rival, penalty)).max(-20.0));
     let weights: Vec<f64> = one.rivals.iter().map(weight).collect();
     let all = 1.0 + weights.iter().sum::<f64>();
     let same = |rival: &Rival| own.is_some_and(|own| is_same(own, rival));
@@ -208,11 +208,11 @@ mod tests {
             of("hysteresis", 2, &[("amplitude", &[1e-4]), ("reversal", &[1e-4])]),
         );
         assert_eq!(of_word(&gravity, &sag, 30.0), Some(30.0), "weights that nobody doubts");
-        let price = of_word(&gap, &lag, 30.0).expect("one law");
-        assert!(price > 1.0 && price < 5.0, "one number, asked once: {price}");
-        assert_eq!(of_word(&lag, &gap, -30.0), Some(-price));
+        let penalty = of_word(&gap, &lag, 30.0).expect("one law");
+        assert!(penalty > 1.0 && penalty < 5.0, "one number, asked once: {penalty}");
+        assert_eq!(of_word(&lag, &gap, -30.0), Some(-penalty));
         let whole = of("joint_compliance", 2, compliance);
-        assert!(of_word(&gravity, &whole, 0.0).is_some_and(|price| price < 0.0), "preferred");
+        assert!(of_word(&gravity, &whole, 0.0).is_some_and(|penalty| penalty < 0.0), "preferred");
         let elsewhere = of("joint_compliance", 1, compliance);
         assert_eq!(of_word(&gravity, &elsewhere, 0.0), None, "another joint is another law");
     }

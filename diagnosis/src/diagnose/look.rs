@@ -3,7 +3,7 @@
 //! Promises: the diagnosis is that of the campaign of all rows, to the bit; gross faults are looked for in rows spread
 //! evenly over all. Never: a reading changed.
 
-use super::thinning::{self, Choice, Rows};
+use super::thinning::{self, Rows, Stepwise};
 use super::{Diagnosis, diagnose, of_chosen, ready};
 use crate::campaign::Campaign;
 use crate::from_recording::{Outline, Unusable, campaign};
@@ -33,7 +33,7 @@ impl Thinned {
         let outline = Outline::of(arm, recordings)?;
         let measured = || outline.measured.iter().filter(|measured| **measured);
         let (rows, moves) = (measured().count(), outline.moves);
-        let Some(Choice { kept, read, says }) = thinning::choose(&Rows::from(&outline)) else {
+        let Some(Stepwise { kept, read, says }) = thinning::choose(&Rows::from(&outline)) else {
             drop(outline);
             return Ok(Self { campaign: campaign(arm, recordings)?, rows, moves, chosen: None });
         };

@@ -1,9 +1,9 @@
-//! Second looks: rows kept apart from the choice take back the names that they do not bear out; the proof stands on others, which no choice and no fit has seen.
+//! Second looks: rows kept apart from the selection take back the names that they do not bear out; the proof stands on others, which no selection and no fit has seen.
 //!
 //! Promises: surroundings (frames, targets) come from training rows alone; rows that are outliers to the final model count for no model. An effect that
 //! does not help there is no finding. Never: a change of what was fitted.
 
-use super::name::{Named, Naming, close_up, without};
+use super::selection::{Selected, Selection, close_up, without};
 use crate::campaign::Campaign;
 use crate::colour::{Filter, stream};
 use crate::fit::compare;
@@ -60,7 +60,7 @@ pub(super) fn set_apart(campaign: &mut Campaign, splits: [&Split; 2]) {
 }
 
 /// Above zero where a second look, which gained `gain`, bears out what the first found with `margin` to spare; both in log-likelihood.
-pub(super) fn borne_out(margin: f64, gain: f64) -> f64 {
+pub(super) fn validation_margin(margin: f64, gain: f64) -> f64 {
     if gain.abs() < SILENT && margin > SURE_ALONE {
         return margin - SURE_ALONE;
     }
@@ -72,16 +72,16 @@ pub(super) fn confirmed(
     campaign: &Campaign,
     model: &Model,
     (split, kept): (&Split, &[bool]),
-    mut naming: Naming,
-) -> Naming {
+    mut selection: Selection,
+) -> Selection {
     // Readings of one pose err together as much as with all names: what goes makes them seem to err together more.
-    let together = naming.fit.design_effect;
-    let mut margins = vec![f64::NEG_INFINITY; naming.named.len()];
-    while !naming.named.is_empty() && kept.contains(&true) {
-        let held = Held::new(campaign, (split, kept), &naming.fit);
-        let left = held.whitened(&naming.fit);
-        let told = |one: &Named| {
-            let mut bare = without(&naming.fit, model, &[one]);
+    let together = selection.fit.design_effect;
+    let mut margins = vec![f64::NEG_INFINITY; selection.named.len()];
+    while !selection.named.is_empty() && kept.contains(&true) {
+        let held = Held::new(campaign, (split, kept), &selection.fit);
+        let left = held.whitened(&selection.fit);
+        let told = |one: &Selected| {
+            let mut bare = without(&selection.fit, model, &[one]);
             if one.stated.is_some() {
                 // Left free within its doubt, a number that is far off would be fitted to where the data have it, and nothing would be missing.
                 let same = |effect: &AnyEffect| {
@@ -91,25 +91,25 @@ pub(super) fn confirmed(
                 };
                 bare.believe(same);
             }
-            let bare = held.beside(&bare, &naming.fit);
-            borne_out(one.margin, 0.5 * (held.whitened(&bare) - left) / together)
+            let bare = held.beside(&bare, &selection.fit);
+            validation_margin(one.margin, 0.5 * (held.whitened(&bare) - left) / together)
         };
         // What stood by far stands: those that stood by least are asked again.
         let mut order: Vec<usize> = (0..margins.len()).collect();
         order.sort_by(|a, b| margins[*a].total_cmp(&margins[*b]));
         let first = margins.iter().filter(|margin| **margin == f64::NEG_INFINITY).count();
         order.truncate(first.max(ASKED_AGAIN));
-        let asked: Vec<f64> = order.par_iter().map(|k| told(&naming.named[*k])).collect();
+        let asked: Vec<f64> = order.par_iter().map(|k| told(&selection.named[*k])).collect();
         order.into_iter().zip(asked).for_each(|(k, margin)| margins[k] = margin);
         let worst = margins.iter().copied().enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((k, _)) = worst.filter(|(_, margin)| *margin < 0.0) else { break };
         margins.remove(k);
-        let hypothesis = without(&naming.fit, model, &[&naming.named[k]]);
-        let gone = naming.named.remove(k);
-        close_up(&mut naming.named, &gone);
-        naming.fit = held.beside(&hypothesis, &naming.fit);
+        let hypothesis = without(&selection.fit, model, &[&selection.named[k]]);
+        let gone = selection.named.remove(k);
+        close_up(&mut selection.named, &gone);
+        selection.fit = held.beside(&hypothesis, &selection.fit);
     }
-    naming
+    selection
 }
 
 /// Readings that took no part in a fit, ready to be asked for any.

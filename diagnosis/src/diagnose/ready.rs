@@ -2,7 +2,7 @@
 //!
 //! Promises: what is left out is said. Never: a reading changed.
 
-use super::thinning::{self, Choice, Rows};
+use super::thinning::{self, Rows, Stepwise};
 use crate::campaign::Campaign;
 use crate::candidates::REVERSALS;
 use crate::hypothesis::Hypothesis;
@@ -109,7 +109,7 @@ pub(super) fn known(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
 /// Leaves of very many poses those that are looked at; gives which. See [`thinning::choose`].
 pub(super) fn thin(campaign: &mut Campaign, joints: usize, notes: &mut Vec<String>) -> Vec<bool> {
     let count = campaign.poses.len();
-    let Some(Choice { kept, read, says }) = thinning::choose(&outline(campaign, joints)) else {
+    let Some(Stepwise { kept, read, says }) = thinning::choose(&outline(campaign, joints)) else {
         return vec![true; count];
     };
     campaign.poses.iter_mut().zip(&read).filter(|(_, read)| !**read).for_each(|(pose, _)| {

@@ -5,7 +5,7 @@
 //!
 //! Promises: sums are compared with the weights and the noise of the fit that stands. Never: a decision; see `name`.
 
-use super::name::{Asking, Named, Naming, without};
+use super::selection::{Search, Selected, Selection, without};
 use crate::candidates::{Candidate, springs_at};
 use crate::fit::compare;
 use crate::hypothesis::Free;
@@ -21,25 +21,25 @@ const NEAR: f64 = 0.5;
 /// Where a spring has its lever among its numbers.
 const LEVER: usize = 2;
 
-impl Asking<'_> {
+impl Search<'_> {
     /// The best spring of every joint that gives way, in the stead of what is named there.
-    pub(super) fn springs(&self, fitted: &Fitted<'_>, naming: &Naming) -> Vec<Candidate> {
-        let model = &naming.fit.hypothesis.model;
+    pub(super) fn springs(&self, fitted: &Fitted<'_>, selection: &Selection) -> Vec<Candidate> {
+        let model = &selection.fit.hypothesis.model;
         let here = |effect: &AnyEffect, joint| effect.joint() == Some(joint);
         let gives_way = |joint: &usize| {
             model.effects().any(|effect| is_about_loads(effect.spec()) && here(effect, *joint))
         };
         let best = |joint| {
-            let named = naming.named.iter().filter(|one| one.candidate.joint == Some(joint));
-            let named: Vec<&Named> = named.collect();
+            let named = selection.named.iter().filter(|one| one.candidate.joint == Some(joint));
+            let named: Vec<&Selected> = named.collect();
             if named.is_empty() {
                 return self.spring(fitted, joint, &fitted.state.hypothesis.free);
             }
-            let mut bare = without(&naming.fit, &self.known.model, &named);
+            let mut bare = without(&selection.fit, &self.known.model, &named);
             let free = bare.free.clone();
             // While it is missing, what gives way seems stiff, and no spring would bend it: it gives way here as is believed, until the spring is there.
             bare.believe(|effect| is_about_loads(effect.spec()));
-            let bare = compare(self.campaign, &bare, &naming.fit, self.settings.used);
+            let bare = compare(self.campaign, &bare, &selection.fit, self.settings.used);
             self.spring(&Fitted::new(self.campaign, &bare, &self.settings), joint, &free)
         };
         (0..model.arm.count()).filter(gives_way).filter_map(best).collect()

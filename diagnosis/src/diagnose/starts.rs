@@ -1,17 +1,17 @@
-//! Where a choice of effects starts. Steps of adding, taking out and exchanging end where no single one helps; of several starts the best end counts.
+//! Where a selection of effects starts. Steps of adding, taking out and exchanging end where no single one helps; of several starts the best end counts.
 //!
 //! An arm that differs from its drawing in one thing is found from nothing; one that was built, with every axis a little off, from all of its geometry: from
 //! nothing, the first to come is whatever stands for most of it at once.
 //!
 //! Promises: ends are compared by the criterion that each step follows; of ends that are as good, the earlier start's. Never: a start that changes the criterion.
 
-use super::choice::Choice;
-use super::name::{Title, title};
+use super::selection::{Title, title};
+use super::stepwise::Stepwise;
 
 /// Where every axis may stand elsewhere, in the order in which they join: zeros before tilts before shifts.
 const GEOMETRY: [&str; 4] = ["joint_offset", "axis_tilt", "axis_shift", "tool_offset"];
 
-impl Choice<'_> {
+impl Stepwise<'_> {
     /// Chooses from nothing, from what was named before, and from all of the geometry; keeps the best.
     pub(super) fn make_best(&mut self) {
         let nothing = (self.gram.clone(), Vec::new());

@@ -1,6 +1,6 @@
 //! Which of very many rows are looked at.
 //!
-//! Promises: the same rows give the same choice, and it is said. Never: a reading changed.
+//! Promises: the same rows give the same selection, and it is said. Never: a reading changed.
 
 use crate::from_recording::Outline;
 use std::borrow::Cow;
@@ -28,7 +28,7 @@ pub(super) struct Rows<'a> {
 }
 
 /// The rows that are looked at.
-pub(super) struct Choice {
+pub(super) struct Stepwise {
     /// Rows that stay, if only for where the joints were.
     pub(super) kept: Vec<bool>,
     /// Rows whose readings stay.
@@ -52,7 +52,7 @@ impl<'a> From<&'a Outline> for Rows<'a> {
 /// Chooses among very many rows; none where all are looked at. Of settled poses every n-th, and all stay where the joints were.
 /// Of paths: stretches of neighbours where the arm is driven hardest, since what rings and lags shows there, every n-th of the
 /// rest, and every row where a joint turns round, since play and hysteresis remember these.
-pub(super) fn choose(rows: &Rows<'_>) -> Option<Choice> {
+pub(super) fn choose(rows: &Rows<'_>) -> Option<Stepwise> {
     let measured = rows.measured.iter().filter(|measured| **measured).count();
     let (most, evenly) = match *rows.paths {
         [] => (SETTLED_MAX, SETTLED_MAX),
@@ -75,7 +75,7 @@ pub(super) fn choose(rows: &Rows<'_>) -> Option<Choice> {
         ),
     };
     let says = format!("of {measured} rows {looked_at} were looked at: {which}");
-    Some(Choice { kept, read, says })
+    Some(Stepwise { kept, read, says })
 }
 
 /// All rows but those of paths that are neither read nor beside the place where a joint turns round.

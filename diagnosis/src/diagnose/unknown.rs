@@ -8,8 +8,8 @@
 
 use super::features::Word;
 use super::locate::moved;
-use super::name::{Asking, Named, Naming, without};
-use super::prove::borne_out;
+use super::prove::validation_margin;
+use super::selection::{Search, Selected, Selection, without};
 use super::terms::{count, pairs, singles, terms};
 use crate::fit::compare;
 use crate::motion::Motion;
@@ -43,7 +43,7 @@ enum Carrier {
     /// The joint's error, rad or m.
     Joint,
     /// What was named there: how the tool moves with it, pose by pose; and the word that the name itself follows.
-    Named(Rc<[Motion]>, Option<usize>),
+    Selected(Rc<[Motion]>, Option<usize>),
 }
 
 impl Carrier {
@@ -51,7 +51,7 @@ impl Carrier {
     fn unit(&self, arm: &Arm, joint: usize, inputs: &Inputs, pose: usize) -> Motion {
         match self {
             Self::Joint => Motion::of_joint(arm, &Chain::nominal(arm, &inputs.q), joint),
-            Self::Named(motions, _) => motions[pose],
+            Self::Selected(motions, _) => motions[pose],
         }
     }
 
@@ -59,7 +59,7 @@ impl Carrier {
     fn degree(&self) -> usize {
         match self {
             Self::Joint => DEGREE,
-            Self::Named(..) => DEGREE_OF_SIZE,
+            Self::Selected(..) => DEGREE_OF_SIZE,
         }
     }
 
@@ -67,7 +67,7 @@ impl Carrier {
     fn large(&self) -> f64 {
         match self {
             Self::Joint => LARGE,
-            Self::Named(..) => 1.0,
+            Self::Selected(..) => 1.0,
         }
     }
 }
@@ -88,13 +88,13 @@ pub(super) struct Law {
 
 /// The law that is worth most beside what is named, where the rows that were kept for a second look bear it out.
 pub(super) fn confirmed(
-    asking: &Asking<'_>,
-    naming: &Naming,
+    search: &Search<'_>,
+    selection: &Selection,
     words: &[Word],
     kept: &[bool],
 ) -> Option<Law> {
-    let fitted = Fitted::new(asking.campaign, &naming.fit, &asking.settings);
-    let best = unsteady(&fitted, words, asking, naming, law(&fitted, words));
+    let fitted = Fitted::new(search.campaign, &selection.fit, &search.settings);
+    let best = unsteady(&fitted, words, search, selection, law(&fitted, words));
     borne_out_by(&fitted, words, kept, best.filter(|law| law.worth > 0.0)?)
 }
 
@@ -104,85 +104,85 @@ fn borne_out_by(fitted: &Fitted<'_>, words: &[Word], kept: &[bool], law: Law) ->
     }
     let [without, with] = law.on(fitted, words, kept);
     let gain = 0.5 * (without - with) / fitted.fit.design_effect;
-    (borne_out(0.5 * law.worth, gain) > 0.0).then_some(law)
+    (validation_margin(0.5 * law.worth, gain) > 0.0).then_some(law)
 }
 
 /// A smooth law of one joint that says more than all names do, or than all but the few that carry most, with these alone: the others are patches on something
 /// that is none of them.
 pub(super) fn instead_of_names(
-    asking: &Asking<'_>,
-    naming: &Naming,
+    search: &Search<'_>,
+    selection: &Selection,
     words: &[Word],
     kept: &[bool],
-) -> Option<(Naming, Law)> {
-    ahead(asking, naming, words, kept, CLEARLY)
+) -> Option<(Selection, Law)> {
+    ahead(search, selection, words, kept, CLEARLY)
 }
 
 /// The same at the first glimpse of names that are many and far behind: no more of them would catch up, and to look for them takes long.
 pub(super) fn ahead_at_once(
-    asking: &Asking<'_>,
-    naming: &Naming,
+    search: &Search<'_>,
+    selection: &Selection,
     words: &[Word],
     kept: &[bool],
-) -> Option<(Naming, Law)> {
-    let many = naming.named.len() >= PATCHES;
-    let (few, law) = many.then(|| ahead(asking, naming, words, kept, FAR_AHEAD))??;
+) -> Option<(Selection, Law)> {
+    let many = selection.named.len() >= PATCHES;
+    let (few, law) = many.then(|| ahead(search, selection, words, kept, FAR_AHEAD))??;
     (law.worth > PLAIN).then_some((few, law))
 }
 
 /// The law that is ahead of all names by a share of what they are worth, or beside those that carry most ahead of the others, if they are many.
 fn ahead(
-    asking: &Asking<'_>,
-    naming: &Naming,
+    search: &Search<'_>,
+    selection: &Selection,
     words: &[Word],
     kept: &[bool],
     share: f64,
-) -> Option<(Naming, Law)> {
-    let all: f64 = naming.named.iter().map(|one| one.gain).sum();
-    let carries = |one: &&Named| one.gain >= CARRIES * all;
-    let (few, gone): (Vec<&Named>, Vec<&Named>) = naming.named.iter().partition(carries);
-    let every: Vec<&Named> = naming.named.iter().collect();
-    ahead_of(asking, naming, [&every, &few], share, (words, kept)).or_else(|| {
+) -> Option<(Selection, Law)> {
+    let all: f64 = selection.named.iter().map(|one| one.gain).sum();
+    let carries = |one: &&Selected| one.gain >= CARRIES * all;
+    let (few, gone): (Vec<&Selected>, Vec<&Selected>) = selection.named.iter().partition(carries);
+    let every: Vec<&Selected> = selection.named.iter().collect();
+    ahead_of(search, selection, [&every, &few], share, (words, kept)).or_else(|| {
         let are_patches = gone.len() >= PATCHES && gone.len() < every.len();
-        are_patches.then(|| ahead_of(asking, naming, [&gone, &gone], share, (words, kept)))?
+        are_patches.then(|| ahead_of(search, selection, [&gone, &gone], share, (words, kept)))?
     })
 }
 
 /// The law that, beside the others, is ahead of the names `gone`, and of those that carry most of these alone.
 fn ahead_of(
-    asking: &Asking<'_>,
-    naming: &Naming,
-    [gone, few]: [&[&Named]; 2],
+    search: &Search<'_>,
+    selection: &Selection,
+    [gone, few]: [&[&Selected]; 2],
     share: f64,
     (words, kept): (&[Word], &[bool]),
-) -> Option<(Naming, Law)> {
+) -> Option<(Selection, Law)> {
     if gone.is_empty() {
         return None;
     }
-    let Asking { campaign, known, settings, library, .. } = asking;
-    let beside = |gone: &[&Named]| {
-        let left = without(&naming.fit, &known.model, gone);
-        compare(campaign, &left, &naming.fit, settings.used)
+    let Search { campaign, known, settings, library, .. } = search;
+    let beside = |gone: &[&Selected]| {
+        let left = without(&selection.fit, &known.model, gone);
+        compare(campaign, &left, &selection.fit, settings.used)
     };
     let bare = beside(gone);
     let fitted = Fitted::new(campaign, &bare, settings);
-    let worth = |sum: f64, names: &[&Named]| {
+    let worth = |sum: f64, names: &[&Selected]| {
         let numbers: usize = names.iter().map(|one| one.numbers).sum();
-        let names = names.len() as f64 * price(&fitted, 0, library.len());
-        (bare.sum - sum) / bare.design_effect - price(&fitted, numbers, 1) - names
+        let names = names.len() as f64 * penalty(&fitted, 0, library.len());
+        (bare.sum - sum) / bare.design_effect - penalty(&fitted, numbers, 1) - names
     };
-    let mut names = worth(naming.fit.sum, gone);
+    let mut names = worth(selection.fit.sum, gone);
     if few.len() < gone.len() {
-        let is_few = |one: &&Named| few.iter().any(|few| std::ptr::eq(*few, *one));
-        let others: Vec<&Named> = gone.iter().copied().filter(|one| !is_few(one)).collect();
+        let is_few = |one: &&Selected| few.iter().any(|few| std::ptr::eq(*few, *one));
+        let others: Vec<&Selected> = gone.iter().copied().filter(|one| !is_few(one)).collect();
         names = names.max(worth(beside(&others).sum, few));
     }
-    let few = naming.without(gone, bare.clone());
-    let best = unsteady(&fitted, words, asking, &few, law(&fitted, words));
+    let few = selection.without(gone, bare.clone());
+    let best = unsteady(&fitted, words, search, &few, law(&fitted, words));
     let law = borne_out_by(&fitted, words, kept, best.filter(|law| law.worth > 0.0)?)?;
     if kept.contains(&true) {
         // Where neither was fitted, it must leave less than the names do.
-        let named = Fitted::new(campaign, &naming.fit, settings);
+        let named = Fitted::new(campaign, &selection.fit, settings);
         if law.on(&fitted, words, kept)[1] >= law.on(&named, words, kept)[0] {
             return None;
         }
@@ -226,20 +226,20 @@ fn better(
 fn unsteady(
     fitted: &Fitted<'_>,
     words: &[Word],
-    asking: &Asking<'_>,
-    naming: &Naming,
+    search: &Search<'_>,
+    selection: &Selection,
     before: Option<Law>,
 ) -> Option<Law> {
-    let whole = &naming.fit.hypothesis.model;
-    let tried = naming.named.len() * words.len();
-    naming.named.iter().fold(before, |best, one| {
+    let whole = &selection.fit.hypothesis.model;
+    let tried = selection.named.len() * words.len();
+    selection.named.iter().fold(before, |best, one| {
         let effect = whole.effects().nth(one.effect);
         let Some((effect, joint)) = effect.and_then(|e| Some((e, e.joint()?))) else { return best };
-        let bare = without(&naming.fit, &asking.known.model, &[one]).model;
+        let bare = without(&selection.fit, &search.known.model, &[one]).model;
         let own = follows(effect, joint, words);
         let groups: Vec<Vec<usize>> =
             (0..words.len()).filter(|w| Some(*w) != own).map(|w| vec![w]).collect();
-        let carrier = Carrier::Named(moved(asking.campaign, &bare, whole).into(), own);
+        let carrier = Carrier::Selected(moved(search.campaign, &bare, whole).into(), own);
         best_of(fitted, words, (joint, &carrier), (&groups, tried), best)
     })
 }
@@ -264,7 +264,7 @@ fn best_of(
     });
     let mut best = before;
     for score in scores {
-        let worth = score.gain / fitted.fit.design_effect - price(fitted, score.numbers, tried);
+        let worth = score.gain / fitted.fit.design_effect - penalty(fitted, score.numbers, tried);
         if best.as_ref().is_none_or(|best| worth > best.worth) {
             let (carrier, words) = (carrier.clone(), groups[score.candidate].clone());
             best = Some(Law { joint, carrier, words, found: score.found, worth });
@@ -289,7 +289,7 @@ fn follows(effect: &AnyEffect, joint: usize, words: &[Word]) -> Option<usize> {
     words.iter().position(|word| word.name == name)
 }
 
-fn price(fitted: &Fitted<'_>, numbers: usize, tried: usize) -> f64 {
+fn penalty(fitted: &Fitted<'_>, numbers: usize, tried: usize) -> f64 {
     let readings = fitted.fit.readings as f64 / fitted.fit.design_effect;
     numbers as f64 * readings.max(2.0).ln() + 2.0 * (tried.max(1) as f64).ln()
 }
@@ -297,7 +297,7 @@ fn price(fitted: &Fitted<'_>, numbers: usize, tried: usize) -> f64 {
 impl Law {
     /// The contract's words that it follows, each once.
     pub(super) fn depends_on(&self, words: &[Word]) -> Vec<String> {
-        let own = if let Carrier::Named(_, own) = &self.carrier { *own } else { None };
+        let own = if let Carrier::Selected(_, own) = &self.carrier { *own } else { None };
         let all = own.iter().chain(&self.words);
         let mut names: Vec<String> = all.map(|word| words[*word].name.clone()).collect();
         names.dedup();

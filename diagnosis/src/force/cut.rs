@@ -3,7 +3,7 @@
 //! Read in this order: `law` (what a sensor would read), `rows` (which rows are compared), `ways` (into the work and out of it), `spindle` (where it stands), `gross` (whether it is this cut), `case` (slopes, noise), `names` (what may
 //! be missing), `sets` (which of them), `tone`, `found` (numbers and rivals), `laws`, `rest` (what no name explains), `finish` (the proof, the verdict), `view` (for the page).
 //!
-//! Promises: the same input gives the same bits; held-out rows are seen by no choice and no fit; where the told cut does not say enough, why is said.
+//! Promises: the same input gives the same bits; held-out rows are seen by no selection and no fit; where the told cut does not say enough, why is said.
 //! Never: a file, a law of cutting that `physics` does not have.
 
 mod case;
@@ -28,7 +28,7 @@ use recording::series::{Channel, Recording};
 
 use super::signal::Signal;
 use crate::colour::Colour;
-use crate::torque::choose::{Asking, others};
+use crate::torque::selection::{Search, others};
 use crate::torque::table::Table;
 use case::{Anyway, Belief, Case};
 use law::{Law, Spindle};
@@ -38,13 +38,13 @@ pub use finish::Compared;
 pub use rest::Rest;
 pub use view::Traced;
 
-/// Rounds of choice, each with the law taken anew.
+/// Rounds of selection, each with the law taken anew.
 const ROUNDS: usize = 6;
 /// Rounds in which a likelier rival takes a name's place.
 const SWAPS: usize = 4;
-/// Another angle or speed of the spindle than is told explains so much more, in log-likelihood, beyond its price.
+/// Another angle or speed of the spindle than is told explains so much more, in log-likelihood, beyond its penalty.
 const INSISTS: f64 = 10.0;
-/// A name that brings less than this on rows that took no part in its choice, in log-likelihood, tells nothing.
+/// A name that brings less than this on rows that took no part in its selection, in log-likelihood, tells nothing.
 const TELLS: f64 = 0.0;
 /// Rows of the cut from which on anything can be compared.
 const ROWS_LEAST: usize = 200;
@@ -138,9 +138,9 @@ fn turns_otherwise(told: &(Case, Vec<usize>), other: &(Case, Vec<usize>)) -> boo
     as_told.table.counts.clone_from(&other.0.table.counts);
     let cost = |case: &Case, names: &[usize]| {
         let products = case.products(&case.sets.train);
-        let asking = Asking { library: &case.library, products: &products, always: &case.always };
-        let (_, misfit) = case.fitted(&case.belief, &asking.columns(names), &case.sets.train);
-        let prices = names.iter().map(|name| asking.price(&case.library.families[*name]));
+        let search = Search { library: &case.library, products: &products, always: &case.always };
+        let (_, misfit) = case.fitted(&case.belief, &search.columns(names), &case.sets.train);
+        let prices = names.iter().map(|name| search.penalty(&case.library.families[*name]));
         misfit + prices.sum::<f64>()
     };
     let free = other.0.anyway.spindle.len() as f64;
@@ -157,7 +157,7 @@ fn answered(mut case: Case, model: &Model, rows: &Rows, is_doubted: bool) -> (Ca
     case.take();
     names::limit(&mut case, stated_wear(model));
     names::narrow(&mut case);
-    case.hear_noise();
+    case.estimate_noise();
     let mut names: Vec<usize> = Vec::new();
     let mut listened: Option<Vec<usize>> = None;
     for _ in 0..ROUNDS {
@@ -167,7 +167,7 @@ fn answered(mut case: Case, model: &Model, rows: &Rows, is_doubted: bool) -> (Ca
         case.count(&rows.is_between);
         let is_heard = listen(&mut case, &names, &mut listened);
         case.take();
-        case.hear_noise();
+        case.estimate_noise();
         if before == names && !is_heard {
             break;
         }
@@ -184,14 +184,14 @@ fn answered(mut case: Case, model: &Model, rows: &Rows, is_doubted: bool) -> (Ca
             break;
         }
         case.take();
-        case.hear_noise();
+        case.estimate_noise();
     }
     if rings(&case, &names) {
         case.law.tone_hz = tone::refined(&case, &train);
         case.take();
         stand(&mut case, &names, &train);
         case.take();
-        case.hear_noise();
+        case.estimate_noise();
     }
     (case, names)
 }
@@ -218,10 +218,10 @@ fn listen(case: &mut Case, names: &[usize], listened: &mut Option<Vec<usize>>) -
 /// The names that the rows ask for, by slopes.
 fn chosen(case: &Case, start: &[usize], used: &[bool]) -> Vec<usize> {
     let products = case.products(used);
-    let asking = Asking { library: &case.library, products: &products, always: &case.always };
-    let one_by_one = asking.choose(start).names;
-    let score = sets::Set::of(&asking, &one_by_one).map(|set| set.score);
-    let together = sets::likely(&asking).into_iter().next();
+    let search = Search { library: &case.library, products: &products, always: &case.always };
+    let one_by_one = search.choose(start).names;
+    let score = sets::Set::of(&search, &one_by_one).map(|set| set.score);
+    let together = sets::likely(&search).into_iter().next();
     match together {
         Some(set) if score.is_none_or(|score| set.score > score + 1.0) => set.names,
         _ => one_by_one,
@@ -231,10 +231,10 @@ fn chosen(case: &Case, start: &[usize], used: &[bool]) -> Vec<usize> {
 /// Believes names where the law itself fits best with them.
 fn stand(case: &mut Case, names: &[usize], used: &[bool]) {
     let products = case.products(used);
-    let asking = Asking { library: &case.library, products: &products, always: &case.always };
-    let choice = asking.solve(names);
-    let columns = asking.columns(names);
-    let start = case.believed(&case.belief, &choice.solved);
+    let search = Search { library: &case.library, products: &products, always: &case.always };
+    let selection = search.solve(names);
+    let columns = search.columns(names);
+    let start = case.believed(&case.belief, &selection.solved);
     let (belief, _) = case.fitted(&start, &columns, used);
     case.belief = belief;
 }
@@ -242,9 +242,9 @@ fn stand(case: &mut Case, names: &[usize], used: &[bool]) {
 /// Without the names that rows kept for a second look do not bear out.
 fn confirmed(case: &Case, mut names: Vec<usize>) -> Vec<usize> {
     let products = case.products(&case.sets.train);
-    let asking = Asking { library: &case.library, products: &products, always: &case.always };
+    let search = Search { library: &case.library, products: &products, always: &case.always };
     loop {
-        let of = |names: &[usize]| case.left_white(&asking.solve(names).solved, &case.sets.look);
+        let of = |names: &[usize]| case.left_white(&search.solve(names).solved, &case.sets.look);
         let whole = of(&names);
         let harm = |name: &usize| of(&others(&names, *name)) - whole;
         let asked = names.iter().filter(|name| !case.library.families[**name].revises);

@@ -1,20 +1,20 @@
 //! One question put to the data: rows, what the model states, and the library of what may be missing.
 //!
 //! Promises: what the model states is taken off the torque before anything is asked; stated uncertainties are fitted along within their bounds.
-//! Never: a choice.
+//! Never: a selection.
 
 use physics::dynamics::INERTIAL;
 use recording::series::{Heldout, Recording};
 use std::cell::RefCell;
 
 use super::ROWS_LEAST;
-use super::choose::Choice;
 use super::known::{First, Stated};
 use super::library::Library;
 use super::load::Rubbing;
 use super::motion::Motion;
 use super::noise;
 use super::rigid::Rigid;
+use super::selection::Selection;
 use super::sums::Sums;
 use super::table::{Products, Solved, Table};
 use crate::colour::Colour;
@@ -207,12 +207,12 @@ impl Case {
     }
 
     /// Tells payloads about the places where this fit has them; whether any moved.
-    pub(super) fn recentre(&mut self, choice: &Choice) -> bool {
+    pub(super) fn recentre(&mut self, selection: &Selection) -> bool {
         let of_inertia = self.inertial - 6..self.inertial;
         let mut moved = false;
-        for name in &choice.names {
+        for name in &selection.names {
             let inertia = of_inertia.clone();
-            moved |= self.library.recentre(&self.motion, *name, inertia, &choice.solved);
+            moved |= self.library.recentre(&self.motion, *name, inertia, &selection.solved);
         }
         moved
     }
@@ -244,10 +244,10 @@ impl Case {
     }
 
     /// Learns each joint's noise from what no name explains.
-    pub(super) fn hear_noise(&mut self) {
+    pub(super) fn estimate_noise(&mut self) {
         // The first look has no weights of joints, the second has.
         for _ in 0..2 {
-            self.forget_memory();
+            self.ignore_autocorrelation();
             let rich = self.rich();
             self.table.noise =
                 noise::of(&self.table, &self.library.columns, &rich, &self.rows.train);
@@ -256,7 +256,7 @@ impl Case {
 
     /// From here on rows weigh by the size of their noise alone: numbers that shall hold for motions of any speed must not be drawn from the fast ones only, which is
     /// what noise with a long memory leaves of a model that is not quite right. Their uncertainty is told by blocks of time.
-    pub(super) fn forget_memory(&mut self) {
+    pub(super) fn ignore_autocorrelation(&mut self) {
         self.table.noise.iter_mut().for_each(|(colour, _)| *colour = Colour::default());
     }
 

@@ -54,9 +54,10 @@ impl LowPass {
         let pad = self.pad.min(count - 1);
         let at = |k: usize| lists.map(|samples| samples[k]);
         // Ends are continued by turning them about their last point, so that level and slope go on.
-        let turned = |end: usize, k: usize| lists.map(|samples| 2.0 * samples[end] - samples[k]);
-        let before = (1..=pad).rev().map(|k| turned(0, k));
-        let after = (1..=pad).map(|k| turned(count - 1, count - 1 - k));
+        let hysteresis_as_friction =
+            |end: usize, k: usize| lists.map(|samples| 2.0 * samples[end] - samples[k]);
+        let before = (1..=pad).rev().map(|k| hysteresis_as_friction(0, k));
+        let after = (1..=pad).map(|k| hysteresis_as_friction(count - 1, count - 1 - k));
         let mut long: Vec<[f64; N]> = before.chain((0..count).map(at)).chain(after).collect();
         self.run(long.iter_mut());
         self.run(long.iter_mut().rev());

@@ -1,6 +1,6 @@
 //! The result of a diagnosis of torque: names with their numbers, what they bring on held-out rows, what remains.
 //!
-//! Promises: held-out rows are read here first, and change no choice.
+//! Promises: held-out rows are read here first, and change no selection.
 
 use nalgebra::DMatrix;
 use physics::{Arm, JointKind};
@@ -8,9 +8,9 @@ use physics::{Arm, JointKind};
 use crate::diagnose::judge;
 
 use super::case::Case;
-use super::choose::{Asking, Choice, others};
 use super::library::Form;
 use super::prove::Listed;
+use super::selection::{Search, Selection, others};
 use super::zone::Zone;
 use super::{
     Diagnosis, Finding, JointProof, Refit, Stated, Weighed, columns, found, prove, refine, smooth,
@@ -29,19 +29,19 @@ pub(super) fn finish(
     let arm = &stated.model.arm;
     let (seen, held) = (case.rows.seen(), &case.rows.held);
     let products = case.products(&seen);
-    let asking = refine::asking(case, &products, always);
-    let given = asking.solve(&[]);
-    let (weighed, refuted) = &stand::stand(case, &asking, weighed, &seen);
+    let search = refine::search(case, &products, always);
+    let given = search.solve(&[]);
+    let (weighed, refuted) = &stand::stand(case, &search, weighed, &seen);
     let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
-    let (mut told, names) = sized(case, stated, &asking, names);
+    let (mut told, names) = sized(case, stated, &search, names);
     told.unzoned = without_zones(case, always, &names, &zones, &seen);
-    let choice = &told.choice;
-    let listed = prove::order(case, &asking, choice, held);
+    let selection = &told.selection;
+    let listed = prove::order(case, &search, selection, held);
     let outside =
-        if zones.is_empty() { Vec::new() } else { outside_alone(case, &asking, choice, held) };
+        if zones.is_empty() { Vec::new() } else { outside_alone(case, &search, selection, held) };
     let finding = |one: &Listed| {
         let family = &case.library.families[one.name];
-        let own = asking.own_columns(choice, one.name);
+        let own = search.own_columns(selection, one.name);
         let weighed = weighed.iter().find(|weighed| weighed.name == one.name);
         Finding {
             kind: family.kind,
@@ -54,16 +54,16 @@ pub(super) fn finish(
             rivals: weighed.map_or(Vec::new(), |one| one.rivals.clone()),
             heldout: one.heldout,
             heldout_without: one.heldout_without,
-            size: prove::size_of(&case.table, &case.library.columns, &choice.solved, &own),
+            size: prove::size_of(&case.table, &case.library.columns, &selection.solved, &own),
         }
     };
     let findings: Vec<Finding> = listed.iter().map(finding).collect();
     let beyond = smooth::law(case, always, &names);
     let findings = or_still(case, stated, always, (findings, beyond.is_some()));
-    let verdict = verdict::verdict(case, &findings, (&given, choice), beyond.as_ref());
+    let verdict = verdict::verdict(case, &findings, (&given, selection), beyond.as_ref());
     let joints: Vec<usize> = case.table.joints().collect();
     let by_joint: Vec<JointProof> =
-        joints.iter().map(|j| proof(case, (&given, choice), *j)).collect();
+        joints.iter().map(|j| proof(case, (&given, selection), *j)).collect();
     let notes = notes(arm, case, always, &zones, &findings, (refuted, &outside));
     let (findings, candidates) = judge::claimed(verdict, findings, |one| one.confidence);
     Diagnosis {
@@ -71,10 +71,10 @@ pub(super) fn finish(
         notes,
         findings,
         candidates,
-        refits: refits(case, stated, choice, &told.covariance),
+        refits: refits(case, stated, selection, &told.covariance),
         unexplained: beyond.map(|beyond| beyond.law),
-        heldout: [&given, choice].map(|one| prove::rms(case, &one.solved, held)),
-        noise: prove::rms(case, &choice.solved, &seen),
+        heldout: [&given, selection].map(|one| prove::rms(case, &one.solved, held)),
+        noise: prove::rms(case, &selection.solved, &seen),
         signal: signal(&by_joint),
         by_joint,
         band_hz: case.motion.band_hz,
@@ -82,52 +82,52 @@ pub(super) fn finish(
         says: case.rows.says.clone(),
         not_tested: case.library.untested.clone(),
         slides: arm.joints().iter().all(|joint| joint.kind == JointKind::Prismatic),
-        traces: joints.iter().map(|j| view::trace(case, (&given, choice), *j)).collect(),
+        traces: joints.iter().map(|j| view::trace(case, (&given, selection), *j)).collect(),
         zones,
     }
 }
 
 /// A fit of names with what is open of its numbers.
 pub(super) struct Told {
-    choice: Choice,
+    selection: Selection,
     covariance: DMatrix<f64>,
     /// Of searched numbers, as shares, per name.
     spreads: Vec<(usize, f64)>,
     /// The same names with the rows of zones.
-    unzoned: Option<Choice>,
+    unzoned: Option<Selection>,
     /// By how much the numbers of loops differ under another law of memory, per column.
     formed: Vec<(usize, f64)>,
 }
 
 impl Told {
     /// Outside zones.
-    fn of(case: &Case, stated: &Stated<'_>, asking: &Asking<'_>, names: &[usize]) -> Self {
+    fn of(case: &Case, stated: &Stated<'_>, search: &Search<'_>, names: &[usize]) -> Self {
         let seen = case.rows.seen();
-        let choice = asking.solve(names);
-        let viscous = |joint| viscous(case, stated, &choice, joint);
-        let (covariance, spreads) = prove::sureness(case, &choice, &seen, &viscous);
-        let formed = refine::otherwise(case, &choice, &seen);
-        Self { choice, covariance, spreads, unzoned: None, formed }
+        let selection = search.solve(names);
+        let viscous = |joint| viscous(case, stated, &selection, joint);
+        let (covariance, spreads) = prove::sureness(case, &selection, &seen, &viscous);
+        let formed = refine::otherwise(case, &selection, &seen);
+        Self { selection, covariance, spreads, unzoned: None, formed }
     }
 
     fn numbers(&self, case: &Case, stated: &Stated<'_>, name: usize) -> Vec<found::Number> {
-        let (choice, family) = (&self.choice, &case.library.families[name]);
+        let (selection, family) = (&self.selection, &case.library.families[name]);
         let share = |of: &[(usize, f64)], key: usize| {
             of.iter().find(|(other, _)| *other == key).map_or(0.0, |one| one.1)
         };
         let moved = |column: usize| {
             let form = share(&self.formed, column);
-            moved(self.unzoned.as_ref(), choice, column).hypot(ANYWHERE * form)
+            moved(self.unzoned.as_ref(), selection, column).hypot(ANYWHERE * form)
         };
         let context = found::Context {
             covariance: &self.covariance,
             spread: share(&self.spreads, name),
             moved: &moved,
             by_current: case.motion.by_current,
-            gain: gain(case, choice, family.joint),
-            viscous: family.joint.map_or(0.0, |joint| viscous(case, stated, choice, joint)),
+            gain: gain(case, selection, family.joint),
+            viscous: family.joint.map_or(0.0, |joint| viscous(case, stated, selection, joint)),
         };
-        found::numbers(family, &choice.solved, &context)
+        found::numbers(family, &selection.solved, &context)
     }
 }
 
@@ -136,11 +136,11 @@ impl Told {
 pub(super) fn sized(
     case: &Case,
     stated: &Stated<'_>,
-    asking: &Asking<'_>,
+    search: &Search<'_>,
     mut names: Vec<usize>,
 ) -> (Told, Vec<usize>) {
     loop {
-        let told = Told::of(case, stated, asking, &names);
+        let told = Told::of(case, stated, search, &names);
         let has_size = |name: &&usize| match case.library.families[**name].form {
             Form::Plain(stems) => stems.len() == 1,
             Form::Loop | Form::Warmth | Form::Wave => true,
@@ -154,7 +154,7 @@ pub(super) fn sized(
         let least = names.iter().filter(has_size).map(sure);
         match least.min_by(|a, b| a.1.total_cmp(&b.1)) {
             Some((name, sure)) if sure < prove::SURE => {
-                names = asking.admissible(others(&names, name));
+                names = search.admissible(others(&names, name));
             }
             _ => return (told, names),
         }
@@ -162,11 +162,16 @@ pub(super) fn sized(
 }
 
 /// The names without which the error on all held-out rows, those of zones among them, would be smaller.
-fn outside_alone(case: &Case, asking: &Asking<'_>, choice: &Choice, held: &[bool]) -> Vec<usize> {
-    let whole = prove::rms(case, &choice.solved, held);
-    let without = |name: &usize| asking.solve(&others(&choice.names, *name)).solved;
+fn outside_alone(
+    case: &Case,
+    search: &Search<'_>,
+    selection: &Selection,
+    held: &[bool],
+) -> Vec<usize> {
+    let whole = prove::rms(case, &selection.solved, held);
+    let without = |name: &usize| search.solve(&others(&selection.names, *name)).solved;
     let harms = |name: &usize| prove::rms(case, &without(name), held) < whole;
-    choice.names.iter().copied().filter(harms).collect()
+    selection.names.iter().copied().filter(harms).collect()
 }
 
 /// What was found; where that is nothing, and no law either, what joints hold that never move.
@@ -183,10 +188,10 @@ fn or_still(
 fn refits(
     case: &Case,
     stated: &Stated<'_>,
-    choice: &Choice,
+    selection: &Selection,
     covariance: &DMatrix<f64>,
 ) -> Vec<Refit> {
-    let solved = &choice.solved;
+    let solved = &selection.solved;
     let one = |(column, of, _): &(usize, (usize, usize), _)| {
         let at = solved.columns.iter().position(|k| k == column)?;
         stated.refit(*of, solved.values[at], covariance[(at, at)].sqrt())
@@ -195,23 +200,24 @@ fn refits(
 }
 
 /// What holds of a column's number lies anywhere between the fits without and with the rows of zones: uniform, and seen from one end.
-fn moved(unzoned: Option<&Choice>, choice: &Choice, column: usize) -> f64 {
+fn moved(unzoned: Option<&Selection>, selection: &Selection, column: usize) -> f64 {
     let with = unzoned.and_then(|other| other.solved.value(column));
-    let apart = with.zip(choice.solved.value(column)).map_or(0.0, |(with, without)| with - without);
+    let apart =
+        with.zip(selection.solved.value(column)).map_or(0.0, |(with, without)| with - without);
     ANYWHERE * apart
 }
 
 /// A joint's viscous friction, stated and found.
-fn viscous(case: &Case, stated: &Stated<'_>, choice: &Choice, joint: usize) -> f64 {
+fn viscous(case: &Case, stated: &Stated<'_>, selection: &Selection, joint: usize) -> f64 {
     stated.first("viscous_friction", joint)
-        + refine::found_viscous(case, &choice.names, &choice.solved, joint)
+        + refine::found_viscous(case, &selection.names, &selection.solved, joint)
 }
 
 /// The gain that was found of a joint's drive.
-fn gain(case: &Case, choice: &Choice, joint: Option<usize>) -> f64 {
-    let families = choice.names.iter().map(|name| &case.library.families[*name]);
+fn gain(case: &Case, selection: &Selection, joint: Option<usize>) -> f64 {
+    let families = selection.names.iter().map(|name| &case.library.families[*name]);
     let mut gains = families.filter(|f| f.kind == "drive_gain" && f.joint == joint);
-    gains.next().and_then(|f| choice.solved.value(f.columns[0])).unwrap_or(0.0)
+    gains.next().and_then(|f| selection.solved.value(f.columns[0])).unwrap_or(0.0)
 }
 
 /// What was done with the data, in words.
@@ -268,7 +274,7 @@ fn without_zones(
     names: &[usize],
     zones: &[Zone],
     seen: &[bool],
-) -> Option<Choice> {
+) -> Option<Selection> {
     if zones.is_empty() {
         return None;
     }
@@ -276,10 +282,10 @@ fn without_zones(
     table.counts.clone_from(&table.moves);
     let columns: Vec<&columns::Column> = case.library.columns.iter().collect();
     let products = table::Products::new(&table, &columns, case.library.prior.clone(), seen);
-    Some(Asking { library: &case.library, products: &products, always }.solve(names))
+    Some(Search { library: &case.library, products: &products, always }.solve(names))
 }
 
-fn proof(case: &Case, (given, choice): (&Choice, &Choice), joint: usize) -> JointProof {
+fn proof(case: &Case, (given, selection): (&Selection, &Selection), joint: usize) -> JointProof {
     let held_and = |of: &[bool]| -> Vec<bool> {
         case.rows.held.iter().zip(of).map(|(held, counts)| *held && *counts).collect()
     };
@@ -289,8 +295,8 @@ fn proof(case: &Case, (given, choice): (&Choice, &Choice), joint: usize) -> Join
         joint,
         torque: view::torque_rms(case, joint, held),
         before: prove::of_joint(case, &given.solved, joint, held),
-        after: prove::of_joint(case, &choice.solved, joint, held),
-        after_outside: prove::of_joint(case, &choice.solved, joint, &outside),
+        after: prove::of_joint(case, &selection.solved, joint, held),
+        after_outside: prove::of_joint(case, &selection.solved, joint, &outside),
         noise: case.table.noise[joint].1,
     }
 }

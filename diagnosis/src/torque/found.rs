@@ -5,9 +5,9 @@
 use glam::DVec3;
 use nalgebra::DMatrix;
 
-use super::choose::{Asking, Choice, others};
 use super::library::{Family, Form};
 use super::payload::REACH_M;
+use super::selection::{Search, Selection, others};
 use super::table::Solved;
 
 /// The share of a number that stays open whatever the noise: scale, geometry, the form of a law.
@@ -197,24 +197,24 @@ fn goes_with_torque(kind: &str) -> bool {
 }
 
 /// Other names for what a name explains, the likeliest first, with the probability of the name itself.
-pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64, Vec<Rival>) {
-    let families = &asking.library.families;
-    let others = others(&choice.names, name);
-    let without = asking.solve(&others);
-    let worth = choice.solved.gain - without.solved.gain;
+pub(super) fn rivals(search: &Search<'_>, selection: &Selection, name: usize) -> (f64, Vec<Rival>) {
+    let families = &search.library.families;
+    let others = others(&selection.names, name);
+    let without = search.solve(&others);
+    let worth = selection.solved.gain - without.solved.gain;
     let own = &families[name];
     let is_other = |other: &usize| {
         let form = &families[*other];
         let is_more_of_it = form.is_kin(own) && form.columns.len() >= own.columns.len();
         // What hardens a spring is on top of it, never in its place.
         let is_on_top = form.kind == "spring_hardening" && own.kind == "spring";
-        !(choice.names.contains(other) || is_more_of_it || is_on_top)
+        !(selection.names.contains(other) || is_more_of_it || is_on_top)
     };
     let mut best: Vec<Rival> = Vec::new();
     for other in (0..families.len()).filter(is_other) {
         let family = &families[other];
         // What another name would bring in any case is no rival to this one.
-        let instead = asking.could_bring(&without, other) - asking.could_bring(choice, other);
+        let instead = search.could_bring(&without, other) - search.could_bring(selection, other);
         let behind = worth - instead;
         if instead < SHARES * worth {
             continue;
@@ -222,7 +222,7 @@ pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64,
         if behind > FAR {
             continue;
         }
-        let dearer = asking.numbers(family) - asking.numbers(own);
+        let dearer = search.numbers(family) - search.numbers(own);
         let rival = Rival::of(family, other, behind, dearer);
         let known = best.iter().position(|one| {
             one.kind == rival.kind && one.joint == rival.joint && one.stems == rival.stems
@@ -233,8 +233,8 @@ pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64,
             None => best.push(rival),
         }
     }
-    let price = 0.5 * (asking.products.rows.max(3) as f64).ln();
-    let weight = |rival: &Rival| libm::exp(-(rival.behind + rival.dearer * price).max(-20.0));
+    let penalty = 0.5 * (search.products.rows.max(3) as f64).ln();
+    let weight = |rival: &Rival| libm::exp(-(rival.behind + rival.dearer * penalty).max(-20.0));
     let all = 1.0 + best.iter().map(weight).sum::<f64>();
     let shares: Vec<f64> = best.iter().map(|rival| weight(rival) / all).collect();
     best.iter_mut().zip(shares).for_each(|(rival, share)| rival.confidence = share);

@@ -1,7 +1,7 @@
 //! What may be missing in the torque of each joint: every name of the contract's table with the columns that its numbers have.
 //!
 //! Promises: signs and limits of numbers as the contract has them; a name whose condition never occurs in the recording is not asked for, and why is said.
-//! Never: a choice.
+//! Never: a selection.
 
 use glam::DVec3;
 use physics::{Arm, JointKind};

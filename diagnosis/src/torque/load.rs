@@ -1,17 +1,17 @@
 //! Torques that go with the torque itself: friction under load, a gain, a delay; and what a fit tells of masses made known to them.
 //!
-//! Promises: masses that a fit tells load the gears, of friction that the model states as of friction that may be missing. Never: a choice.
+//! Promises: masses that a fit tells load the gears, of friction that the model states as of friction that may be missing. Never: a selection.
 
 use std::sync::Arc;
 
 use super::case::Case;
-use super::choose::Choice;
 use super::columns::{Column, Law};
 use super::filter::{derivative, later};
 use super::known::Stated;
 use super::library::{Family, Form, Sign};
 use super::motion::Motion;
 use super::prove::WITHIN_A_STEP;
+use super::selection::Selection;
 use super::table::Solved;
 
 const KIND: &str = "load_friction";
@@ -136,17 +136,18 @@ impl Case {
     }
 
     /// Gives a delay that stands what it does to the torque that this fit tells: for what is late by much the first order is not enough. Whether it changed.
-    pub(super) fn late(&mut self, choice: &Choice) -> bool {
+    pub(super) fn late(&mut self, selection: &Selection) -> bool {
         let families = &self.library.families;
-        let mut delays = choice.names.iter().filter(|name| families[**name].kind == "torque_delay");
+        let mut delays =
+            selection.names.iter().filter(|name| families[**name].kind == "torque_delay");
         let Some(place) = delays.next().map(|name| families[*name].columns[0]) else {
             return false;
         };
         let longest_s = 1.0 / self.motion.band_hz;
-        let by_s = choice.solved.value(place).unwrap_or(0.0).clamp(-longest_s, longest_s);
+        let by_s = selection.solved.value(place).unwrap_or(0.0).clamp(-longest_s, longest_s);
         let joints: Vec<usize> = self.table.joints().collect();
         let part = |joint: usize| {
-            let torque = self.modelled(&choice.solved, joint, &|k| k != place);
+            let torque = self.modelled(&selection.solved, joint, &|k| k != place);
             (joint, of_delay(&self.motion, &torque, by_s).into())
         };
         let column = Column { parts: joints.into_iter().map(part).collect() };
@@ -155,9 +156,9 @@ impl Case {
     }
 
     /// Gives friction that goes with the load the load that this fit tells, and springs that harden the place where the spring rests.
-    pub(super) fn reload(&mut self, choice: &Choice) {
-        let solved = &choice.solved;
-        for name in &choice.names {
+    pub(super) fn reload(&mut self, selection: &Selection) {
+        let solved = &selection.solved;
+        for name in &selection.names {
             let spring = &self.library.families[*name];
             let values: Vec<f64> = spring.columns.iter().filter_map(|k| solved.value(*k)).collect();
             let (Form::Spring, Some(joint), [stiffness, level]) =

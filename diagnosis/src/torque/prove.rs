@@ -8,11 +8,11 @@ use nalgebra::{DMatrix, DVector};
 
 use super::blocks::covariance_of;
 use super::case::Case;
-use super::choose::{Asking, Choice, others};
 use super::columns::Column;
 use super::memory;
 use super::noise;
 use super::refine;
+use super::selection::{Search, Selection, others};
 use super::table::{Products, Solved, Table};
 use crate::size::Size;
 
@@ -105,12 +105,12 @@ pub(super) fn of_joint(case: &Case, solved: &Solved, joint: usize, used: &[bool]
 /// How many times its uncertainty, by blocks of time, a column's number is among these names.
 pub(super) fn sure(
     case: &Case,
-    asking: &Asking<'_>,
+    search: &Search<'_>,
     names: &[usize],
     column: usize,
     seen: &[bool],
 ) -> f64 {
-    let solved = asking.solve(names).solved;
+    let solved = search.solve(names).solved;
     let covariance = covariance(case, &solved, seen);
     let at = solved.columns.iter().position(|k| *k == column);
     at.map_or(0.0, |at| solved.values[at].abs() / covariance[(at, at)].sqrt())
@@ -119,26 +119,26 @@ pub(super) fn sure(
 /// The names whose numbers are not nothing: those that chance would give go, the least sure first.
 pub(super) fn told(
     case: &Case,
-    asking: &Asking<'_>,
+    search: &Search<'_>,
     names: Vec<usize>,
     seen: &[bool],
 ) -> Vec<usize> {
     let covariance = |solved: &Solved| covariance(case, solved, seen);
-    told_by(asking, names, &covariance, &|_| false)
+    told_by(search, names, &covariance, &|_| false)
 }
 
 /// The same by any covariance; `is_belief`: names that are not asked.
 pub(crate) fn told_by(
-    asking: &Asking<'_>,
+    search: &Search<'_>,
     mut names: Vec<usize>,
     covariance: &dyn Fn(&Solved) -> DMatrix<f64>,
     is_belief: &dyn Fn(usize) -> bool,
 ) -> Vec<usize> {
     loop {
-        let solved = asking.solve(&names).solved;
+        let solved = search.solve(&names).solved;
         let covariance = covariance(&solved);
         let sure = |name: usize| {
-            let columns = asking.library.families[name].columns.iter();
+            let columns = search.library.families[name].columns.iter();
             let places = columns.filter_map(|k| solved.columns.iter().position(|own| own == k));
             let places: Vec<usize> = places.collect();
             let count = places.len();
@@ -166,31 +166,31 @@ fn sureness_of(values: &DVector<f64>, covariance: DMatrix<f64>) -> f64 {
 /// The names that held-out rows do not speak against, and those that make the error larger there. Nothing is chosen in their place.
 pub(super) fn borne_out(
     case: &Case,
-    asking: &Asking<'_>,
+    search: &Search<'_>,
     names: Vec<usize>,
     held: &[bool],
 ) -> (Vec<usize>, Vec<usize>) {
     // Within zones no law that is known holds: they have half a say, and what is plain outside stands against them.
     let left =
         |solved: &Solved| libm::sqrt(rms(case, solved, held) * rms_outside(case, solved, held));
-    borne_out_by(asking, names, &left, &|name| case.is_belief(name, asking.always))
+    borne_out_by(search, names, &left, &|name| case.is_belief(name, search.always))
 }
 
 /// The same by any measure of what is left; `is_belief`: names that are not asked.
 pub(crate) fn borne_out_by(
-    asking: &Asking<'_>,
+    search: &Search<'_>,
     mut names: Vec<usize>,
     rms: &dyn Fn(&Solved) -> f64,
     is_belief: &dyn Fn(usize) -> bool,
 ) -> (Vec<usize>, Vec<usize>) {
-    let of = |names: &[usize]| rms(&asking.solve(names).solved);
+    let of = |names: &[usize]| rms(&search.solve(names).solved);
     let mut refuted = Vec::new();
     loop {
         let whole = of(&names);
         let asked = names.iter().filter(|name| !is_belief(**name));
         // What a name leaves has to stand by itself: a rival that then takes the wrong sign is not that rival.
         let rest = asked.map(|name| (*name, others(&names, *name)));
-        let stands = rest.filter(|(_, rest)| asking.admissible(rest.clone()) == *rest);
+        let stands = rest.filter(|(_, rest)| search.admissible(rest.clone()) == *rest);
         let harm = stands.map(|(name, rest)| (name, whole - of(&rest)));
         let worst = harm.max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((name, _)) = worst.filter(|(_, harm)| *harm > 0.0) else {
@@ -231,41 +231,41 @@ pub(crate) struct Listed {
 /// itself, which another may stand in for; then by what each brings beside all others.
 pub(super) fn order(
     case: &Case,
-    asking: &Asking<'_>,
-    choice: &Choice,
+    search: &Search<'_>,
+    selection: &Selection,
     held: &[bool],
 ) -> Vec<Listed> {
-    order_by(asking, choice, &|solved| rms(case, solved, held))
+    order_by(search, selection, &|solved| rms(case, solved, held))
 }
 
 /// The same by any measure of what is left.
 pub(crate) fn order_by(
-    asking: &Asking<'_>,
-    choice: &Choice,
+    search: &Search<'_>,
+    selection: &Selection,
     rms: &dyn Fn(&Solved) -> f64,
 ) -> Vec<Listed> {
-    let without = |name: &usize| rms(&asking.solve(&others(&choice.names, *name)).solved);
-    let mut names: Vec<(usize, f64)> = choice.names.iter().map(|n| (*n, without(n))).collect();
-    let alone = |name: &usize| rms(&asking.solve(&[*name]).solved);
-    let first = choice.names.iter().map(|name| (*name, alone(name)));
+    let without = |name: &usize| rms(&search.solve(&others(&selection.names, *name)).solved);
+    let mut names: Vec<(usize, f64)> = selection.names.iter().map(|n| (*n, without(n))).collect();
+    let alone = |name: &usize| rms(&search.solve(&[*name]).solved);
+    let first = selection.names.iter().map(|name| (*name, alone(name)));
     let first = first.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(first, _)| first);
     names.sort_by(|(a, a_left), (b, b_left)| {
         let is_later = |name: &usize| Some(*name) != first;
         is_later(a).cmp(&is_later(b)).then(b_left.total_cmp(a_left)).then(a.cmp(b))
     });
-    let mut before = rms(&asking.solve(&[]).solved);
+    let mut before = rms(&search.solve(&[]).solved);
     let mut there: Vec<usize> = Vec::new();
     let mut listed = Vec::new();
     for (name, heldout_without) in names {
         there.push(name);
-        let after = rms(&asking.solve(&there).solved);
+        let after = rms(&search.solve(&there).solved);
         listed.push(Listed { name, heldout: [before, after], heldout_without });
         before = after;
     }
     listed
 }
 
-/// The covariance of the numbers of a choice, by blocks of time; at least what white noise would leave. A delay is no surer than a share of a step.
+/// The covariance of the numbers of a selection, by blocks of time; at least what white noise would leave. A delay is no surer than a share of a step.
 pub(super) fn covariance(case: &Case, solved: &Solved, used: &[bool]) -> DMatrix<f64> {
     let mut all = covariance_of(&case.table, &case.library.columns, solved, used);
     let step_s = case.motion.runs.iter().map(|run| run.step_s).fold(0.0, f64::max);
@@ -282,49 +282,49 @@ pub(super) fn covariance(case: &Case, solved: &Solved, used: &[bool]) -> DMatrix
 /// share of the number. `viscous`: a joint's friction, stated and found.
 pub(super) fn sureness(
     case: &Case,
-    choice: &Choice,
+    selection: &Selection,
     used: &[bool],
     viscous: &dyn Fn(usize) -> f64,
 ) -> (DMatrix<f64>, Vec<(usize, f64)>) {
-    let (solved, columns) = (&choice.solved, &case.library.columns);
-    let own = |column: &usize| is_told(case, choice, *column);
+    let (solved, columns) = (&selection.solved, &case.library.columns);
+    let own = |column: &usize| is_told(case, selection, *column);
     let places: Vec<usize> =
         (0..solved.columns.len()).filter(|k| own(&solved.columns[*k])).collect();
     let covariance = covariance(case, solved, used);
     let covariance = memory::at_least(covariance, (&case.table, columns), solved, &places, used);
-    let slopes: Vec<(usize, Column)> = choice
+    let slopes: Vec<(usize, Column)> = selection
         .names
         .iter()
-        .filter_map(|name| Some((*name, refine::slope(case, *name, &choice.solved)?)))
+        .filter_map(|name| Some((*name, refine::slope(case, *name, &selection.solved)?)))
         .collect();
-    let bent = refine::bent(case, choice, viscous);
+    let bent = refine::bent(case, selection, viscous);
     if slopes.is_empty() && bent.is_empty() {
         return (covariance, Vec::new());
     }
-    let own = choice.solved.columns.iter().map(|column| {
+    let own = selection.solved.columns.iter().map(|column| {
         let bent = bent.iter().find(|(place, _)| place == column);
         bent.map_or(&case.library.columns[*column], |(_, bent)| bent)
     });
     let columns: Vec<&Column> = own.chain(slopes.iter().map(|(_, slope)| slope)).collect();
     let mut prior: Vec<f64> =
-        choice.solved.columns.iter().map(|column| case.library.prior[*column]).collect();
+        selection.solved.columns.iter().map(|column| case.library.prior[*column]).collect();
     prior.resize(columns.len(), 0.0);
     let all: Vec<usize> = (0..columns.len()).collect();
     // The fit as a straight one about where it stands: what is left is left.
     let mut table = case.table.clone();
     for joint in case.table.joints() {
-        table.target[joint] = Some(case.residual(&choice.solved, joint));
+        table.target[joint] = Some(case.residual(&selection.solved, joint));
     }
     let mut solved = Products::new(&table, &columns, prior, used).solve(&all);
     solved.values.fill(0.0);
     let columns: Vec<Column> = columns.into_iter().cloned().collect();
     let whole = covariance_of(&table, &columns, &solved, used);
-    let told = places.into_iter().chain(choice.solved.columns.len()..columns.len());
+    let told = places.into_iter().chain(selection.solved.columns.len()..columns.len());
     let told = told.filter_map(|column| solved.columns.iter().position(|k| *k == column));
     let whole =
         memory::at_least(whole, (&table, &columns), &solved, &told.collect::<Vec<usize>>(), used);
     let at = |column: usize| solved.columns.iter().position(|k| *k == column);
-    let count = choice.solved.columns.len();
+    let count = selection.solved.columns.len();
     let all = DMatrix::from_fn(count, count, |i, j| match (at(i), at(j)) {
         // Freedom more leaves nothing surer.
         (Some(a), Some(b)) if i == j => whole[(a, b)].max(covariance[(i, j)]),
@@ -336,9 +336,9 @@ pub(super) fn sureness(
 }
 
 /// Whether a column's number is told: a name's or the model's own.
-fn is_told(case: &Case, choice: &Choice, column: usize) -> bool {
+fn is_told(case: &Case, selection: &Selection, column: usize) -> bool {
     let families = &case.library.families;
-    choice.names.iter().any(|name| families[*name].columns.contains(&column))
+    selection.names.iter().any(|name| families[*name].columns.contains(&column))
         || case.known.iter().any(|known| known.0 == column)
 }
 

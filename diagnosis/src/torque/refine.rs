@@ -7,11 +7,11 @@
 use std::f64::consts::TAU;
 
 use super::case::Case;
-use super::choose::{Asking, Choice};
 use super::columns::{Column, Law, lowest_speed, shortest_way, usual_speed, waves};
 use super::known::First;
 use super::library::Form;
 use super::load::Rubbing;
+use super::selection::{Search, Selection};
 use super::table::{Products, Solved};
 
 /// First and last share by which a number is moved to see the bend.
@@ -84,9 +84,9 @@ fn widest(case: &Case, name: usize, value: f64) -> f64 {
     }
 }
 
-/// Brings every searched number of a choice to where it fits best.
-pub(super) fn settle(case: &mut Case, choice: &Choice, always: &[usize], used: &[bool]) {
-    for &name in &choice.names {
+/// Brings every searched number of a selection to where it fits best.
+pub(super) fn settle(case: &mut Case, selection: &Selection, always: &[usize], used: &[bool]) {
+    for &name in &selection.names {
         let Some(&(_, start)) = case.library.families[name].settings.first() else { continue };
         if columns(case, name, start).is_none() {
             continue;
@@ -103,7 +103,7 @@ pub(super) fn settle(case: &mut Case, choice: &Choice, always: &[usize], used: &
         for step in STEPS.map(|step| step * widest / STEPS[0]) {
             let mut gains = [0.0; 3];
             for (gain, away) in gains.iter_mut().zip([-step, 0.0, step]) {
-                *gain = self::gain(case, choice, always, (name, value * (1.0 + away)), used);
+                *gain = self::gain(case, selection, always, (name, value * (1.0 + away)), used);
             }
             let bend = gains[0] - 2.0 * gains[1] + gains[2];
             let moved = if bend < 0.0 {
@@ -139,7 +139,7 @@ pub(super) fn warm(
         let (mut per_kelvin, mut before) = (0.0, None::<(f64, f64)>);
         for _ in 0..ROUNDS {
             let products = case.products(used);
-            let solved = asking(case, &products, always).solve(names).solved;
+            let solved = search(case, &products, always).solve(names).solved;
             let friction = viscous(joint) + found_viscous(case, names, &solved, joint);
             let told = -solved.value(place).unwrap_or(0.0) / friction;
             let off = told - per_kelvin;
@@ -158,18 +158,18 @@ pub(super) fn warm(
 /// Where friction falls with warmth: by how much torque changes with its numbers as they stand, in the place of the columns that say it as a whole.
 pub(super) fn bent(
     case: &Case,
-    choice: &Choice,
+    selection: &Selection,
     viscous: &dyn Fn(usize) -> f64,
 ) -> Vec<(usize, Column)> {
     let mut all = Vec::new();
-    for name in &choice.names {
+    for name in &selection.names {
         let family = &case.library.families[*name];
         let (Form::Warmth, Some(joint)) = (family.form, family.joint) else { continue };
-        let Some(value) = choice.solved.value(family.columns[0]) else { continue };
+        let Some(value) = selection.solved.value(family.columns[0]) else { continue };
         let per_kelvin = -value / viscous(joint);
         let column = |law: Law| law.column(&case.motion, joint);
         all.push((family.columns[0], column(Law::Warmer { per_kelvin })));
-        let families = choice.names.iter().map(|name| &case.library.families[*name]);
+        let families = selection.names.iter().map(|name| &case.library.families[*name]);
         let found = families
             .filter(|f| f.kind == "viscous_friction" && f.joint == Some(joint))
             .map(|f| f.columns[0]);
@@ -193,8 +193,8 @@ pub(super) fn agree(case: &mut Case, names: &[usize], always: &[usize], used: &[
     let goes_on = !(of_load.is_empty() && case.rubbing.is_empty());
     for _ in 0..if goes_on { ROUNDS } else { 0 } {
         let products = case.products(used);
-        let choice = asking(case, &products, always).solve(names);
-        let first = |name: &usize| choice.solved.value(case.library.families[*name].columns[0]);
+        let selection = search(case, &products, always).solve(names);
+        let first = |name: &usize| selection.solved.value(case.library.families[*name].columns[0]);
         let mut now: Vec<f64> = of_load.iter().map(|name| first(name).unwrap_or(0.0)).collect();
         now.extend(case.rubbing.iter().map(Rubbing::size));
         let mut both = now.iter().zip(&before);
@@ -202,9 +202,9 @@ pub(super) fn agree(case: &mut Case, names: &[usize], always: &[usize], used: &[
             break;
         }
         before = now;
-        case.recentre(&choice);
-        case.reload(&choice);
-        case.late(&choice);
+        case.recentre(&selection);
+        case.reload(&selection);
+        case.late(&selection);
     }
 }
 
@@ -221,8 +221,8 @@ pub(super) fn found_viscous(case: &Case, names: &[usize], solved: &Solved, joint
 
 /// By how much the number of each loop's column changes where the loop is made of springs that slip: how a friction remembers is not known, and motion that turns back
 /// within a loop tells a height by it.
-pub(super) fn otherwise(case: &Case, choice: &Choice, used: &[bool]) -> Vec<(usize, f64)> {
-    let families = choice.names.iter().map(|name| &case.library.families[*name]);
+pub(super) fn otherwise(case: &Case, selection: &Selection, used: &[bool]) -> Vec<(usize, f64)> {
+    let families = selection.names.iter().map(|name| &case.library.families[*name]);
     let loops: Vec<(usize, Column)> = families
         .filter(|family| family.form == Form::Loop)
         .filter_map(|family| {
@@ -237,14 +237,14 @@ pub(super) fn otherwise(case: &Case, choice: &Choice, used: &[bool]) -> Vec<(usi
         let other = loops.iter().find(|(one, _)| one == place);
         other.map_or(&case.library.columns[*place], |(_, other)| other)
     };
-    let places = &choice.solved.columns;
+    let places = &selection.solved.columns;
     let columns: Vec<&Column> = places.iter().map(own).collect();
     let prior = places.iter().map(|place| case.library.prior[*place]).collect();
     let all: Vec<usize> = (0..columns.len()).collect();
     let solved = Products::new(&case.table, &columns, prior, used).solve(&all);
     let moved = |(place, _): &(usize, Column)| {
         let at = places.iter().position(|other| other == place)?;
-        Some((*place, solved.value(at)? - choice.solved.values[at]))
+        Some((*place, solved.value(at)? - selection.solved.values[at]))
     };
     loops.iter().filter_map(moved).collect()
 }
@@ -259,25 +259,25 @@ fn put(case: &mut Case, name: usize, value: f64) {
     }
 }
 
-/// The log-likelihood that a choice gains with this value of a name's searched number.
+/// The log-likelihood that a selection gains with this value of a name's searched number.
 fn gain(
     case: &mut Case,
-    choice: &Choice,
+    selection: &Selection,
     always: &[usize],
     (name, value): (usize, f64),
     used: &[bool],
 ) -> f64 {
     put(case, name, value);
     let products = case.products(used);
-    asking(case, &products, always).solve(&choice.names).solved.gain
+    search(case, &products, always).solve(&selection.names).solved.gain
 }
 
 /// Lists the ripple that fits best what is left of each joint; whether any was found that is worth asking for.
-pub(super) fn listen(case: &mut Case, choice: &Choice, used: &[bool]) -> bool {
+pub(super) fn find_ripple(case: &mut Case, selection: &Selection, used: &[bool]) -> bool {
     let mut heard = false;
     let joints: Vec<usize> = case.table.joints().collect();
     for joint in joints {
-        let left = case.residual(&choice.solved, joint);
+        let left = case.residual(&selection.solved, joint);
         if let Some(cycles) = loudest(case, joint, &left, used) {
             case.library.ripple(&case.motion, joint, cycles);
             heard = true;
@@ -367,12 +367,12 @@ fn powers(rows: &[(f64, f64)], from: usize, step: f64, to: usize) -> Vec<f64> {
 }
 
 /// What is asked with the library as it stands.
-pub(super) fn asking<'a>(
+pub(super) fn search<'a>(
     case: &'a Case,
     products: &'a Products,
     always: &'a [usize],
-) -> Asking<'a> {
-    Asking { library: &case.library, products, always }
+) -> Search<'a> {
+    Search { library: &case.library, products, always }
 }
 
 #[cfg(test)]

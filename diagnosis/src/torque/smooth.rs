@@ -22,7 +22,7 @@ const DEGREE_OF_TIME: usize = 9;
 const DEGREE_OF_PAIR: usize = 3;
 /// So many laws are shown to held-out rows, the one that is worth most first.
 const LIKELY: usize = 6;
-/// What a law must bring beyond its price, in log-likelihood.
+/// What a law must bring beyond its penalty, in log-likelihood.
 const MARGIN: f64 = 15.0;
 /// Beside names a law explains at least this share of what is left, as energy: less may be what the band does to a turn.
 const SHARE: f64 = 0.02;
@@ -72,7 +72,7 @@ struct Question<'a> {
 
 /// What a look at a question says.
 struct Looked {
-    /// Laws that are worth their price, the one that is worth most first.
+    /// Laws that are worth their penalty, the one that is worth most first.
     found: Vec<Best>,
     /// The fit of the names without any.
     bare: Solved,
@@ -139,7 +139,7 @@ impl<'a> Question<'a> {
     fn new(
         case: &'a Case,
         (always, names): (&[usize], &[usize]),
-        price: &dyn Fn(usize) -> f64,
+        penalty: &dyn Fn(usize) -> f64,
         (joint, laws): (usize, &'a [Asked]),
         sums: &'a RefCell<Option<Sums>>,
     ) -> Self {
@@ -157,8 +157,8 @@ impl<'a> Question<'a> {
         let set = |kept: Vec<usize>| {
             let own = kept.iter().flat_map(|name| &families[*name].columns);
             let places = always.iter().chain(own).filter_map(place);
-            let price = kept.iter().map(|name| price(*name)).sum();
-            (kept.clone(), places.collect(), price)
+            let penalty = kept.iter().map(|name| penalty(*name)).sum();
+            (kept.clone(), places.collect(), penalty)
         };
         let mut kept = vec![set(names.to_vec())];
         if beside.len() < names.len() {
@@ -183,7 +183,7 @@ impl<'a> Question<'a> {
         self.sums.replace(Some(sums));
         let tried = (self.laws.len() * DEGREE) as f64;
         let rows = (products.rows.max(3) as f64).ln();
-        let price = |count: usize| 0.5 * count as f64 * rows + tried.ln();
+        let penalty = |count: usize| 0.5 * count as f64 * rows + tried.ln();
         let bare = products.solve(&self.kept[0].1);
         let least = bare.gain - self.kept[0].2 + MARGIN;
         let mut all: Vec<Best> = Vec::new();
@@ -195,9 +195,9 @@ impl<'a> Question<'a> {
                 let mut best: Option<Best> = None;
                 for count in fewest..=own.len() {
                     let (gain, _) = products.more(&names, &own[..count]);
-                    let worth = names.gain - of_names + gain - price(count);
+                    let worth = names.gain - of_names + gain - penalty(count);
                     // What is always of the same size is no law.
-                    let changes = gain - steady > price(count - 1);
+                    let changes = gain - steady > penalty(count - 1);
                     if changes && best.as_ref().is_none_or(|best| worth > best.worth) {
                         best = Some(Best { kept, asked, count, worth });
                     }
@@ -284,12 +284,12 @@ fn of_joint(case: &Case, question: &Question<'_>) -> Option<Beyond> {
 /// The law that brings most, of the joint that it is of.
 pub(super) fn law(case: &Case, always: &[usize], names: &[usize]) -> Option<Beyond> {
     let products = case.products(&case.rows.seen());
-    let asking = refine::asking(case, &products, always);
-    let price = |name: usize| asking.price(&case.library.families[name]);
+    let search = refine::search(case, &products, always);
+    let penalty = |name: usize| search.penalty(&case.library.families[name]);
     let sums = RefCell::default();
     let one = |joint: usize| {
         let laws = laws(&case.motion, joint);
-        of_joint(case, &Question::new(case, (always, names), &price, (joint, &laws), &sums))
+        of_joint(case, &Question::new(case, (always, names), &penalty, (joint, &laws), &sums))
     };
     case.table.joints().filter_map(one).max_by(|a, b| a.gain.total_cmp(&b.gain))
 }

@@ -3,8 +3,8 @@
 //! Promises: held-out rows take a name away, never choose one.
 
 use super::case::Case;
-use super::choose::{Asking, MARGIN};
 use super::library::Form;
+use super::selection::{MARGIN, Search};
 use super::{Rival, Weighed, found, prove};
 
 /// A stated number that a name stood for is off by so many times its uncertainty, from blocks of time, before it is told itself.
@@ -13,20 +13,20 @@ const OFF: f64 = 4.0;
 /// The names that stand, with what they bring, and those that held-out rows speak against.
 pub(super) fn stand(
     case: &Case,
-    asking: &Asking<'_>,
+    search: &Search<'_>,
     weighed: &[Weighed],
     seen: &[bool],
 ) -> (Vec<Weighed>, Vec<usize>) {
-    let mut weighed = whole(case, asking, replaced(asking, weighed), seen);
+    let mut weighed = whole(case, search, replaced(search, weighed), seen);
     let names = weighed.iter().map(|one| one.name).collect();
-    let (mut names, refuted) = borne_out(case, asking, names, seen);
+    let (mut names, refuted) = borne_out(case, search, names, seen);
     weighed.retain(|one| names.contains(&one.name));
     while !refuted.is_empty() {
-        let Some(name) = contradicted(case, asking, &names, seen) else { break };
+        let Some(name) = contradicted(case, search, &names, seen) else { break };
         names.push(name);
-        let choice = asking.solve(&names);
-        let (confidence, rivals) = found::rivals(asking, &choice, name);
-        weighed.push(Weighed { name, gain: asking.worth(&choice, name), confidence, rivals });
+        let selection = search.solve(&names);
+        let (confidence, rivals) = found::rivals(search, &selection, name);
+        weighed.push(Weighed { name, gain: search.worth(&selection, name), confidence, rivals });
     }
     (weighed, refuted)
 }
@@ -34,24 +34,24 @@ pub(super) fn stand(
 /// The number that the model states and that what is seen contradicts most, where a name that fell may have stood for it.
 pub(super) fn contradicted(
     case: &Case,
-    asking: &Asking<'_>,
+    search: &Search<'_>,
     names: &[usize],
     seen: &[bool],
 ) -> Option<usize> {
     let families = &case.library.families;
-    let choice = asking.solve(names);
+    let selection = search.solve(names);
     let open = (0..families.len()).filter(|name| families[*name].revises && !names.contains(name));
-    let worth = |name| (name, asking.brings(&choice, name) - asking.price(&families[name]));
+    let worth = |name| (name, search.brings(&selection, name) - search.penalty(&families[name]));
     let best = open.map(worth).max_by(|a, b| a.1.total_cmp(&b.1));
     let (name, _) = best.filter(|best| best.1 > MARGIN)?;
     let with: Vec<usize> = names.iter().copied().chain([name]).collect();
-    let is_sure = prove::sure(case, asking, &with, families[name].columns[0], seen) > OFF;
-    (is_sure && asking.admissible(with.clone()) == with).then_some(name)
+    let is_sure = prove::sure(case, search, &with, families[name].columns[0], seen) > OFF;
+    (is_sure && search.admissible(with.clone()) == with).then_some(name)
 }
 
 /// Names, those of which a form with more numbers stands in the library in that form where a number more is at least as large as its uncertainty: left out, it
 /// would bend the others by as much.
-fn whole(case: &Case, asking: &Asking<'_>, weighed: Vec<Weighed>, seen: &[bool]) -> Vec<Weighed> {
+fn whole(case: &Case, search: &Search<'_>, weighed: Vec<Weighed>, seen: &[bool]) -> Vec<Weighed> {
     let families = &case.library.families;
     let mut names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
     let mut all = weighed;
@@ -67,7 +67,7 @@ fn whole(case: &Case, asking: &Asking<'_>, weighed: Vec<Weighed>, seen: &[bool])
         let mut with = names.clone();
         with[at] = more;
         let added = families[more].columns.iter().filter(|column| !own.columns.contains(column));
-        let is_told = |column: &usize| prove::sure(case, asking, &with, *column, seen) > 1.0;
+        let is_told = |column: &usize| prove::sure(case, search, &with, *column, seen) > 1.0;
         if added.into_iter().any(is_told) {
             (names[at], all[at].name) = (more, more);
         }
@@ -78,7 +78,7 @@ fn whole(case: &Case, asking: &Asking<'_>, weighed: Vec<Weighed>, seen: &[bool])
 /// The names that are sure and that held-out rows bear out, and those that these speak against: a name that falls may leave another unsure.
 fn borne_out(
     case: &Case,
-    asking: &Asking<'_>,
+    search: &Search<'_>,
     mut names: Vec<usize>,
     seen: &[bool],
 ) -> (Vec<usize>, Vec<usize>) {
@@ -86,9 +86,9 @@ fn borne_out(
     loop {
         let before = names.len();
         let (kept, fell) =
-            prove::borne_out(case, asking, asking.admissible(names), &case.rows.held);
+            prove::borne_out(case, search, search.admissible(names), &case.rows.held);
         refuted.extend(fell);
-        names = asking.admissible(prove::told(case, asking, kept, seen));
+        names = search.admissible(prove::told(case, search, kept, seen));
         if names.len() == before {
             return (names, refuted);
         }
@@ -97,8 +97,8 @@ fn borne_out(
 
 /// Puts a rival in a name's place. A spring past its dead point is a rival still; another name whose numbers are not its own is none, and leaves its
 /// probability to the rest.
-fn instead(asking: &Asking<'_>, one: &mut Weighed, rival: &Rival) {
-    let former = &asking.library.families[one.name];
+fn instead(search: &Search<'_>, one: &mut Weighed, rival: &Rival) {
+    let former = &search.library.families[one.name];
     let is_rival = former.form == Form::Spring;
     let rest = if is_rival { 1.0 } else { 1.0 - one.confidence };
     one.rivals.iter_mut().for_each(|other| {
@@ -115,9 +115,9 @@ fn instead(asking: &Asking<'_>, one: &mut Weighed, rival: &Rival) {
 }
 
 /// Names, each whose numbers are not its own to have in this fit in the place of the likeliest rival that cannot be told from it, if one has them.
-fn replaced(asking: &Asking<'_>, weighed: &[Weighed]) -> Vec<Weighed> {
+fn replaced(search: &Search<'_>, weighed: &[Weighed]) -> Vec<Weighed> {
     let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
-    let stand = asking.admissible(names.clone());
+    let stand = search.admissible(names.clone());
     let one = |one: &Weighed| {
         let mut one = one.clone();
         if stand.contains(&one.name) {
@@ -125,11 +125,11 @@ fn replaced(asking: &Asking<'_>, weighed: &[Weighed]) -> Vec<Weighed> {
         }
         let fits = |rival: &Rival| {
             let with: Vec<usize> = stand.iter().copied().chain([rival.place]).collect();
-            asking.admissible(with.clone()) == with
+            search.admissible(with.clone()) == with
         };
         let alike = one.rivals.iter().position(|rival| rival.alike && fits(rival));
         if let Some(rival) = alike.map(|at| one.rivals.remove(at)) {
-            instead(asking, &mut one, &rival);
+            instead(search, &mut one, &rival);
         }
         one
     };

@@ -15,7 +15,7 @@ use super::{Finding, Stated, noise};
 use crate::colour::Colour;
 use crate::size::Size;
 
-/// What a constant must bring beyond its price, in log-likelihood.
+/// What a constant must bring beyond its penalty, in log-likelihood.
 const MARGIN: f64 = 10.0;
 
 /// A constant that a joint holds, N m or N, with its standard uncertainty and what it brings.
@@ -55,10 +55,10 @@ fn held(case: &Case, joint: usize, target: &[f64], always: &[usize]) -> Option<H
     let whole = products.solve(&places);
     let gain = whole.gain - products.solve(&places[..always.len()]).gain;
     let at = whole.columns.iter().position(|k| *k == always.len())?;
-    let price = 0.5 * (products.rows.max(3) as f64).ln() + (case.still.len() as f64).ln();
+    let penalty = 0.5 * (products.rows.max(3) as f64).ln() + (case.still.len() as f64).ln();
     let sigma = whole.covariance()[(at, at)].sqrt();
     let squares = target.iter().map(|x| x * x).sum::<f64>() / target.len().max(1) as f64;
-    (gain > price + MARGIN).then(|| Held {
+    (gain > penalty + MARGIN).then(|| Held {
         joint,
         value: whole.values[at],
         sigma,

@@ -1,7 +1,7 @@
 //! The rows that are fitted, and what sums of their products answer.
 //!
 //! Promises: rows of one joint are weighed by that joint's noise and freed of its memory, columns and right-hand side alike; rows set aside count in
-//! nothing. Never: a choice.
+//! nothing. Never: a selection.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::borrow::Cow;

@@ -1,8 +1,8 @@
 //! Torques of a slider and of a pendulum whose physics is known, with noise that is not.
 
-mod choice;
 mod load;
 mod numbers;
+mod selection;
 
 use physics::{
     AnyEffect, Arm, Body, Given, Inputs, JOINTS_MAX, Joint, JointKind, Memories, Model, Tool,
@@ -73,7 +73,7 @@ fn case(arm: Arm, noise: f64, force: impl Fn([f64; 3]) -> f64) -> Case {
     let model = Model::new(arm, &[]).unwrap();
     let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
     let mut case = Case::new(&stated, &[recording(JointKind::Prismatic, noise, force)], None, 1);
-    case.hear_noise();
+    case.estimate_noise();
     case
 }
 

@@ -5,8 +5,8 @@
 use crate::diagnose::Verdict;
 
 use super::case::Case;
-use super::choose::Choice;
 use super::library::Family;
+use super::selection::Selection;
 use super::smooth::Beyond;
 use super::{Finding, Rival, prove};
 
@@ -22,19 +22,19 @@ const BEHIND: f64 = 3.0;
 pub(super) fn verdict(
     case: &Case,
     findings: &[Finding],
-    (given, choice): (&Choice, &Choice),
+    (given, selection): (&Selection, &Selection),
     rest: Option<&Beyond>,
 ) -> Verdict {
     let held = &case.rows.held;
-    let energy = |choice: &Choice| {
-        let rms = prove::rms(case, &choice.solved, held);
+    let energy = |selection: &Selection| {
+        let rms = prove::rms(case, &selection.solved, held);
         rms * rms
     };
     let scale: f64 = case.table.joints().map(|j| case.table.noise[j].1.ln()).sum::<f64>()
         / case.table.joints().count().max(1) as f64;
     let count = held.iter().filter(|held| **held).count() as f64
         * case.table.joints().count().max(1) as f64;
-    let (before, after) = (energy(given), energy(choice));
+    let (before, after) = (energy(given), energy(selection));
     let carried = rest.map(|Beyond { law, instead_of, .. }| {
         let noise = case.table.noise[law.joint].1;
         let left = (law.held[0] - law.held[1]) / (noise * noise * count.max(1.0));

@@ -3,7 +3,7 @@
 //! Promises: whole rows, thinned evenly. Never: a number of its own.
 
 use super::case::Case;
-use super::choose::Choice;
+use super::selection::Selection;
 
 /// Points of a trace at most.
 const POINTS: usize = 1500;
@@ -39,8 +39,12 @@ fn torque(case: &Case, joint: usize) -> Vec<f64> {
 }
 
 /// The trace of one joint.
-pub(super) fn trace(case: &Case, (given, choice): (&Choice, &Choice), joint: usize) -> Trace {
-    let off = [given, choice].map(|one| case.residual(&one.solved, joint));
+pub(super) fn trace(
+    case: &Case,
+    (given, selection): (&Selection, &Selection),
+    joint: usize,
+) -> Trace {
+    let off = [given, selection].map(|one| case.residual(&one.solved, joint));
     let torque = torque(case, joint);
     let (mut t_s, mut speed) = (Vec::new(), Vec::new());
     let mut start = 0.0;

@@ -2,7 +2,7 @@
 //!
 //! The law is taken as it is at the numbers believed, plus slopes: what is solved with these columns are the numbers themselves, and the law is taken anew there.
 //!
-//! Promises: drifts of the amplifier and numbers that are told with doubt are always fitted along; phases of the spindle and its speed where these are doubted. Never: a choice.
+//! Promises: drifts of the amplifier and numbers that are told with doubt are always fitted along; phases of the spindle and its speed where these are doubted. Never: a selection.
 
 use glam::DVec3;
 use nalgebra::DMatrix;
@@ -246,7 +246,7 @@ impl Case {
     }
 
     /// Learns each axis' noise from what no name explains.
-    pub(super) fn hear_noise(&mut self) {
+    pub(super) fn estimate_noise(&mut self) {
         for _ in 0..2 {
             self.table.noise.iter_mut().for_each(|(colour, _)| *colour = Colour::default());
             let rich = self.products(&self.sets.train);

@@ -1,6 +1,6 @@
 //! The result of forces held against a cut: names with their numbers, what they bring on held-out rows, what remains, the verdict.
 //!
-//! Promises: held-out rows are read here first, and change no choice but to take a name out. Never: a claim of what cannot be told apart.
+//! Promises: held-out rows are read here first, and change no selection but to take a name out. Never: a claim of what cannot be told apart.
 
 use nalgebra::DMatrix;
 use physics::Model;
@@ -17,9 +17,9 @@ use super::rows::Rows;
 use super::sets;
 use super::view::{Traced, has_one_feed, not_tested, notes, signal, traces};
 use crate::diagnose::{Verdict, judge};
-use crate::torque::choose::{Asking, Choice, others};
 use crate::torque::library::Family;
 use crate::torque::prove::{Listed, borne_out_by, order_by, size_of, told_by};
+use crate::torque::selection::{Search, Selection, others};
 use crate::torque::table::Solved;
 use crate::torque::{Finding, Refit};
 
@@ -88,39 +88,39 @@ pub(super) fn finish(
     let mut weighed = reweighed(&mut case, &mut names, &seen);
     names = filled(&mut case, names, &seen);
     let products = case.products(&seen);
-    let asking = Asking { library: &case.library, products: &products, always: &case.always };
-    let choice = asking.solve(&names);
+    let search = Search { library: &case.library, products: &products, always: &case.always };
+    let selection = search.solve(&names);
     let rms = |solved: &Solved| case.rms(solved, &case.sets.held);
-    let listed = order_by(&asking, &choice, &rms);
-    let covariance = case.covariance(&choice.solved, &seen);
+    let listed = order_by(&search, &selection, &rms);
+    let covariance = case.covariance(&selection.solved, &seen);
     let is_tone = |one: &&Listed| case.library.families[one.name].kind == TONE;
     let hum = listed.iter().find(is_tone).map(|one| one.heldout);
     let stated = |kind: &str| model.effects().any(|effect| effect.spec().kind == kind);
     let finding = |one: Listed| {
         let family = &case.library.families[one.name];
-        let own = asking.own_columns(&choice, one.name);
+        let own = search.own_columns(&selection, one.name);
         let weighed = weighed.remove(family.kind).filter(|_| family.kind != TONE)?;
         Some(Finding {
             kind: family.kind,
             joint: None,
             recording: None,
             is_change: stated(family.kind),
-            numbers: found::numbers(&case, model, &asking, &choice, family, &covariance),
+            numbers: found::numbers(&case, model, &search, &selection, family, &covariance),
             confidence: weighed.confidence,
             gain: weighed.gain,
             rivals: weighed.rivals,
             heldout: one.heldout,
             heldout_without: one.heldout_without,
-            size: size_of(&case.table, &case.library.columns, &choice.solved, &own),
+            size: size_of(&case.table, &case.library.columns, &selection.solved, &own),
         })
     };
     let findings: Vec<Finding> = listed.into_iter().filter_map(finding).collect();
-    let refits = refits(&case, model, &asking, &choice, &covariance);
-    let (law, given) = (rest::rest(&case, &asking.columns(&names)), asking.solve(&[]));
-    let heldout = [&given, &choice].map(|one| rms(&one.solved));
+    let refits = refits(&case, model, &search, &selection, &covariance);
+    let (law, given) = (rest::rest(&case, &search.columns(&names)), search.solve(&[]));
+    let heldout = [&given, &selection].map(|one| rms(&one.solved));
     let creeping = rest::creeping(&case, &case.belief);
     let is_strange = is_patched || hum.is_some() || creeping.is_some();
-    let verdict = verdict(&case, &findings, (&given, &choice), law.as_ref(), is_strange);
+    let verdict = verdict(&case, &findings, (&given, &selection), law.as_ref(), is_strange);
     let (findings, candidates) = judge::claimed(verdict, findings, |one| one.confidence);
     let tone = hum.map(|held| a_tone(&case, held));
     let nameless = is_patched.then(|| beyond_names(heldout));
@@ -132,7 +132,7 @@ pub(super) fn finish(
         refits,
         unexplained,
         heldout,
-        noise: case.rms(&choice.solved, &seen),
+        noise: case.rms(&selection.solved, &seen),
         signal: signal(&case),
         rows: rows.at.len(),
         says: case.sets.says.clone(),
@@ -182,14 +182,14 @@ fn is_patched(case: &Case, names: &[usize]) -> bool {
         return true;
     }
     let products = case.products(&case.sets.train);
-    let asking = Asking { library: &case.library, products: &products, always: &case.always };
-    let (given, choice) = (asking.solve(&[]), asking.solve(names));
-    let prices = names.iter().map(|name| sets::price_of(&asking, &case.library.families[*name]));
-    let worth = choice.solved.gain - given.solved.gain - prices.sum::<f64>();
+    let search = Search { library: &case.library, products: &products, always: &case.always };
+    let (given, selection) = (search.solve(&[]), search.solve(names));
+    let prices = names.iter().map(|name| sets::price_of(&search, &case.library.families[*name]));
+    let worth = selection.solved.gain - given.solved.gain - prices.sum::<f64>();
     let bare = Case { belief: Belief::as_told(case.belief.spindle.clone()), ..case.clone() };
     let law = laws::law(&bare, &case.always, &bare.belief);
     let evidence = |worth: f64, carries: f64| worth + 0.5 * carries;
-    let carried = carried(case, &given, &choice);
+    let carried = carried(case, &given, &selection);
     let least = (1.0 + CLEARLY) * evidence(worth, carried) + BY_CHANCE;
     // Rows held out may not say otherwise: a law of time is near wear, which goes by the way.
     let is_ahead = |law: &laws::Law| {
@@ -198,10 +198,10 @@ fn is_patched(case: &Case, names: &[usize]) -> bool {
     law.is_some_and(|law| is_ahead(&law))
 }
 
-/// What a choice carries on held-out rows of the energy that is off as given, in units of what is new in the noise.
-fn carried(case: &Case, given: &Choice, choice: &Choice) -> f64 {
-    let left = |choice: &Choice| 2.0 * case.left_white(&choice.solved, &case.sets.held);
-    (left(given) - left(choice)).max(0.0)
+/// What a selection carries on held-out rows of the energy that is off as given, in units of what is new in the noise.
+fn carried(case: &Case, given: &Selection, selection: &Selection) -> f64 {
+    let left = |selection: &Selection| 2.0 * case.left_white(&selection.solved, &case.sets.held);
+    (left(given) - left(selection)).max(0.0)
 }
 
 /// The names that stand on all rows that were seen, and the belief that they make: numbers that are not nothing, borne out by rows held out.
@@ -214,12 +214,12 @@ fn settled(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
     }
     let kept = {
         let products = case.products(seen);
-        let asking = Asking { library: &case.library, products: &products, always: &case.always };
+        let search = Search { library: &case.library, products: &products, always: &case.always };
         let covariance = |solved: &Solved| case.covariance(solved, seen);
         let is_belief = |name: usize| case.library.families[name].revises;
-        let kept = told_by(&asking, names.clone(), &covariance, &is_belief);
+        let kept = told_by(&search, names.clone(), &covariance, &is_belief);
         let left = |solved: &Solved| case.left_white(solved, &case.sets.held);
-        borne_out_by(&asking, kept, &left, &is_belief).0
+        borne_out_by(&search, kept, &left, &is_belief).0
     };
     if kept != names {
         fit(case, &kept, seen);
@@ -230,8 +230,8 @@ fn settled(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
 /// Believes names where the law fits best with them on all rows that were seen, and takes it anew there.
 fn fit(case: &mut Case, names: &[usize], seen: &[bool]) {
     let products = case.products(seen);
-    let asking = Asking { library: &case.library, products: &products, always: &case.always };
-    let columns = asking.columns(names);
+    let search = Search { library: &case.library, products: &products, always: &case.always };
+    let columns = search.columns(names);
     let (belief, _) = case.fitted(&case.belief, &columns, seen);
     case.belief = belief;
     case.take();
@@ -240,11 +240,11 @@ fn fit(case: &mut Case, names: &[usize], seen: &[bool]) {
 /// What each name brings and who rivals it, by kind.
 fn weighed(case: &Case, names: &[usize], seen: &[bool]) -> BTreeMap<&'static str, Weighed> {
     let products = case.products(seen);
-    let asking = Asking { library: &case.library, products: &products, always: &case.always };
-    let choice = asking.solve(names);
+    let search = Search { library: &case.library, products: &products, always: &case.always };
+    let selection = search.solve(names);
     let one = |name: &usize| {
         let kind = case.library.families[*name].kind;
-        (kind, found::weighed(case, &asking, &choice, *name, seen))
+        (kind, found::weighed(case, &search, &selection, *name, seen))
     };
     names.iter().map(one).collect()
 }
@@ -263,7 +263,7 @@ fn reweighed(
     weighed(case, names, seen)
 }
 
-/// The names without one that brings less than it costs, or with a likelier rival in its place: rows kept for a second look may tell what those of the choice did not.
+/// The names without one that brings less than it costs, or with a likelier rival in its place: rows kept for a second look may tell what those of the selection did not.
 fn better(
     case: &Case,
     names: &[usize],
@@ -271,12 +271,12 @@ fn better(
     seen: &[bool],
 ) -> Option<Vec<usize>> {
     let products = case.products(seen);
-    let asking = Asking { library: &case.library, products: &products, always: &case.always };
+    let search = Search { library: &case.library, products: &products, always: &case.always };
     let families = &case.library.families;
     let asked = || names.iter().filter(|name| !families[**name].revises);
     let of = |name: &usize| weighed.get(families[*name].kind);
     let swapped = asked().find_map(|name| {
-        let better = of(name)?.better(&asking)?;
+        let better = of(name)?.better(&search)?;
         Some(with_instead(names, *name, better))
     });
     let idle = || asked().find(|name| of(name).is_some_and(|one| one.is_idle));
@@ -287,12 +287,12 @@ fn better(
 fn refits(
     case: &Case,
     model: &Model,
-    asking: &Asking<'_>,
-    choice: &Choice,
+    search: &Search<'_>,
+    selection: &Selection,
     covariance: &DMatrix<f64>,
 ) -> Vec<Refit> {
     let families = &case.library.families;
-    let is_named = |kind: &str| choice.names.iter().any(|name| families[*name].kind == kind);
+    let is_named = |kind: &str| selection.names.iter().any(|name| families[*name].kind == kind);
     let is_open = |slot: &Slot| {
         let own = slot.from..slot.from + slot.count;
         case.doubts.iter().any(|doubt| own.contains(&doubt.number))
@@ -301,7 +301,7 @@ fn refits(
     let family = |(kind, _): &(&str, Slot)| families.iter().find(|family| family.kind == *kind);
     let of = |family: &Family| {
         let kind = family.kind;
-        let numbers = found::numbers(case, model, asking, choice, family, covariance);
+        let numbers = found::numbers(case, model, search, selection, family, covariance);
         numbers.into_iter().map(move |number| Refit { kind, joint: None, number })
     };
     open.filter_map(family).flat_map(of).collect()
@@ -326,7 +326,7 @@ fn filled(case: &mut Case, names: Vec<usize>, seen: &[bool]) -> Vec<usize> {
 fn fullest(case: &Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
     let families = &case.library.families;
     let products = case.products(seen);
-    let asking = Asking { library: &case.library, products: &products, always: &case.always };
+    let search = Search { library: &case.library, products: &products, always: &case.always };
     let mut all = names.to_vec();
     for k in 0..all.len() {
         let own = &families[all[k]];
@@ -337,7 +337,7 @@ fn fullest(case: &Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
         let Some(full) = forms.max_by_key(|place| families[*place].columns.len()) else { continue };
         let mut tried = all.clone();
         tried[k] = full;
-        let solved = asking.solve(&tried).solved;
+        let solved = search.solve(&tried).solved;
         let is_apart = |(at, column): (usize, &usize)| {
             let spread = solved.covariance()[(at, at)] * products.gram[(*column, *column)];
             families[full].revises || !families[full].columns.contains(column) || spread < APART
@@ -352,11 +352,11 @@ fn fullest(case: &Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
 fn verdict(
     case: &Case,
     findings: &[Finding],
-    (given, choice): (&Choice, &Choice),
+    (given, selection): (&Selection, &Selection),
     rest: Option<&Rest>,
     is_strange: bool,
 ) -> Verdict {
-    let explained = carried(case, given, choice);
+    let explained = carried(case, given, selection);
     let share = rest.map(|rest| explained / (explained + rest.carries).max(f64::MIN_POSITIVE));
     let named: f64 = findings.iter().map(|one| one.gain).sum();
     let is_alike = |one: &&Finding| one.confidence < LIKELY && !one.rivals.is_empty();

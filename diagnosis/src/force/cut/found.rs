@@ -11,8 +11,8 @@ use physics::Model;
 use super::case::Case;
 use super::names::{TONE, slot};
 use super::sets::price_of;
-use crate::torque::choose::{Asking, Choice, others};
 use crate::torque::library::Family;
+use crate::torque::selection::{Search, Selection, others};
 use crate::torque::{Number, Rival};
 
 /// The share of a number that stays open whatever the noise.
@@ -36,9 +36,9 @@ pub(super) struct Weighed {
 }
 
 impl Weighed {
-    /// The rival that explains more for its price, where there is one.
-    pub(super) fn better(&self, asking: &Asking<'_>) -> Option<usize> {
-        let cost = |one: &Rival| one.behind + one.dearer * price(asking);
+    /// The rival that explains more for its penalty, where there is one.
+    pub(super) fn better(&self, search: &Search<'_>) -> Option<usize> {
+        let cost = |one: &Rival| one.behind + one.dearer * penalty(search);
         let best = self.rivals.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
         (cost(best) < -BETTER).then_some(best.place)
     }
@@ -47,32 +47,32 @@ impl Weighed {
 /// What a name brings, by the law itself, and what others would bring in its place.
 pub(super) fn weighed(
     case: &Case,
-    asking: &Asking<'_>,
-    choice: &Choice,
+    search: &Search<'_>,
+    selection: &Selection,
     name: usize,
     used: &[bool],
 ) -> Weighed {
-    let families = &asking.library.families;
+    let families = &search.library.families;
     let own = &families[name];
-    let others = others(&choice.names, name);
-    let misfit = |names: &[usize]| case.fitted(&case.belief, &asking.columns(names), used).1;
-    let whole = misfit(&choice.names);
+    let others = others(&selection.names, name);
+    let misfit = |names: &[usize]| case.fitted(&case.belief, &search.columns(names), used).1;
+    let whole = misfit(&selection.names);
     let gain = misfit(&others) - whole;
-    let without = asking.solve(&others);
-    let by_slopes = choice.solved.gain - without.solved.gain;
+    let without = search.solve(&others);
+    let by_slopes = selection.solved.gain - without.solved.gain;
     let mut rivals: Vec<Rival> = Vec::new();
     for (place, family) in families.iter().enumerate() {
         let is_taken = others.iter().any(|n| families[*n].kind == family.kind);
         if is_taken || family.kind == own.kind {
             continue;
         }
-        if asking.brings(&without, place) < SHARES * by_slopes {
+        if search.brings(&without, place) < SHARES * by_slopes {
             continue;
         }
         let names: Vec<usize> = others.iter().copied().chain([place]).collect();
         let behind = misfit(&names) - whole;
-        // In numbers: a choice among many forms is worth a part of one.
-        let dearer = (price_of(asking, family) - price_of(asking, own)) / price(asking);
+        // In numbers: a selection among many forms is worth a part of one.
+        let dearer = (price_of(search, family) - price_of(search, own)) / penalty(search);
         if behind > FAR {
             continue;
         }
@@ -84,10 +84,10 @@ pub(super) fn weighed(
             behind,
             dearer,
             // Whoever takes more numbers to explain the same is no rival on an even footing.
-            alike: behind + dearer.max(0.0) * price(asking) < ALIKE,
+            alike: behind + dearer.max(0.0) * penalty(search) < ALIKE,
             confidence: 0.0,
         };
-        let cost = |one: &Rival| one.behind + one.dearer * price(asking);
+        let cost = |one: &Rival| one.behind + one.dearer * penalty(search);
         match rivals.iter().position(|one| one.kind == rival.kind) {
             Some(at) if cost(&rivals[at]) > cost(&rival) => rivals[at] = rival,
             Some(_) => {}
@@ -95,30 +95,30 @@ pub(super) fn weighed(
         }
     }
     // That nothing is there at all is one more rival.
-    let nothing = libm::exp(-(gain - price_of(asking, own)).max(-20.0));
+    let nothing = libm::exp(-(gain - price_of(search, own)).max(-20.0));
     let weight =
-        |rival: &Rival| libm::exp(-(rival.behind + rival.dearer * price(asking)).max(-20.0));
+        |rival: &Rival| libm::exp(-(rival.behind + rival.dearer * penalty(search)).max(-20.0));
     let all = 1.0 + nothing + rivals.iter().map(weight).sum::<f64>();
     let shares: Vec<f64> = rivals.iter().map(|rival| weight(rival) / all).collect();
     rivals.iter_mut().zip(shares).for_each(|(rival, share)| rival.confidence = share);
     rivals.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
     rivals.retain(|rival| rival.kind != TONE);
-    let is_idle = gain < price_of(asking, own);
+    let is_idle = gain < price_of(search, own);
     Weighed { gain, confidence: 1.0 / all, rivals, is_idle }
 }
 
 /// What one more number costs.
-fn price(asking: &Asking<'_>) -> f64 {
-    0.5 * (asking.products.rows.max(3) as f64).ln()
+fn penalty(search: &Search<'_>) -> f64 {
+    0.5 * (search.products.rows.max(3) as f64).ln()
 }
 
 /// The names with a likelier rival in the place of one of them, where there is one.
 pub(super) fn likelier(case: &Case, names: &[usize], used: &[bool]) -> Option<Vec<usize>> {
     let products = case.products(used);
-    let asking = Asking { library: &case.library, products: &products, always: &case.always };
-    let choice = asking.solve(names);
+    let search = Search { library: &case.library, products: &products, always: &case.always };
+    let selection = search.solve(names);
     names.iter().find_map(|name| {
-        let better = weighed(case, &asking, &choice, *name, used).better(&asking)?;
+        let better = weighed(case, &search, &selection, *name, used).better(&search)?;
         Some(with_instead(names, *name, better))
     })
 }
@@ -132,15 +132,15 @@ pub(super) fn with_instead(names: &[usize], name: usize, other: usize) -> Vec<us
 pub(super) fn numbers(
     case: &Case,
     model: &Model,
-    asking: &Asking<'_>,
-    choice: &Choice,
+    search: &Search<'_>,
+    selection: &Selection,
     family: &Family,
     covariance: &DMatrix<f64>,
 ) -> Vec<Number> {
     let slot = slot(family.kind);
     let values = slot.of(&case.belief.numbers).to_vec();
     let sigma: Vec<f64> = (0..slot.count)
-        .map(|k| doubt(case, asking, choice, slot.from + k, covariance).hypot(FLOOR * values[k]))
+        .map(|k| doubt(case, search, selection, slot.from + k, covariance).hypot(FLOOR * values[k]))
         .collect();
     let many = |stem, values: Vec<f64>, sigma: Vec<f64>| vec![Number { stem, values, sigma }];
     match family.kind {
@@ -179,8 +179,8 @@ pub(super) fn numbers(
 /// The standard uncertainty of one number: in the fit, or, where its name does without it, beside the fit.
 fn doubt(
     case: &Case,
-    asking: &Asking<'_>,
-    choice: &Choice,
+    search: &Search<'_>,
+    selection: &Selection,
     number: usize,
     covariance: &DMatrix<f64>,
 ) -> f64 {
@@ -200,13 +200,13 @@ fn doubt(
         }
         libm::sqrt(sum.max(0.0))
     };
-    let inside = weights(&choice.solved.columns);
+    let inside = weights(&selection.solved.columns);
     if inside.iter().any(|weight| *weight != 0.0) {
         return spread(covariance, &inside);
     }
-    let mut columns = asking.columns(&choice.names);
+    let mut columns = search.columns(&selection.names);
     columns.push(number);
-    let solved = asking.products.solve(&columns);
+    let solved = search.products.solve(&columns);
     spread(solved.covariance(), &weights(&solved.columns))
 }
 

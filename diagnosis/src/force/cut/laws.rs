@@ -22,7 +22,7 @@ use crate::torque::table::{Products, Solved};
 /// Knots of a word; of a turn, for each tooth.
 const KNOTS: usize = 8;
 const KNOTS_OF_TOOTH: usize = 4;
-/// What a law must bring beyond its price, in log-likelihood.
+/// What a law must bring beyond its penalty, in log-likelihood.
 const MARGIN: f64 = 10.0;
 /// The least share of what is left on its axes that a law explains on rows unseen, as energy.
 const SHARE: f64 = 5e-3;
@@ -49,7 +49,7 @@ pub(super) struct Law {
     pub(super) worth: f64,
 }
 
-/// A law that is worth its price.
+/// A law that is worth its penalty.
 struct Worth {
     law: usize,
     columns: usize,
@@ -182,7 +182,7 @@ fn knots(values: &[f64], count: usize) -> Vec<f64> {
     knots
 }
 
-/// The laws that are worth their price on rows that train.
+/// The laws that are worth their penalty on rows that train.
 fn asked(case: &Case, beside: &[usize], laws: &[Asked]) -> Vec<Worth> {
     let mut kept = None;
     let mut found = Vec::new();
@@ -191,13 +191,13 @@ fn asked(case: &Case, beside: &[usize], laws: &[Asked]) -> Vec<Worth> {
         kept = Some(sums);
         let gain = |columns: usize| solved(&products, beside, columns).gain;
         let rows = 0.5 * (products.rows.max(3) as f64).ln();
-        let price = |columns: usize| rows * columns as f64 + (laws.len() as f64).ln();
+        let penalty = |columns: usize| rows * columns as f64 + (laws.len() as f64).ln();
         let (bare, steady) = (gain(0), gain(1));
         for columns in [2, asked.columns.len()] {
             let whole = gain(columns);
-            let worth = whole - bare - price(columns);
+            let worth = whole - bare - penalty(columns);
             // What is always of the same size is no law.
-            if worth > MARGIN && whole - steady > MARGIN + price(columns - 1) {
+            if worth > MARGIN && whole - steady > MARGIN + penalty(columns - 1) {
                 found.push(Worth { law, columns, worth });
             }
         }
@@ -227,7 +227,7 @@ fn solved(products: &Products, beside: &[usize], columns: usize) -> Solved {
     products.solve(&(0..beside.len() + columns).collect::<Vec<usize>>())
 }
 
-/// A law beside what it stands beside, where rows bear it out that took no part in its choice.
+/// A law beside what it stands beside, where rows bear it out that took no part in its selection.
 fn borne_out(case: &Case, beside: &[usize], law: &Asked, found: &Worth) -> Option<Law> {
     let library = beside.iter().map(|k| case.library.columns[*k].clone());
     let all: Vec<Column> = library.chain(law.columns.iter().cloned()).collect();

@@ -2,7 +2,7 @@
 //!
 //! A name has several forms: one direction, or all; a material that is harder in every direction alike; a sensor that reads too much on one axis, or on all.
 //!
-//! Promises: signs as the contract has them; a name that this recording cannot show is not asked for, and why is said. Never: a choice.
+//! Promises: signs as the contract has them; a name that this recording cannot show is not asked for, and why is said. Never: a selection.
 
 use physics::{AnyEffect, Model};
 

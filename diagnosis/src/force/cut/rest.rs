@@ -1,6 +1,6 @@
 //! Structure that no name of cutter or sensor explains, in the contract's words.
 //!
-//! Promises: a law is claimed where rows that took no part in its choice bear it out. Never: a formula.
+//! Promises: a law is claimed where rows that took no part in its selection bear it out. Never: a formula.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;

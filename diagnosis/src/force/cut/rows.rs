@@ -1,7 +1,7 @@
 //! Which rows of a recording are compared with the law of its cut, and which of them are for what.
 //!
 //! Promises: rows of which nothing is known of the spindle or the feed are in no run; air that the forces tell is air though the
-//! feed goes on; a row that stands at the border of engagement counts in nothing. Never: a choice.
+//! feed goes on; a row that stands at the border of engagement counts in nothing. Never: a selection.
 
 use physics::Cutter;
 use recording::series::{Channel, Heldout, Recording};

@@ -5,9 +5,9 @@ use physics::JointKind;
 use std::f64::consts::TAU;
 
 use super::*;
-use crate::torque::called;
 use crate::torque::columns::{Law, shortest_way, slip};
 use crate::torque::found::Number;
+use crate::torque::reinterpretation;
 
 /// The pendulum without a word of its mass.
 fn bare() -> Arm {
@@ -69,7 +69,7 @@ fn a_memory_too_short_for_the_band_is_dry_friction_and_a_longer_one_is_not() {
         let place = case.library.families[name].columns[0];
         case.library.columns[place] = column;
         case.library.families[name].settings[0].1 = shortest;
-        let names = called::turned(&case, &[], vec![name]);
+        let names = reinterpretation::hysteresis_as_friction(&case, &[], vec![name]);
         case.library.families[names[0]].kind
     };
     assert_eq!(told(&|shortest| 0.1 * shortest), "coulomb_friction");

@@ -18,12 +18,12 @@ fn a_stated_number_far_off_its_doubt_is_told_where_what_stood_for_it_fell() {
         let stated = Stated { model: &model, sigma: &sigma, delay_s: 0.0 };
         let made = recording(JointKind::Prismatic, 1.0, force);
         let mut case = Case::new(&stated, &[made], None, 1);
-        case.hear_noise();
-        case.forget_memory();
+        case.estimate_noise();
+        case.ignore_autocorrelation();
         let seen = case.rows.seen();
         let products = case.products(&seen);
-        let asking = refine::asking(&case, &products, &case.open);
-        let name = stand::contradicted(&case, &asking, &[], &seen);
+        let search = refine::search(&case, &products, &case.open);
+        let name = stand::contradicted(&case, &search, &[], &seen);
         assert_eq!(name.map(|name| case.library.families[name].kind), said);
     }
 }
@@ -73,19 +73,19 @@ fn where_warmth_bends_friction_its_number_is_told_with_the_slope_at_the_bend() {
     let model = Model::new(arm, &[viscous]).unwrap();
     let stated = Stated { model: &model, sigma: &[vec![0.0]], delay_s: 0.0 };
     let mut case = Case::new(&stated, &[made], None, 1);
-    case.hear_noise();
-    case.forget_memory();
+    case.estimate_noise();
+    case.ignore_autocorrelation();
     let mut families = case.library.families.iter();
     let name = families.position(|f| f.kind == "friction_temperature").unwrap();
     let seen = case.rows.seen();
     refine::warm(&mut case, &[name], &[], &seen, &|_| 150.0);
     let products = case.products(&seen);
-    let choice = refine::asking(&case, &products, &[]).solve(&[name]);
-    let flat = prove::covariance(&case, &choice.solved, &seen)[(0, 0)];
-    let (bent, _) = prove::sureness(&case, &choice, &seen, &|_| 150.0);
+    let selection = refine::search(&case, &products, &[]).solve(&[name]);
+    let flat = prove::covariance(&case, &selection.solved, &seen)[(0, 0)];
+    let (bent, _) = prove::sureness(&case, &selection, &seen, &|_| 150.0);
     // Friction that is nearly gone says little more of how fast it goes: the column rises to 1 − e⁻¹˙⁵, its slope is down to 1.5 e⁻¹˙⁵.
     assert!(bent[(0, 0)] > 1.5 * flat, "{bent} {flat}");
-    let per_kelvin = -choice.solved.values[0] / 150.0;
+    let per_kelvin = -selection.solved.values[0] / 150.0;
     assert!((per_kelvin - 0.1).abs() < 3.0 * bent[(0, 0)].sqrt() / 150.0, "{per_kelvin}");
 }
 
@@ -121,14 +121,14 @@ fn a_wave_so_long_that_only_its_slope_shows_has_no_height_to_tell() {
     let kept = |cycles: f64, force: &dyn Fn([f64; 3]) -> f64| {
         let mut case = case(arm, 1.0, force);
         case.library.ripple(&case.motion, 0, cycles);
-        case.forget_memory();
+        case.ignore_autocorrelation();
         let wave = vec![case.library.families.len() - 1];
         let seen = case.rows.seen();
         let products = case.products(&seen);
-        let asking = refine::asking(&case, &products, &case.open);
-        let told = prove::told(&case, &asking, wave.clone(), &seen);
+        let search = refine::search(&case, &products, &case.open);
+        let told = prove::told(&case, &search, wave.clone(), &seen);
         assert_eq!(told, wave, "beside a height that is known it is plain");
-        finish::sized(&case, &stated, &asking, wave).1.len()
+        finish::sized(&case, &stated, &search, wave).1.len()
     };
     assert_eq!([kept(1.0, &long), kept(60.0, &short)], [0, 1]);
 }
@@ -136,7 +136,7 @@ fn a_wave_so_long_that_only_its_slope_shows_has_no_height_to_tell() {
 #[test]
 fn rows_more_are_as_likely_as_numbers_of_these_few_foretell_them() {
     let mut case = case(slider(true), 1.0, |[_, v, a]| MASS * a + 3.0 * v.signum());
-    case.forget_memory();
+    case.ignore_autocorrelation();
     let families = &case.library.families;
     let dry = families.iter().find(|family| family.kind == "coulomb_friction").unwrap().columns[0];
     let (few, all) = (case.products(&case.rows.train), case.products(&case.rows.seen()));

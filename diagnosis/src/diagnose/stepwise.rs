@@ -1,11 +1,11 @@
-//! A choice of effects under way: adding, taking out, exchanging, until nothing is worth a change; and the rivals of each in the end.
+//! A selection of effects under way: adding, taking out, exchanging, until nothing is worth a change; and the rivals of each in the end.
 //!
-//! Promises: of names that are as good the earlier in the library; the same products, the same choice. Never: a look at the data but through
+//! Promises: of names that are as good the earlier in the library; the same products, the same selection. Never: a look at the data but through
 //! [`Gram`].
 
 use super::gram::{Entry, Gain, Gram};
 use super::judge::words;
-use super::name::{ALIKE, Asking, Named, Naming, Rival, nuisance, title, without};
+use super::selection::{ALIKE, Rival, Search, Selected, Selection, nuisance, title, without};
 use crate::candidates::{Candidate, Probe, wave_candidate};
 use crate::fit::compare;
 use crate::hypothesis::named;
@@ -34,9 +34,9 @@ const UNSURE: f64 = 2.0;
 /// Names that are better by less than this are as good: the earlier in the library is said.
 const TIE: f64 = 1e-3;
 
-/// A choice under way, where a fit stands.
+/// A selection under way, where a fit stands.
 #[derive(Clone)]
-pub(super) struct Choice<'a> {
+pub(super) struct Stepwise<'a> {
     given: &'a Model,
     pub(super) entries: Vec<Entry>,
     pub(super) gram: Gram,
@@ -49,13 +49,13 @@ pub(super) struct Choice<'a> {
     whole: OnceLock<f64>,
 }
 
-impl<'a> Choice<'a> {
-    pub(super) fn at(asking: &Asking<'a>, naming: &Naming, also: &[Entry]) -> Self {
-        let Naming { fit, named } = naming;
-        let fitted = Fitted::new(asking.campaign, fit, &asking.settings);
+impl<'a> Stepwise<'a> {
+    pub(super) fn at(search: &Search<'a>, selection: &Selection, also: &[Entry]) -> Self {
+        let Selection { fit, named } = selection;
+        let fitted = Fitted::new(search.campaign, fit, &search.settings);
         let arm = &fit.hypothesis.model.arm;
-        let moves = asking.bank.moves(&fitted, asking.library);
-        let of_library = asking.library.iter().zip(moves).map(|(candidate, moves)| Entry {
+        let moves = search.jacobian_cache.moves(&fitted, search.library);
+        let of_library = search.library.iter().zip(moves).map(|(candidate, moves)| Entry {
             moves: Some(moves),
             ..Entry::open(candidate.kept(), candidate.clone())
         });
@@ -64,7 +64,7 @@ impl<'a> Choice<'a> {
         for one in named {
             let effect = fit.hypothesis.model.effects().nth(one.effect);
             let had =
-                &asking.known.model.effects().nth(one.effect).filter(|_| one.stated.is_some());
+                &search.known.model.effects().nth(one.effect).filter(|_| one.stated.is_some());
             let had = had.map_or(&[][..], |had| had.values());
             // Every name has an entry, so that those that stand are in the order of the names.
             let bare = || (one.candidate.clone(), vec![0.0; one.candidate.probes.len()]);
@@ -84,9 +84,9 @@ impl<'a> Choice<'a> {
             let found = wave_candidate(arm, line.joint, line.cycles);
             entries.extend(found.map(|candidate| Entry::open(&[], candidate)));
         }
-        let (nuisance, stated) = nuisance(asking, naming);
+        let (nuisance, stated) = nuisance(search, selection);
         Self {
-            given: &asking.known.model,
+            given: &search.known.model,
             gram: Gram::of(&fitted, &entries, &nuisance, &stated),
             entries,
             standing,
@@ -98,15 +98,15 @@ impl<'a> Choice<'a> {
     }
 
     /// What a number costs, in the sum of squares.
-    pub(super) fn price(&self) -> f64 {
+    pub(super) fn penalty(&self) -> f64 {
         self.readings.ln()
     }
 
     /// A gain less what its numbers cost, in the sum of squares.
-    pub(super) fn worth(&self, gain: &Gain, entry: &Entry) -> f64 {
+    pub(super) fn improvement(&self, gain: &Gain, entry: &Entry) -> f64 {
         let tried = self.entries.len().max(1) as f64;
         let numbers = (gain.numbers + entry.searched()) as f64;
-        gain.gain / self.design_effect - numbers * self.price() + entry.spared - 2.0 * tried.ln()
+        gain.gain / self.design_effect - numbers * self.penalty() + entry.spared - 2.0 * tried.ln()
     }
 
     /// What is left and what the numbers cost: the sum of squares that every step lowers.
@@ -116,7 +116,7 @@ impl<'a> Choice<'a> {
             (self.gram.gains(*place).numbers + self.entries[*place].searched()) as f64
         };
         let cost =
-            |place: &usize| numbers(place) * self.price() + tried - self.entries[*place].spared;
+            |place: &usize| numbers(place) * self.penalty() + tried - self.entries[*place].spared;
         self.gram.rest() / self.design_effect + self.chosen.iter().map(cost).sum::<f64>()
     }
 
@@ -169,7 +169,7 @@ impl<'a> Choice<'a> {
             let Some(mut gain) = gram.would_gain(place) else { continue };
             let Some(found) = self.sound(&entry.candidate, &gain) else { continue };
             gain.found = found;
-            let worth = self.worth(&gain, entry);
+            let worth = self.improvement(&gain, entry);
             open.push((place, gain, worth));
         }
         let step = |worth: f64| (worth / TIE).round();
@@ -222,7 +222,7 @@ impl<'a> Choice<'a> {
             let gain = self.gram.gains(*place);
             let entry = &self.entries[*place];
             let sound = self.sound(&entry.candidate, &gain).is_some();
-            (at, if sound { self.worth(&gain, entry) } else { f64::NEG_INFINITY })
+            (at, if sound { self.improvement(&gain, entry) } else { f64::NEG_INFINITY })
         };
         let least = self.chosen.iter().enumerate().map(worth).min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((at, _)) = least.filter(|(_, worth)| *worth <= 0.0) else { return false };
@@ -235,7 +235,7 @@ impl<'a> Choice<'a> {
     fn exchange(&mut self) -> bool {
         for at in 0..self.chosen.len() {
             let place = self.chosen[at];
-            let own = self.worth(&self.gram.gains(place), &self.entries[place]);
+            let own = self.improvement(&self.gram.gains(place), &self.entries[place]);
             let mut gram = self.gram.clone();
             gram.remove(place);
             let best = self.open(&gram, &[place]).into_iter().next();
@@ -297,14 +297,19 @@ impl<'a> Choice<'a> {
     }
 
     /// What was named in place `k`, with its rivals; those whose nonlinear numbers might bring them near are fitted.
-    pub(super) fn with_rivals(&self, asking: &Asking<'_>, naming: &Naming, k: usize) -> Named {
+    pub(super) fn with_rivals(
+        &self,
+        search: &Search<'_>,
+        selection: &Selection,
+        k: usize,
+    ) -> Selected {
         let own = self.chosen[k];
         let gain = self.gram.gains(own);
         let mut gram = self.gram.clone();
         gram.remove(own);
         let mut seen = vec![title(&self.entries[own].candidate)];
         let (mut near, mut variants) = (Vec::new(), Vec::new());
-        let arm = &naming.fit.hypothesis.model.arm;
+        let arm = &selection.fit.hypothesis.model.arm;
         for (place, would, _) in self.open(&gram, &[own]) {
             let entry = &self.entries[place];
             let name = title(&entry.candidate);
@@ -321,38 +326,38 @@ impl<'a> Choice<'a> {
                 near.insert(if is_word { 0 } else { near.len() }, (place, would));
             }
         }
-        let fitted = FITTED.min(FITTED_OF_ALL / naming.named.len().max(1)).max(1);
+        let fitted = FITTED.min(FITTED_OF_ALL / selection.named.len().max(1)).max(1);
         let mut rivals = Vec::new();
         for (place, would) in near.into_iter().take(fitted) {
-            let rival = self.rival(asking, naming, k, place, &would, gain.gain);
+            let rival = self.rival(search, selection, k, place, &would, gain.gain);
             rivals.extend(rival.filter(|rival| rival.behind < 2.0 * ALIKE));
         }
         rivals.sort_by(|a, b| a.behind.total_cmp(&b.behind));
-        Named {
-            margin: 0.5 * self.worth(&gain, &self.entries[own]),
+        Selected {
+            margin: 0.5 * self.improvement(&gain, &self.entries[own]),
             gain: 0.5 * gain.gain / self.design_effect,
             numbers: gain.numbers + self.entries[own].searched(),
-            share: asking.share(),
+            share: search.share(),
             rivals,
             variants,
-            ..naming.named[k].clone()
+            ..selection.named[k].clone()
         }
     }
 }
 
-impl Choice<'_> {
+impl Stepwise<'_> {
     /// What the entry in `place` would be in the stead of what was named in place `k`; fitted where it has numbers that are not linear.
     fn rival(
         &self,
-        asking: &Asking<'_>,
-        naming: &Naming,
+        search: &Search<'_>,
+        selection: &Selection,
         k: usize,
         place: usize,
         would: &Gain,
         own: f64,
     ) -> Option<Rival> {
         let entry = &self.entries[place];
-        let fit = &naming.fit;
+        let fit = &selection.fit;
         let arm = &fit.hypothesis.model.arm;
         let numbers = would.numbers + entry.searched();
         let changes = entry.candidate.changes();
@@ -361,23 +366,23 @@ impl Choice<'_> {
             changes: changes.is_some(),
             behind,
             numbers,
-            alike: behind < ALIKE * asking.share(),
+            alike: behind < ALIKE * search.share(),
             candidate,
             found,
             kept: entry.kept,
         };
-        let named = &naming.named[k];
+        let named = &selection.named[k];
         if !self.bends(named, entry) {
             let behind = 0.5 * (own - would.gain) / self.design_effect;
             let effect = entry.candidate.effect(arm, &would.found)?;
             return Some(told(behind, effect, entry.candidate.clone(), would.found.clone()));
         }
-        let mut hypothesis = without(fit, &asking.known.model, &[named]);
-        let (at, _) = Asking::joined(&mut hypothesis, entry, &would.found)?;
+        let mut hypothesis = without(fit, &search.known.model, &[named]);
+        let (at, _) = Search::joined(&mut hypothesis, entry, &would.found)?;
         let whole = *self.whole.get_or_init(|| {
-            compare(asking.campaign, &fit.hypothesis, fit, asking.settings.used).sum
+            compare(search.campaign, &fit.hypothesis, fit, search.settings.used).sum
         });
-        let fitted = compare(asking.campaign, &hypothesis, fit, asking.settings.used);
+        let fitted = compare(search.campaign, &hypothesis, fit, search.settings.used);
         let effect = *fitted.hypothesis.model.effects().nth(at)?;
         let behind = 0.5 * (fitted.sum - whole) / self.design_effect;
         let (candidate, found) = match changes {
@@ -388,7 +393,7 @@ impl Choice<'_> {
     }
 
     /// Whether the products, which are linear, do not tell enough of a rival: numbers that bend, or loads that act through what gives way.
-    fn bends(&self, named: &Named, rival: &Entry) -> bool {
+    fn bends(&self, named: &Selected, rival: &Entry) -> bool {
         let is_about_loads = |candidate: &Candidate| {
             candidate.probes.first().is_some_and(|probe| is_about_loads(probe.effect.spec()))
         };

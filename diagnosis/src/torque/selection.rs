@@ -1,12 +1,12 @@
 //! Which names the recording asks for: the one that brings most first, each weighed against all that were asked, with the signs that its physics has.
 //!
-//! Promises: a name with a number of the wrong sign is not that name; what a later name makes needless goes out again; the same sums give the same choice.
+//! Promises: a name with a number of the wrong sign is not that name; what a later name makes needless goes out again; the same sums give the same selection.
 //! Never: a look at rows that were set apart.
 
 use super::library::{Family, Form, Library};
 use super::table::{Products, Solved};
 
-/// What a name must bring beyond its price, in log-likelihood.
+/// What a name must bring beyond its penalty, in log-likelihood.
 pub(super) const MARGIN: f64 = 5.0;
 /// Names at most.
 const MOST: usize = 80;
@@ -17,7 +17,7 @@ const LIKELY: usize = 3;
 
 /// Names that stand together, with the columns that are in whatever is named.
 #[derive(Clone, Debug)]
-pub(crate) struct Choice {
+pub(crate) struct Selection {
     /// Places in the library's families.
     pub(crate) names: Vec<usize>,
     pub(crate) solved: Solved,
@@ -28,15 +28,15 @@ pub(crate) fn others(names: &[usize], name: usize) -> Vec<usize> {
     names.iter().copied().filter(|other| *other != name).collect()
 }
 
-/// What is asked, of which sums.
-pub(crate) struct Asking<'a> {
+/// Inputs of a selection run: the sums of products that every criterion is computed from.
+pub(crate) struct Search<'a> {
     pub(crate) library: &'a Library,
     pub(crate) products: &'a Products,
     /// Columns that are always in: what is believed with doubt.
     pub(crate) always: &'a [usize],
 }
 
-impl Asking<'_> {
+impl Search<'_> {
     pub(crate) fn columns(&self, names: &[usize]) -> Vec<usize> {
         let mut all = self.always.to_vec();
         for name in names {
@@ -49,8 +49,8 @@ impl Asking<'_> {
         all
     }
 
-    pub(crate) fn solve(&self, names: &[usize]) -> Choice {
-        Choice { names: names.to_vec(), solved: self.products.solve(&self.columns(names)) }
+    pub(crate) fn solve(&self, names: &[usize]) -> Selection {
+        Selection { names: names.to_vec(), solved: self.products.solve(&self.columns(names)) }
     }
 
     /// Numbers that a name takes, searched ones included, as far as these rows tell them apart.
@@ -59,25 +59,25 @@ impl Asking<'_> {
     }
 
     /// What a name costs: its numbers, and that so many names were asked.
-    pub(crate) fn price(&self, family: &Family) -> f64 {
+    pub(crate) fn penalty(&self, family: &Family) -> f64 {
         let rows = (self.products.rows.max(3) as f64).ln();
         0.5 * self.numbers(family) * rows + (self.library.families.len().max(1) as f64).ln()
     }
 
     /// The same of a rival: a spring past its dead point pulls away from where it rests.
-    pub(super) fn could_bring(&self, choice: &Choice, name: usize) -> f64 {
+    pub(super) fn could_bring(&self, selection: &Selection, name: usize) -> f64 {
         let family = &self.library.families[name];
         match family.form {
-            Form::Spring => self.products.more(&choice.solved, &family.columns).0,
-            _ => self.brings(choice, name),
+            Form::Spring => self.products.more(&selection.solved, &family.columns).0,
+            _ => self.brings(selection, name),
         }
     }
 
-    /// What a name would bring beside a choice; nothing where its signs are wrong.
-    pub(crate) fn brings(&self, choice: &Choice, name: usize) -> f64 {
+    /// What a name would bring beside a selection; nothing where its signs are wrong.
+    pub(crate) fn brings(&self, selection: &Selection, name: usize) -> f64 {
         let family = &self.library.families[name];
-        let (gain, values) = self.products.more(&choice.solved, &family.columns);
-        let inside = |k: usize| choice.solved.value(family.columns[k]).unwrap_or(0.0);
+        let (gain, values) = self.products.more(&selection.solved, &family.columns);
+        let inside = |k: usize| selection.solved.value(family.columns[k]).unwrap_or(0.0);
         let wrong =
             family.signs.iter().enumerate().any(|(k, sign)| !sign.admits(values[k] + inside(k)));
         if wrong { 0.0 } else { gain }
@@ -86,51 +86,54 @@ impl Asking<'_> {
     /// Without the names whose numbers are not theirs to have, one after the other.
     pub(super) fn admissible(&self, mut names: Vec<usize>) -> Vec<usize> {
         loop {
-            let choice = self.solve(&names);
-            let wrong = names.iter().find(|name| !self.is_admissible(&choice, **name)).copied();
+            let selection = self.solve(&names);
+            let wrong = names.iter().find(|name| !self.is_admissible(&selection, **name)).copied();
             let Some(wrong) = wrong else { return names };
             names.retain(|name| *name != wrong);
         }
     }
 
     /// Whether the numbers of a name have the signs that are its own.
-    fn is_admissible(&self, choice: &Choice, name: usize) -> bool {
+    fn is_admissible(&self, selection: &Selection, name: usize) -> bool {
         let family = &self.library.families[name];
         let mut numbers = family.signs.iter().zip(&family.columns);
-        numbers.all(|(sign, column)| sign.admits(choice.solved.value(*column).unwrap_or(0.0)))
+        numbers.all(|(sign, column)| sign.admits(selection.solved.value(*column).unwrap_or(0.0)))
     }
 
     /// What a name that stands brings beside the others.
-    pub(crate) fn worth(&self, choice: &Choice, name: usize) -> f64 {
-        choice.solved.worth(&self.own_columns(choice, name))
+    pub(crate) fn worth(&self, selection: &Selection, name: usize) -> f64 {
+        selection.solved.worth(&self.own_columns(selection, name))
     }
 
     /// The columns of a name that stands which would go with it.
-    pub(crate) fn own_columns(&self, choice: &Choice, name: usize) -> Vec<usize> {
+    pub(crate) fn own_columns(&self, selection: &Selection, name: usize) -> Vec<usize> {
         let families = &self.library.families;
         let shared = |column: &usize| {
             self.always.contains(column)
-                || choice.names.iter().any(|n| *n != name && families[*n].columns.contains(column))
+                || selection
+                    .names
+                    .iter()
+                    .any(|n| *n != name && families[*n].columns.contains(column))
         };
         families[name].columns.iter().copied().filter(|column| !shared(column)).collect()
     }
 
     fn price_of(&self, name: usize) -> f64 {
-        self.price(&self.library.families[name])
+        self.penalty(&self.library.families[name])
     }
 
     /// The names to choose, from those that stand.
-    pub(crate) fn choose(&self, start: &[usize]) -> Choice {
+    pub(crate) fn choose(&self, start: &[usize]) -> Selection {
         self.choose_but(start, &[])
     }
 
     /// The same, without any of `never`.
-    pub(super) fn choose_but(&self, start: &[usize], never: &[usize]) -> Choice {
-        let mut choice = self.pruned(self.solve(start));
+    pub(super) fn choose_but(&self, start: &[usize], never: &[usize]) -> Selection {
+        let mut selection = self.pruned(self.solve(start));
         let mut barred = never.to_vec();
-        while choice.names.len() < MOST {
-            let Some((name, _)) = self.best(&choice, &barred) else { break };
-            let mut names = choice.names.clone();
+        while selection.names.len() < MOST {
+            let Some((name, _)) = self.best(&selection, &barred) else { break };
+            let mut names = selection.names.clone();
             names.push(name);
             let mut next = self.pruned(self.solve(&names));
             if !next.names.contains(&name) {
@@ -139,108 +142,111 @@ impl Asking<'_> {
             }
             next = self.gathered(self.exchanged(next, never, self.library.families[name].joint));
             // A step that was taken back would be taken again.
-            if self.score(&next) <= self.score(&choice) + 1e-9 {
+            if self.score(&next) <= self.score(&selection) + 1e-9 {
                 barred.push(name);
                 continue;
             }
-            choice = next;
+            selection = next;
             barred = never.to_vec();
         }
-        choice
+        selection
     }
 
     /// Log-likelihood less what the names cost.
-    pub(super) fn score(&self, choice: &Choice) -> f64 {
-        choice.solved.gain - choice.names.iter().map(|name| self.price_of(*name)).sum::<f64>()
+    pub(super) fn score(&self, selection: &Selection) -> f64 {
+        selection.solved.gain - selection.names.iter().map(|name| self.price_of(*name)).sum::<f64>()
     }
 
-    /// What the open names bring beyond their price beside a choice.
+    /// What the open names bring beyond their penalty beside a selection.
     fn open<'a>(
         &'a self,
-        choice: &'a Choice,
+        selection: &'a Selection,
         barred: &'a [usize],
     ) -> impl Iterator<Item = (usize, f64)> + 'a {
         let families = &self.library.families;
         let stands = move |name: usize| {
-            choice.names.iter().any(|in_| *in_ == name || families[*in_].is_kin(&families[name]))
+            selection.names.iter().any(|in_| *in_ == name || families[*in_].is_kin(&families[name]))
         };
         (0..families.len())
             .filter(move |name| !barred.contains(name) && !stands(*name))
-            .map(|name| (name, self.brings(choice, name) - self.price_of(name)))
+            .map(|name| (name, self.brings(selection, name) - self.price_of(name)))
     }
 
-    /// The name that brings most beyond its price.
-    fn best(&self, choice: &Choice, barred: &[usize]) -> Option<(usize, f64)> {
-        let best = self.open(choice, barred).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+    /// The name that brings most beyond its penalty.
+    fn best(&self, selection: &Selection, barred: &[usize]) -> Option<(usize, f64)> {
+        let best =
+            self.open(selection, barred).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
         best.filter(|best| best.1 > MARGIN)
     }
 
     /// Without the names that others make needless, or that took a sign which is not theirs.
-    fn pruned(&self, mut choice: Choice) -> Choice {
+    fn pruned(&self, mut selection: Selection) -> Selection {
         loop {
-            let weakest = choice
+            let weakest = selection
                 .names
                 .iter()
-                .map(|name| (*name, self.worth(&choice, *name) - self.price_of(*name)))
+                .map(|name| (*name, self.worth(&selection, *name) - self.price_of(*name)))
                 .min_by(|a, b| a.1.total_cmp(&b.1));
-            let Some((name, worth)) = weakest else { return choice };
-            let wrong = || choice.names.iter().find(|name| !self.is_admissible(&choice, **name));
+            let Some((name, worth)) = weakest else { return selection };
+            let wrong =
+                || selection.names.iter().find(|name| !self.is_admissible(&selection, **name));
             let drop = if worth < 0.0 {
                 name
             } else if let Some(wrong) = wrong() {
                 *wrong
             } else {
-                return choice;
+                return selection;
             };
-            let names: Vec<usize> = choice.names.iter().copied().filter(|n| *n != drop).collect();
-            choice = self.solve(&names);
+            let names: Vec<usize> =
+                selection.names.iter().copied().filter(|n| *n != drop).collect();
+            selection = self.solve(&names);
         }
     }
 
-    /// With another name or form in the place of one of a joint, where that explains more for its price: itself, or as it makes a third name needless.
-    fn exchanged(&self, choice: Choice, never: &[usize], joint: Option<usize>) -> Choice {
-        self.exchanged_where(choice, never, |name| self.library.families[*name].joint == joint)
+    /// With another name or form in the place of one of a joint, where that explains more for its penalty: itself, or as it makes a third name needless.
+    fn exchanged(&self, selection: Selection, never: &[usize], joint: Option<usize>) -> Selection {
+        self.exchanged_where(selection, never, |name| self.library.families[*name].joint == joint)
     }
 
     /// The same of all joints: a name that stood beside another may not be the one to stand without it.
-    pub(super) fn renamed(&self, choice: Choice) -> Choice {
-        self.exchanged_where(choice, &[], |_| true)
+    pub(super) fn renamed(&self, selection: Selection) -> Selection {
+        self.exchanged_where(selection, &[], |_| true)
     }
 
     fn exchanged_where(
         &self,
-        mut choice: Choice,
+        mut selection: Selection,
         never: &[usize],
         wanted: impl Fn(&usize) -> bool,
-    ) -> Choice {
+    ) -> Selection {
         for _ in 0..EXCHANGES {
-            let better = |name: &usize| self.exchange(&choice, never, *name);
-            let mut asked = choice.names.iter().filter(|name| wanted(name));
+            let better = |name: &usize| self.exchange(&selection, never, *name);
+            let mut asked = selection.names.iter().filter(|name| wanted(name));
             let Some(next) = asked.find_map(better) else { break };
-            choice = next;
+            selection = next;
         }
-        choice
+        selection
     }
 
-    /// With one payload in the place of all that joints are said to lack of inertia and gravity, where that explains more for its price.
-    fn gathered(&self, choice: Choice) -> Choice {
+    /// With one payload in the place of all that joints are said to lack of inertia and gravity, where that explains more for its penalty.
+    fn gathered(&self, selection: Selection) -> Selection {
         let families = &self.library.families;
         let is_mass = |name: &usize| matches!(families[*name].kind, "inertia" | "gravity_torque");
-        if !choice.names.iter().any(is_mass) {
-            return choice;
+        if !selection.names.iter().any(is_mass) {
+            return selection;
         }
         let payloads = (0..families.len()).filter(|name| families[*name].kind == "payload");
         let with = |name: usize| {
-            let kept = choice.names.iter().copied().filter(|n| !is_mass(n) && *n != name);
+            let kept = selection.names.iter().copied().filter(|n| !is_mass(n) && *n != name);
             self.pruned(self.solve(&kept.chain([name]).collect::<Vec<usize>>()))
         };
         let best = payloads.map(with).max_by(|a, b| self.score(a).total_cmp(&self.score(b)));
-        best.filter(|best| self.score(best) > self.score(&choice) + 1.0).unwrap_or(choice)
+        best.filter(|best| self.score(best) > self.score(&selection) + 1.0).unwrap_or(selection)
     }
 
-    /// A better choice with one of the likeliest others in a name's place.
-    fn exchange(&self, choice: &Choice, never: &[usize], name: usize) -> Option<Choice> {
-        let others = others(&choice.names, name);
+    /// A better selection with one of the likeliest others in a name's place.
+    fn exchange(&self, selection: &Selection, never: &[usize], name: usize) -> Option<Selection> {
+        let others = others(&selection.names, name);
         let without = self.solve(&others);
         let mut open: Vec<(usize, f64)> =
             self.open(&without, never).filter(|(other, _)| *other != name).collect();
@@ -250,6 +256,6 @@ impl Asking<'_> {
             self.pruned(self.solve(&names))
         };
         let likely = open.iter().take(LIKELY).filter(|(_, worth)| *worth > MARGIN);
-        likely.map(with).find(|next| self.score(next) > self.score(choice) + 1.0)
+        likely.map(with).find(|next| self.score(next) > self.score(selection) + 1.0)
     }
 }

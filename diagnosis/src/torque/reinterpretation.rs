@@ -4,18 +4,18 @@
 
 use super::Stated;
 use super::case::Case;
-use super::choose::{Asking, others};
 use super::columns::shortest_way;
 use super::library::Form;
 use super::refine;
+use super::selection::{Search, others};
 
 /// A spring brings at least this share of its gain beyond what a force brings that is the same at every place.
 const EVEN: f64 = 0.05;
-/// Or it brings so many times its price.
+/// Or it brings so many times its penalty.
 const FEW: f64 = 4.0;
 
 /// What hardens is a spring: where none is stated or named, what is named so is the spring itself.
-pub(super) fn sprung(case: &Case, stated: &Stated<'_>, names: &[usize]) -> Vec<usize> {
+pub(super) fn hardening_as_spring(case: &Case, stated: &Stated<'_>, names: &[usize]) -> Vec<usize> {
     let families = &case.library.families;
     let is_spring =
         |name: usize, joint| families[name].kind == "spring" && families[name].joint == joint;
@@ -32,8 +32,8 @@ pub(super) fn sprung(case: &Case, stated: &Stated<'_>, names: &[usize]) -> Vec<u
 }
 
 /// What pulls alike wherever the joint stands is no spring: one that brings hardly more than that is called what differs by direction.
-pub(super) fn pushed(asking: &Asking<'_>, mut names: Vec<usize>) -> Vec<usize> {
-    let families = &asking.library.families;
+pub(super) fn spring_as_asymmetry(search: &Search<'_>, mut names: Vec<usize>) -> Vec<usize> {
+    let families = &search.library.families;
     let springs: Vec<usize> =
         names.iter().copied().filter(|name| families[*name].form == Form::Spring).collect();
     for spring in springs {
@@ -41,12 +41,12 @@ pub(super) fn pushed(asking: &Asking<'_>, mut names: Vec<usize>) -> Vec<usize> {
             families[name].kind == "friction_asymmetry"
                 && families[name].joint == families[spring].joint
         };
-        let gain = |names: &[usize]| asking.solve(names).solved.gain;
+        let gain = |names: &[usize]| search.solve(names).solved.gain;
         let (whole, without) = (gain(&names), gain(&others(&names, spring)));
         let rest: Vec<usize> =
             names.iter().copied().filter(|n| *n != spring && !is_even(*n)).collect();
         let with = |even: usize| rest.iter().copied().chain([even]).collect::<Vec<usize>>();
-        let little = (EVEN * (whole - without)).min(FEW * asking.price(&families[spring]));
+        let little = (EVEN * (whole - without)).min(FEW * search.penalty(&families[spring]));
         let is_enough = |names: &Vec<usize>| whole - gain(names) < little;
         let mut instead = (0..families.len()).filter(|name| is_even(*name)).map(with);
         names = instead.find(is_enough).unwrap_or(names);
@@ -55,10 +55,14 @@ pub(super) fn pushed(asking: &Asking<'_>, mut names: Vec<usize>) -> Vec<usize> {
 }
 
 /// A memory that turns over as soon as the band can tell from a sudden turn is dry friction, where that brings hardly less.
-pub(super) fn turned(case: &Case, always: &[usize], mut names: Vec<usize>) -> Vec<usize> {
+pub(super) fn hysteresis_as_friction(
+    case: &Case,
+    always: &[usize],
+    mut names: Vec<usize>,
+) -> Vec<usize> {
     let families = &case.library.families;
     let products = case.products(&case.rows.seen());
-    let asking = refine::asking(case, &products, always);
+    let search = refine::search(case, &products, always);
     for at in 0..names.len() {
         let own = &families[names[at]];
         let (Form::Loop, Some(joint), Some((_, way))) = (own.form, own.joint, own.settings.first())
@@ -71,7 +75,7 @@ pub(super) fn turned(case: &Case, always: &[usize], mut names: Vec<usize>) -> Ve
         let Some(dry) = (0..families.len()).find(is_dry).filter(|dry| !names.contains(dry)) else {
             continue;
         };
-        let gain = |names: &[usize]| asking.solve(names).solved.gain;
+        let gain = |names: &[usize]| search.solve(names).solved.gain;
         let mut with = names.clone();
         with[at] = dry;
         let (whole, without) = (gain(&names), gain(&others(&names, names[at])));

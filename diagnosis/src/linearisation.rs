@@ -32,7 +32,7 @@ pub(crate) struct Length {
 
 /// The rows of a state.
 #[derive(Debug)]
-pub(crate) struct Sheet {
+pub(crate) struct Linearisation {
     pub(crate) state: State,
     used: Vec<bool>,
     entries: Vec<Entry>,
@@ -40,7 +40,7 @@ pub(crate) struct Sheet {
     slopes: Vec<f64>,
 }
 
-impl Sheet {
+impl Linearisation {
     pub(crate) fn of(campaign: &Campaign, state: State, used: &[bool]) -> Self {
         let effects_from = state.surroundings.numbers().len();
         let mut full = vec![vec![0.0; state.width()]; 3];

@@ -1,18 +1,18 @@
 //! Which effects are missing or wrong: the best one first, then what is left; what a later one made needless goes again; what another name explains
 //! better is renamed; every name with its rivals.
 //!
-//! A name is worth its gain in log-likelihood less what its numbers cost, by the extended Bayesian information criterion, as in [`mod@crate::select`];
-//! here one at a time, and every name may be exchanged for every other. Numbers that are not linear are fitted after each choice, and the choice is made anew
+//! A name is judged by its gain in log-likelihood less the penalty of its parameters, by the extended Bayesian information criterion, as in [`mod@crate::select`];
+//! here one at a time, and every name may be exchanged for every other. Numbers that are not linear are fitted after each selection, and the selection is made anew
 //! with them.
 //!
 //! Promises: sums of rivals are compared with the same weights and the same noise. Never: a look at held-out poses.
 
-use super::bank::Bank;
-use super::choice::Choice;
 use super::gram::Entry;
+use super::jacobian_cache::JacobianCache;
 use super::judge::of_word;
 use super::modes::modes;
-use super::renaming::RENAMING;
+use super::stepwise::Stepwise;
+use super::substitution::SUBSTITUTION_ROUNDS;
 use crate::campaign::Campaign;
 use crate::candidates::Candidate;
 use crate::fit::{Effort, Settings, compare, fit};
@@ -23,8 +23,8 @@ use crate::select::put;
 use physics::{AnyEffect, Model};
 use rayon::prelude::*;
 
-/// Rounds of a first glimpse.
-const GLIMPSES: usize = 3;
+/// Rounds of the preselection.
+const PRESELECTION_ROUNDS: usize = 3;
 /// A rival within this many units of log-likelihood cannot be told apart (contract `diagnosis.md`).
 pub(super) const ALIKE: f64 = 5.0;
 
@@ -51,7 +51,7 @@ pub struct Rival {
 
 /// A name with its rivals.
 #[derive(Clone, Debug)]
-pub(super) struct Named {
+pub(super) struct Selected {
     pub(super) candidate: Candidate,
     /// Its place among the effects of the fit's model.
     pub(super) effect: usize,
@@ -75,92 +75,92 @@ pub(super) struct Named {
 }
 
 /// Everything that was named, and the fit with all of it.
-pub(super) struct Naming {
+pub(super) struct Selection {
     pub(super) fit: Fit,
-    pub(super) named: Vec<Named>,
+    pub(super) named: Vec<Selected>,
 }
 
-impl Naming {
+impl Selection {
     /// Nothing is named yet.
     pub(super) fn none(fit: &Fit) -> Self {
         Self { fit: fit.clone(), named: Vec::new() }
     }
 
     /// The names but those that are `gone`, with the fit of these.
-    pub(super) fn without(&self, gone: &[&Named], fit: Fit) -> Self {
-        let is_gone = |one: &Named| gone.iter().any(|gone| std::ptr::eq(*gone, one));
-        let mut named: Vec<Named> =
+    pub(super) fn without(&self, gone: &[&Selected], fit: Fit) -> Self {
+        let is_gone = |one: &Selected| gone.iter().any(|gone| std::ptr::eq(*gone, one));
+        let mut named: Vec<Selected> =
             self.named.iter().filter(|one| !is_gone(one)).cloned().collect();
         // From the last place down, so that those before keep theirs.
-        let mut gone: Vec<&&Named> = gone.iter().collect();
+        let mut gone: Vec<&&Selected> = gone.iter().collect();
         gone.sort_by_key(|one| std::cmp::Reverse(one.effect));
         gone.into_iter().for_each(|one| close_up(&mut named, one));
         Self { fit, named }
     }
 }
 
-/// What is asked, of whom.
-pub(super) struct Asking<'a> {
+/// Inputs of a selection run.
+pub(super) struct Search<'a> {
     pub(super) campaign: &'a Campaign,
     /// The model as given, with what it says of its own doubt free.
     pub(super) known: &'a Hypothesis,
     pub(super) settings: Settings<'a>,
     pub(super) library: &'a [Candidate],
     /// How the tool moves with each candidate of the library.
-    pub(super) bank: &'a Bank,
+    pub(super) jacobian_cache: &'a JacobianCache,
 }
 
 /// Names after the first rounds of choosing and fitting from where nothing is named, until they are `many` or stand; and what was asked besides the library.
-pub(super) fn glimpsed(asking: &Asking<'_>, base: &Fit, many: usize) -> (Naming, Vec<Entry>) {
-    let mut naming = Naming::none(base);
-    let also = asking.searched(&naming);
-    for _ in 0..GLIMPSES {
-        let Some(next) = asking.next(&naming, &also) else { break };
-        let stands = titles(&next.named) == titles(&naming.named);
-        naming = next;
-        if stands || naming.named.len() >= many {
+pub(super) fn preselected(search: &Search<'_>, base: &Fit, many: usize) -> (Selection, Vec<Entry>) {
+    let mut selection = Selection::none(base);
+    let also = search.searched(&selection);
+    for _ in 0..PRESELECTION_ROUNDS {
+        let Some(next) = search.next(&selection, &also) else { break };
+        let stands = titles(&next.named) == titles(&selection.named);
+        selection = next;
+        if stands || selection.named.len() >= many {
             break;
         }
     }
-    (naming, also)
+    (selection, also)
 }
 
 /// The same; rivals that are better once they are fitted take a name's place.
-pub(super) fn name(asking: &Asking<'_>, start: Naming) -> Naming {
-    let mut naming = start;
-    for _ in 0..RENAMING {
-        let also = asking.searched(&naming);
-        naming = asking.merged(asking.settled(naming, &also));
-        let price = asking.compare(&mut naming, &also);
-        if !asking.rename(&mut naming, price) {
+pub(super) fn select(search: &Search<'_>, start: Selection) -> Selection {
+    let mut selection = start;
+    for _ in 0..SUBSTITUTION_ROUNDS {
+        let also = search.searched(&selection);
+        selection = search.merged(search.until_stable(selection, &also));
+        let penalty = search.compare(&mut selection, &also);
+        if !search.substitute(&mut selection, penalty) {
             break;
         }
     }
-    naming
+    selection
 }
 
 /// Names under noise that is told otherwise than when `first` was named: from nothing, which a `bare` model leaves, and from there. Noise that remembers itself
 /// hides from single steps what an arm with many things amiss lacks first, while names that stand are taken out again where they are worth nothing.
-pub(super) fn anew(asking: &Asking<'_>, bare: &Fit, first: Naming) -> Naming {
-    let fresh = name(asking, Naming::none(bare));
+pub(super) fn restarted(search: &Search<'_>, bare: &Fit, first: Selection) -> Selection {
+    let fresh = select(search, Selection::none(bare));
     if titles(&fresh.named) == titles(&first.named) {
         return fresh;
     }
     let around = first.fit.surroundings.clone();
-    let settings = Settings { from: Some(&around), ..asking.settings };
-    let under = fit(asking.campaign, &first.fit.hypothesis, &settings);
-    let kept = name(asking, Naming { fit: under, ..first });
-    if asking.is_better(&kept, &fresh) { kept } else { fresh }
+    let settings = Settings { from: Some(&around), ..search.settings };
+    let under = fit(search.campaign, &first.fit.hypothesis, &settings);
+    let kept = select(search, Selection { fit: under, ..first });
+    if search.is_better(&kept, &fresh) { kept } else { fresh }
 }
 
-impl Named {
+impl Selected {
     /// What a rival pays, in log-likelihood, for the numbers that it takes beyond these and for its word: the fewest win, unless the evidence differs by
     /// more than [`ALIKE`] (contract `effects.md`), of which the rows that were asked hold their share, beyond what as many numbers gain by chance.
-    /// `price`: of a number, in the sum of squares.
-    pub(super) fn dearer(&self, rival: &Rival, price: f64) -> f64 {
+    /// `penalty`: of a number, in the sum of squares.
+    pub(super) fn dearer(&self, rival: &Rival, penalty: f64) -> f64 {
         let more = rival.numbers as f64 - self.numbers as f64;
         let most = ALIKE * self.share + 0.5 * more.abs();
-        let numbers = 0.5 * price * more;
+        let numbers = 0.5 * penalty * more;
         let own = self.candidate.probes.first();
         let word = own.and_then(|own| of_word(&own.effect, &rival.effect, numbers));
         word.unwrap_or(numbers.clamp(-most, most))
@@ -168,7 +168,7 @@ impl Named {
 }
 
 /// The places of effects once `gone` has left the model; a change leaves none.
-pub(super) fn close_up(named: &mut [Named], gone: &Named) {
+pub(super) fn close_up(named: &mut [Selected], gone: &Selected) {
     if gone.stated.is_none() {
         named.iter_mut().filter(|one| one.effect > gone.effect).for_each(|one| one.effect -= 1);
     }
@@ -182,13 +182,13 @@ pub(super) fn title(candidate: &Candidate) -> Option<Title> {
     Some((effect.spec().kind, effect.joint(), candidate.changes().is_some()))
 }
 
-pub(super) fn titles(named: &[Named]) -> Vec<Option<Title>> {
+pub(super) fn titles(named: &[Selected]) -> Vec<Option<Title>> {
     let mut titles: Vec<Option<Title>> = named.iter().map(|one| title(&one.candidate)).collect();
     titles.sort_unstable();
     titles
 }
 
-impl Asking<'_> {
+impl Search<'_> {
     /// The share of what was read that is used.
     pub(super) fn share(&self) -> f64 {
         let read = |pose: usize| !self.campaign.poses[pose].seen.is_empty();
@@ -198,21 +198,25 @@ impl Asking<'_> {
         used as f64 / all.max(1) as f64
     }
 
-    /// What is asked besides the library where `naming` stands: what is searched for in the rest.
-    pub(super) fn searched(&self, naming: &Naming) -> Vec<Entry> {
-        let fitted = Fitted::new(self.campaign, &naming.fit, &self.settings);
-        let found = modes(&fitted, self.bank).into_iter().chain(self.springs(&fitted, naming));
-        found.chain(self.hystereses(naming)).map(|found| Entry::open(found.kept(), found)).collect()
+    /// What is asked besides the library where `selection` stands: what is searched for in the rest.
+    pub(super) fn searched(&self, selection: &Selection) -> Vec<Entry> {
+        let fitted = Fitted::new(self.campaign, &selection.fit, &self.settings);
+        let found =
+            modes(&fitted, self.jacobian_cache).into_iter().chain(self.springs(&fitted, selection));
+        found
+            .chain(self.hystereses(selection))
+            .map(|found| Entry::open(found.kept(), found))
+            .collect()
     }
 
-    /// Finds every name's rivals; gives the price of a number, in the sum of squares.
-    pub(super) fn compare(&self, naming: &mut Naming, also: &[Entry]) -> f64 {
-        let mut choice = Choice::at(self, naming, also);
-        choice.stand();
-        let compared = (0..naming.named.len()).into_par_iter();
-        let compared = compared.map(|k| choice.with_rivals(self, naming, k));
-        naming.named = compared.collect();
-        choice.price()
+    /// Finds every name's rivals; gives the penalty of a number, in the sum of squares.
+    pub(super) fn compare(&self, selection: &mut Selection, also: &[Entry]) -> f64 {
+        let mut stepwise = Stepwise::at(self, selection, also);
+        stepwise.stand();
+        let compared = (0..selection.named.len()).into_par_iter();
+        let compared = compared.map(|k| stepwise.with_rivals(self, selection, k));
+        selection.named = compared.collect();
+        stepwise.penalty()
     }
 
     /// Adds a candidate to a hypothesis; none where there is no room.
@@ -231,21 +235,26 @@ impl Asking<'_> {
     }
 
     /// The fit with what was chosen.
-    pub(super) fn fitted(&self, choice: &Choice<'_>, before: &Fit, effort: Effort) -> Naming {
+    pub(super) fn fitted(
+        &self,
+        stepwise: &Stepwise<'_>,
+        before: &Fit,
+        effort: Effort,
+    ) -> Selection {
         let mut hypothesis = self.known.clone();
         let mut chosen = Vec::new();
-        for entry in &choice.chosen {
-            let gain = choice.gram.gains(*entry);
-            let entry = &choice.entries[*entry];
+        for entry in &stepwise.chosen {
+            let gain = stepwise.gram.gains(*entry);
+            let entry = &stepwise.entries[*entry];
             if let Some((effect, stated)) = Self::joined(&mut hypothesis, entry, &gain.found) {
-                chosen.push(Named {
+                chosen.push(Selected {
                     candidate: entry.candidate.clone(),
                     effect,
                     stated,
                     kept: entry.kept,
                     spared: entry.spared,
                     gain: 0.5 * gain.gain / before.design_effect,
-                    margin: 0.5 * choice.worth(&gain, entry),
+                    margin: 0.5 * stepwise.improvement(&gain, entry),
                     numbers: gain.numbers + entry.searched(),
                     share: 1.0,
                     rivals: Vec::new(),
@@ -256,14 +265,17 @@ impl Asking<'_> {
         // A step that goes far ends near only after a few more: until then what it leaves is no noise.
         let near = compare(self.campaign, &hypothesis, before, self.settings.used);
         let settings = Settings { from: Some(&near.surroundings), effort, ..self.settings };
-        Naming { fit: fit(self.campaign, &near.hypothesis, &settings), named: chosen }
+        Selection { fit: fit(self.campaign, &near.hypothesis, &settings), named: chosen }
     }
 }
 
 /// Columns of the fit that are always in, and the doubt that the model states of those that the fit frees from it.
-pub(super) fn nuisance(asking: &Asking<'_>, naming: &Naming) -> (Vec<usize>, Vec<(usize, f64)>) {
-    let fit = &naming.fit;
-    let given = asking.known.model.effects().len();
+pub(super) fn nuisance(
+    search: &Search<'_>,
+    selection: &Selection,
+) -> (Vec<usize>, Vec<(usize, f64)>) {
+    let fit = &selection.fit;
+    let given = search.known.model.effects().len();
     let first = fit.column_of(0);
     let mut places = Vec::new();
     let mut stated = Vec::new();
@@ -277,7 +289,7 @@ pub(super) fn nuisance(asking: &Asking<'_>, naming: &Naming) -> (Vec<usize>, Vec
             continue;
         }
         let revised =
-            naming.named.iter().find(|one| one.stated.is_some() && one.effect == free.effect);
+            selection.named.iter().find(|one| one.stated.is_some() && one.effect == free.effect);
         match revised {
             None => places.push(place),
             Some(one) => {
@@ -293,9 +305,9 @@ pub(super) fn nuisance(asking: &Asking<'_>, naming: &Naming) -> (Vec<usize>, Vec
 }
 
 /// The fit's hypothesis without these.
-pub(super) fn without(fit: &Fit, given: &Model, gone: &[&Named]) -> Hypothesis {
+pub(super) fn without(fit: &Fit, given: &Model, gone: &[&Selected]) -> Hypothesis {
     let mut hypothesis = fit.hypothesis.clone();
-    let mut gone: Vec<&Named> = gone.to_vec();
+    let mut gone: Vec<&Selected> = gone.to_vec();
     // From the last place down, so that those before keep theirs.
     gone.sort_by_key(|one| std::cmp::Reverse(one.effect));
     for one in gone {

@@ -1,121 +1,122 @@
 //! Replaces a named effect by a rival. Rivals are proposed by linearised sums of squares; a nonlinear fit decides.
 
 use super::gram::Entry;
-use super::name::{ALIKE, Asking, Named, Naming, Rival, close_up, without};
+use super::selection::{ALIKE, Rival, Search, Selected, Selection, close_up, without};
 use crate::fit::{compare, fit};
 use crate::hypothesis::Hypothesis;
 
 /// Rounds in which rivals that were fitted may take a name's place.
-pub(super) const RENAMING: usize = 3;
+pub(super) const SUBSTITUTION_ROUNDS: usize = 3;
 /// By how much log-likelihood has to be higher for that, beside the numbers' cost.
 const CLEARLY: f64 = 0.25;
 /// Rivals of a name that are fitted in its place, to see whether they are as near as linear sums say.
 const FITTED: usize = 3;
 
 /// Finds the rivals of each named effect on the rows that `asking` uses, and replaces effects by better rivals. The number of effects stays the same.
-pub(super) fn with_rivals(asking: &Asking<'_>, mut naming: Naming) -> Naming {
-    for round in 0..=RENAMING {
-        let also = asking.searched(&naming);
-        let price = asking.compare(&mut naming, &also);
-        if round == RENAMING || !asking.rename(&mut naming, price) {
-            asking.refute(&mut naming, price);
+pub(super) fn with_rivals(search: &Search<'_>, mut selection: Selection) -> Selection {
+    for round in 0..=SUBSTITUTION_ROUNDS {
+        let also = search.searched(&selection);
+        let penalty = search.compare(&mut selection, &also);
+        if round == SUBSTITUTION_ROUNDS || !search.substitute(&mut selection, penalty) {
+            search.refute(&mut selection, penalty);
             break;
         }
-        naming.fit = fit(asking.campaign, &naming.fit.hypothesis, &asking.settings);
+        selection.fit = fit(search.campaign, &selection.fit.hypothesis, &search.settings);
     }
-    naming
+    selection
 }
 
-impl Named {
+impl Selected {
     /// Log-likelihood that a rival loses beside the name, its numbers paid.
-    fn loss(&self, rival: &Rival, price: f64) -> f64 {
-        rival.behind + self.dearer(rival, price)
+    fn loss(&self, rival: &Rival, penalty: f64) -> f64 {
+        rival.behind + self.dearer(rival, penalty)
     }
 
     /// The place of the rival that is the better name.
-    fn better(&self, price: f64) -> Option<usize> {
-        let losses = self.rivals.iter().map(|rival| self.loss(rival, price)).enumerate();
+    fn better(&self, penalty: f64) -> Option<usize> {
+        let losses = self.rivals.iter().map(|rival| self.loss(rival, penalty)).enumerate();
         let (best, loss) = losses.min_by(|a, b| a.1.total_cmp(&b.1))?;
         (loss < -CLEARLY).then_some(best)
     }
 }
 
 /// Whether a rival of the name in place `k` may stand beside the others: what two of them would become, one after the other, is one thing.
-fn stands_beside(naming: &Naming, k: usize, rival: &Rival) -> bool {
-    let effects = &naming.fit.hypothesis.model;
-    let new = naming.named.iter().enumerate().filter(|(at, one)| *at != k && one.stated.is_none());
+fn stands_beside(selection: &Selection, k: usize, rival: &Rival) -> bool {
+    let effects = &selection.fit.hypothesis.model;
+    let new =
+        selection.named.iter().enumerate().filter(|(at, one)| *at != k && one.stated.is_none());
     let mut others = new.filter_map(|(_, one)| effects.effects().nth(one.effect));
     !others.any(|effect| rival.candidate.is_rival_of(effect))
 }
 
-impl Asking<'_> {
+impl Search<'_> {
     /// Gives rivals that are better a name's place; says whether any was.
-    pub(super) fn rename(&self, naming: &mut Naming, price: f64) -> bool {
+    pub(super) fn substitute(&self, selection: &mut Selection, penalty: f64) -> bool {
         let mut any = false;
-        for k in 0..naming.named.len() {
-            let one = &naming.named[k];
-            let better = one.better(price).map(|place| &one.rivals[place]);
-            let better = better.filter(|rival| stands_beside(naming, k, rival));
-            let renamed = better.and_then(|rival| self.in_place_of(naming, k, rival, price));
+        for k in 0..selection.named.len() {
+            let one = &selection.named[k];
+            let better = one.better(penalty).map(|place| &one.rivals[place]);
+            let better = better.filter(|rival| stands_beside(selection, k, rival));
+            let renamed = better.and_then(|rival| self.in_place_of(selection, k, rival, penalty));
             if let Some((renamed, _)) = renamed.filter(|(_, loss)| *loss < -CLEARLY) {
-                (*naming, any) = (renamed, true);
+                (*selection, any) = (renamed, true);
             }
         }
         any
     }
 
     /// Fits the rivals that seem to be better names, and has each as far behind as its fit is. One that cannot stand beside the other names is no rival.
-    fn refute(&self, naming: &mut Naming, price: f64) {
-        for k in 0..naming.named.len() {
+    fn refute(&self, selection: &mut Selection, penalty: f64) {
+        for k in 0..selection.named.len() {
             for _ in 0..FITTED {
-                let one = &naming.named[k];
-                let Some(place) = one.better(price) else { break };
+                let one = &selection.named[k];
+                let Some(place) = one.better(penalty) else { break };
                 let rival = &one.rivals[place];
-                if !stands_beside(naming, k, rival) {
-                    naming.named[k].rivals.remove(place);
+                if !stands_beside(selection, k, rival) {
+                    selection.named[k].rivals.remove(place);
                     continue;
                 }
                 let behind = self
-                    .in_place_of(naming, k, rival, price)
-                    .map(|(_, loss)| loss - one.dearer(rival, price));
+                    .in_place_of(selection, k, rival, penalty)
+                    .map(|(_, loss)| loss - one.dearer(rival, penalty));
                 let Some(behind) = behind.filter(|behind| *behind > rival.behind) else { break };
-                let rival = &mut naming.named[k].rivals[place];
+                let rival = &mut selection.named[k].rivals[place];
                 rival.behind = behind;
                 rival.alike = behind < ALIKE * self.share();
             }
-            naming.named[k].rivals.sort_by(|a, b| a.behind.total_cmp(&b.behind));
+            selection.named[k].rivals.sort_by(|a, b| a.behind.total_cmp(&b.behind));
         }
     }
 
     /// The same names with `rival` in the place of the one in place `k`, and the log-likelihood that this loses, its numbers paid.
     fn in_place_of(
         &self,
-        naming: &Naming,
+        selection: &Selection,
         k: usize,
         rival: &Rival,
-        price: f64,
-    ) -> Option<(Naming, f64)> {
-        let mut named = naming.named.clone();
-        let gone = &naming.named[k];
-        let mut hypothesis = without(&naming.fit, &self.known.model, &[gone]);
+        penalty: f64,
+    ) -> Option<(Selection, f64)> {
+        let mut named = selection.named.clone();
+        let gone = &selection.named[k];
+        let mut hypothesis = without(&selection.fit, &self.known.model, &[gone]);
         let entry = Entry::open(rival.kept, rival.candidate.clone());
         let (effect, stated) = Self::joined(&mut hypothesis, &entry, &rival.found)?;
         close_up(&mut named, gone);
         let compared = |hypothesis: &Hypothesis| {
-            compare(self.campaign, hypothesis, &naming.fit, self.settings.used)
+            compare(self.campaign, hypothesis, &selection.fit, self.settings.used)
         };
         let fit = compared(&hypothesis);
         // Others may have been renamed since this one was found to be better.
-        let before = compared(&naming.fit.hypothesis).sum;
-        let behind = 0.5 * (fit.sum - before) / naming.fit.design_effect;
-        let loss = behind + gone.dearer(rival, price);
+        let before = compared(&selection.fit.hypothesis).sum;
+        let behind = 0.5 * (fit.sum - before) / selection.fit.design_effect;
+        let loss = behind + gone.dearer(rival, penalty);
         let more = rival.numbers.saturating_sub(gone.numbers) as f64;
-        named[k] = Named {
+        named[k] = Selected {
             candidate: entry.candidate,
             effect,
             stated,
             kept: rival.kept,
-            spared: gone.spared.max(price * more),
+            spared: gone.spared.max(penalty * more),
             gain: gone.gain - behind,
             margin: gone.margin - loss,
             numbers: rival.numbers,
@@ -123,17 +124,17 @@ impl Asking<'_> {
             rivals: Vec::new(),
             variants: Vec::new(),
         };
-        Some((Naming { fit, named }, loss))
+        Some((Selection { fit, named }, loss))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::bank::Bank;
+    use crate::diagnose::jacobian_cache::JacobianCache;
     use crate::diagnose::judge::confidence;
     use crate::diagnose::library::library;
-    use crate::diagnose::name::{glimpsed, title};
+    use crate::diagnose::selection::{preselected, title};
     use crate::fit::{Effort, Settings};
     use crate::made::{empty, nominal};
     use crate::robust::Influence;
@@ -154,12 +155,17 @@ mod tests {
         let (influence, effort) = (Influence::Equal, Effort::Full);
         let settings = Settings { used: &used, influence, from: None, effort };
         let base = fit(&campaign, &known, &settings);
-        let (library, bank) = (library(&model, &campaign), Bank::default());
-        let asking =
-            Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
-        let (mut naming, also) = glimpsed(&asking, &base, 10);
-        let price = asking.compare(&mut naming, &also);
-        let kinds: Vec<_> = naming.named.iter().map(|one| title(&one.candidate)).collect();
+        let (library, jacobian_cache) = (library(&model, &campaign), JacobianCache::default());
+        let search = Search {
+            campaign: &campaign,
+            known: &known,
+            settings,
+            library: &library,
+            jacobian_cache: &jacobian_cache,
+        };
+        let (mut selection, also) = preselected(&search, &base, 10);
+        let penalty = search.compare(&mut selection, &also);
+        let kinds: Vec<_> = selection.named.iter().map(|one| title(&one.candidate)).collect();
         assert_eq!(kinds, [Some(("joint_offset", Some(2), false))]);
         // A scale of the last joint, which explains nothing of it.
         let wrong = |candidate: &&crate::candidates::Candidate| {
@@ -177,11 +183,11 @@ mod tests {
             found: vec![1e-6],
             kept: &[],
         };
-        naming.named[0].rivals = vec![rival];
-        assert!(confidence(&naming.named[0], &naming.fit).0 < 0.01, "by the sums");
-        asking.refute(&mut naming, price);
-        let rival = &naming.named[0].rivals[0];
+        selection.named[0].rivals = vec![rival];
+        assert!(confidence(&selection.named[0], &selection.fit).0 < 0.01, "by the sums");
+        search.refute(&mut selection, penalty);
+        let rival = &selection.named[0].rivals[0];
         assert!(rival.behind > 20.0 && !rival.alike, "{}", rival.behind);
-        assert!(confidence(&naming.named[0], &naming.fit).0 > 0.99, "by the fit");
+        assert!(confidence(&selection.named[0], &selection.fit).0 > 0.99, "by the fit");
     }
 }

@@ -1,4 +1,4 @@
-//! How the tool moves with each candidate of the library, kept from choice to choice: little of it changes with a fit.
+//! How the tool moves with each candidate of the library, kept from selection to selection: little of it changes with a fit.
 //!
 //! Columns stand on the controller's own geometry. Only what changes the loads or the way is felt by all of them, and what gives way by those that
 //! change loads.
@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Columns of those that act upon the loads, and of all others.
 #[derive(Default)]
-pub(super) struct Bank {
+pub(super) struct JacobianCache {
     of_loads: Mutex<Kept>,
     others: Mutex<Kept>,
     ringing: Mutex<Ringing>,
@@ -35,7 +35,7 @@ struct Kept {
     moves: Vec<Arc<Moves>>,
 }
 
-impl Bank {
+impl JacobianCache {
     /// The columns of every candidate of `library`, which is always the same, where a fit stands.
     pub(super) fn moves(&self, fitted: &Fitted<'_>, library: &[Candidate]) -> Vec<Arc<Moves>> {
         let (mut of_loads, mut others) = (held(&self.of_loads), held(&self.others));
@@ -51,7 +51,7 @@ impl Bank {
     }
 }
 
-impl Bank {
+impl JacobianCache {
     /// What the modes that are asked first move, which are always the same ones; `columns` tells it where it is not known.
     pub(super) fn ringing(
         &self,

@@ -1,14 +1,14 @@
 //! Choosing and fitting, one after the other, until the names stand.
 //!
-//! A choice is made where rows are linearised; what it is worth is told by the fit that follows. Where effects work upon one another (a mass through what
+//! A selection is made where rows are linearised; what it is worth is told by the fit that follows. Where effects work upon one another (a mass through what
 //! gives way, a law on top of a compliance) the two differ, and choices that were each better in prospect would go round in circles.
 //!
 //! Promises: of all that was fitted the best is kept, by log-likelihood less what the numbers cost, the noise's size being fitted where nobody stated it.
 //! Never: a look at held-out poses.
 
-use super::choice::Choice;
 use super::gram::Entry;
-use super::name::{Asking, Named, Naming, titles};
+use super::selection::{Search, Selected, Selection, titles};
+use super::stepwise::Stepwise;
 use crate::fit::{Effort, Settings, fit};
 use crate::result::Fit;
 
@@ -31,9 +31,9 @@ enum Way {
     FromAnyStart,
 }
 
-impl Asking<'_> {
+impl Search<'_> {
     /// Chooses and fits, one after the other, until the names stand.
-    pub(super) fn settled(&self, start: Naming, also: &[Entry]) -> Naming {
+    pub(super) fn until_stable(&self, start: Selection, also: &[Entry]) -> Selection {
         let mut best = start;
         for _ in 0..ROUNDS {
             let Some(next) = self.next(&best, also) else { break };
@@ -50,25 +50,29 @@ impl Asking<'_> {
     }
 
     /// The same with two names of a joint as one, if that is better: alone, neither would leave for it.
-    pub(super) fn merged(&self, naming: Naming) -> Naming {
+    pub(super) fn merged(&self, selection: Selection) -> Selection {
         let joints: Vec<usize> =
-            naming.named.iter().filter_map(|one| one.candidate.joint).collect();
+            selection.named.iter().filter_map(|one| one.candidate.joint).collect();
         if (1..joints.len()).all(|k| !joints[..k].contains(&joints[k])) {
-            return naming;
+            return selection;
         }
-        let also = self.searched(&naming);
-        let mut choice = Choice::at(self, &naming, &also);
-        choice.stand();
-        if !choice.merge() {
-            return naming;
+        let also = self.searched(&selection);
+        let mut stepwise = Stepwise::at(self, &selection, &also);
+        stepwise.stand();
+        if !stepwise.merge() {
+            return selection;
         }
-        let merged = self.fitted(&choice, &naming.fit, Effort::Full);
-        if self.is_better(&merged, &naming) { self.settled(merged, &also) } else { naming }
+        let merged = self.fitted(&stepwise, &selection.fit, Effort::Full);
+        if self.is_better(&merged, &selection) {
+            self.until_stable(merged, &also)
+        } else {
+            selection
+        }
     }
 
-    /// A better choice than `best`: as far as steps from there lead, else one step from there, else from any start; where all lead to the same names,
+    /// A better selection than `best`: as far as steps from there lead, else one step from there, else from any start; where all lead to the same names,
     /// these with better numbers.
-    pub(super) fn next(&self, best: &Naming, also: &[Entry]) -> Option<Naming> {
+    pub(super) fn next(&self, best: &Selection, also: &[Entry]) -> Option<Selection> {
         let named = &best.named;
         let ways: &[Way] = match named.is_empty() {
             // What looks best where nothing is named may lead nowhere once it is fitted, where its first name alone leads on.
@@ -76,19 +80,19 @@ impl Asking<'_> {
             false => &[Way::AsFarAsSteps, Way::OneStep, Way::FromAnyStart],
         };
         let mut same = None;
-        let open = Choice::at(self, best, also);
+        let open = Stepwise::at(self, best, also);
         for way in ways {
-            let mut choice = open.clone();
+            let mut stepwise = open.clone();
             match way {
-                Way::AsFarAsSteps => choice.make_from(),
-                Way::OneStep => choice.step_from(),
-                Way::FromAnyStart => choice.make_best(),
+                Way::AsFarAsSteps => stepwise.make_from(),
+                Way::OneStep => stepwise.step_from(),
+                Way::FromAnyStart => stepwise.make_best(),
             }
-            let stands = choice.titles() == titles(named);
+            let stands = stepwise.titles() == titles(named);
             if stands && same.is_some() {
                 continue;
             }
-            let next = self.fitted(&choice, &best.fit, Effort::Sketch);
+            let next = self.fitted(&stepwise, &best.fit, Effort::Sketch);
             if self.is_better(&next, same.as_ref().unwrap_or(best)) {
                 if !stands {
                     return Some(next);
@@ -99,14 +103,14 @@ impl Asking<'_> {
         same
     }
 
-    /// Whether one choice is better than another under the same noise, by log-likelihood less what numbers cost.
-    pub(super) fn is_better(&self, next: &Naming, best: &Naming) -> bool {
+    /// Whether one selection is better than another under the same noise, by log-likelihood less what numbers cost.
+    pub(super) fn is_better(&self, next: &Selection, best: &Selection) -> bool {
         let together = next.fit.design_effect.max(best.fit.design_effect);
-        let cost = |naming: &Naming| {
-            let readings = (naming.fit.readings as f64 / together).max(2.0);
+        let cost = |selection: &Selection| {
+            let readings = (selection.fit.readings as f64 / together).max(2.0);
             let tried = 2.0 * (self.library.len().max(1) as f64).ln();
-            let cost = |one: &Named| one.numbers as f64 * readings.ln() + tried - one.spared;
-            self.misfit(&naming.fit) / together + naming.named.iter().map(cost).sum::<f64>()
+            let cost = |one: &Selected| one.numbers as f64 * readings.ln() + tried - one.spared;
+            self.misfit(&selection.fit) / together + selection.named.iter().map(cost).sum::<f64>()
         };
         cost(next) < cost(best) - BETTER
     }

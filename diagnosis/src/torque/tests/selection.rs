@@ -26,18 +26,18 @@ fn rows_of_a_zone_come_back_where_a_law_would_be_lost_with_them() {
     let mut case = case(slider(true), 0.1, force);
     let train = case.rows.train.clone();
     let products = case.products(&train);
-    let asking = refine::asking(&case, &products, &[]);
-    let [lost, kept] = [asking.solve(&[]), asking.choose(&[])];
+    let search = refine::search(&case, &products, &[]);
+    let [lost, kept] = [search.solve(&[]), search.choose(&[])];
     let left = case.residual(&kept.solved, 0);
     let speeds = zone::speeds(&case.motion, 0);
     let within: Vec<f64> =
         left.iter().zip(&speeds).filter(|(_, v)| **v < 0.02).map(|(x, _)| x * x).collect();
     let rms = libm::sqrt(within.iter().sum::<f64>() / within.len() as f64);
     let zone = Zone { joint: 0, below: 0.02, share: 0.05, left: [rms, 0.1] };
-    for (choice, comes_back) in [(kept, false), (lost, true)] {
+    for (selection, comes_back) in [(kept, false), (lost, true)] {
         case.table.counts[0].iter_mut().zip(&speeds).for_each(|(c, v)| *c &= *v >= zone.below);
         let mut zones = vec![zone];
-        assert_eq!(reopened(&mut case, &mut zones, &choice, &train), comes_back);
+        assert_eq!(reopened(&mut case, &mut zones, &selection, &train), comes_back);
         assert_eq!(zones.is_empty(), comes_back);
         assert_eq!(case.table.counts == case.table.moves, comes_back);
     }
@@ -56,9 +56,9 @@ fn what_fell_once_is_not_chosen_again() {
     let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum();
     let case = case(slider(false), 1.0, force);
     let products = case.products(&case.rows.train);
-    let asking = refine::asking(&case, &products, &case.open);
-    let best = asking.choose(&[]).names[0];
-    assert!(!asking.choose_but(&[], &[best]).names.contains(&best));
+    let search = refine::search(&case, &products, &case.open);
+    let best = search.choose(&[]).names[0];
+    assert!(!search.choose_but(&[], &[best]).names.contains(&best));
 }
 
 #[test]
@@ -66,10 +66,10 @@ fn a_delay_is_no_surer_than_a_hundredth_of_a_step() {
     let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum();
     let case = case(slider(true), 1e-6, force);
     let products = case.products(&case.rows.train);
-    let asking = refine::asking(&case, &products, &[]);
+    let search = refine::search(&case, &products, &[]);
     let mut families = case.library.families.iter();
     let delay = families.position(|family| family.kind == "torque_delay").unwrap();
-    let solved = asking.solve(&[delay]).solved;
+    let solved = search.solve(&[delay]).solved;
     let used = &case.rows.train;
     let of_rows = blocks::covariance_of(&case.table, &case.library.columns, &solved, used)[(0, 0)];
     let told = prove::covariance(&case, &solved, used)[(0, 0)];
@@ -80,12 +80,12 @@ fn a_delay_is_no_surer_than_a_hundredth_of_a_step() {
 fn no_name_falls_for_a_rival_that_alone_would_have_the_wrong_sign() {
     let case = case(slider(true), 1.0, |[_, v, a]| MASS * a - 2.0 * v.signum());
     let products = case.products(&case.rows.train);
-    let asking = refine::asking(&case, &products, &[]);
+    let search = refine::search(&case, &products, &[]);
     let find = |kind: &str| case.library.families.iter().position(|f| f.kind == kind).unwrap();
     let (loop_, dry) = (find("hysteresis"), find("friction_asymmetry"));
     // The loop alone would have to run backwards here; a measure that likes it best without the other must not have its way.
     let likes = |solved: &Solved| solved.columns.len() as f64;
-    let (names, refuted) = prove::borne_out_by(&asking, vec![loop_, dry], &likes, &|_| false);
+    let (names, refuted) = prove::borne_out_by(&search, vec![loop_, dry], &likes, &|_| false);
     assert!(!names.contains(&loop_) && refuted.contains(&loop_), "{names:?} {refuted:?}");
     assert_eq!(refuted[0], loop_, "the other fell first, and left what cannot be");
 }
@@ -95,10 +95,10 @@ fn a_loop_that_stood_beside_dry_friction_gives_way_to_it_when_it_stands_alone() 
     let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum();
     let case = case(slider(false), 1.0, force);
     let products = case.products(&case.rows.train);
-    let asking = refine::asking(&case, &products, &case.open);
+    let search = refine::search(&case, &products, &case.open);
     let kind = |name: &usize| case.library.families[*name].kind;
     let narrow = (0..case.library.families.len()).find(|name| kind(name) == "hysteresis").unwrap();
-    let renamed = asking.renamed(asking.solve(&[narrow]));
+    let renamed = search.renamed(search.solve(&[narrow]));
     assert_eq!(renamed.names.iter().map(kind).collect::<Vec<_>>(), ["coulomb_friction"]);
 }
 
@@ -110,14 +110,14 @@ fn a_searched_number_is_told_with_its_doubt_and_leaves_the_number_beside_it_less
     let mut case = case(slider(true), 1.0, force);
     let seen = case.rows.seen();
     let products = case.products(&seen);
-    let choice = refine::asking(&case, &products, &[]).choose(&[]);
-    refine::settle(&mut case, &choice, &[], &seen);
+    let selection = refine::search(&case, &products, &[]).choose(&[]);
+    refine::settle(&mut case, &selection, &[], &seen);
     let products = case.products(&seen);
-    let choice = refine::asking(&case, &products, &[]).solve(&choice.names);
-    let family = &case.library.families[choice.names[0]];
-    assert_eq!((family.kind, choice.names.len()), ("stribeck_friction", 1));
-    let (covariance, spreads) = prove::sureness(&case, &choice, &seen, &|_| 0.0);
-    let fixed = prove::covariance(&case, &choice.solved, &seen);
+    let selection = refine::search(&case, &products, &[]).solve(&selection.names);
+    let family = &case.library.families[selection.names[0]];
+    assert_eq!((family.kind, selection.names.len()), ("stribeck_friction", 1));
+    let (covariance, spreads) = prove::sureness(&case, &selection, &seen, &|_| 0.0);
+    let fixed = prove::covariance(&case, &selection.solved, &seen);
     assert!(covariance[(0, 0)] > 1.1 * fixed[(0, 0)], "{covariance} {fixed}");
     let (found, spread) = (family.settings[0].1, spreads[0].1);
     assert!(spread > 1e-4 && spread < 0.05, "{spread}");
