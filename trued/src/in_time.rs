@@ -69,6 +69,7 @@ pub(crate) fn settled(corrections: &Corrections) -> Result<Vec<Vec<f64>>, Failur
 
 /// A joint's correction in time.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(crate) struct OfJoint {
     /// From 1.
     joint: usize,
@@ -110,6 +111,7 @@ impl OfJoint {
 
 /// Largest and root mean square, mm.
 #[derive(Debug, Clone, Copy, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(crate) struct Size {
     largest: f64,
     rms: f64,
@@ -117,6 +119,7 @@ pub(crate) struct Size {
 
 /// Errors of the tool on a path.
 #[derive(Debug, Clone, Copy, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(crate) struct OfTool {
     /// From where it shall be at that instant.
     in_time_mm: Size,

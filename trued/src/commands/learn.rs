@@ -54,6 +54,7 @@ pub(crate) struct Learn {
 
 /// What was learned.
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report {
     corrections: String,
     runs: usize,
@@ -70,6 +71,7 @@ struct Report {
 }
 
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct JointReport {
     /// `link`, `motor` or `tool`.
     measured: &'static str,
@@ -85,6 +87,7 @@ struct JointReport {
 
 /// A joint over time, by a run.
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ByRun {
     delay_ms: f64,
     lag_ms: f64,
@@ -328,4 +331,10 @@ fn next_to(path: &Path) -> PathBuf {
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let stem = name.trim_end_matches(".corrected").trim_end_matches(".next");
     PathBuf::from(format!("{stem}.next.csv"))
+}
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report>("learn", "trued.learn/1")
 }

@@ -130,6 +130,7 @@ pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
         doctor::result_schema(),
         gears::result_schema(),
         info::result_schema(),
+        learn::result_schema(),
         reload::result_schema(),
         replay::result_schema(),
         simulate::result_schema(),

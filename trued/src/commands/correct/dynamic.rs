@@ -21,6 +21,7 @@ pub(super) struct Dynamic {
 
 /// What was compensated in time.
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Report {
     step_ms: f64,
     /// For how long the arm stands still before and after the path.
