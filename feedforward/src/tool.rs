@@ -1,7 +1,7 @@
 //! What errors of joints do to the tool: how far it is from where it shall be at each instant, and how far from the path.
 //!
 //! On the controller's own geometry (`physics::Chain::tool_at`). The distance from the path is that to the nearest point of the polygon through the wanted points,
-//! searched within [`NEARBY_S`]; a tool that is late on its path has none.
+//! searched within half a second of the instant; a tool that is late on its path has none.
 
 use glam::DVec3;
 use physics::{Arm, Chain, Joints};

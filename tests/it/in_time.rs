@@ -176,10 +176,7 @@ fn table(text: &str, name: &str, unit: &str) -> (Vec<f64>, Path6) {
     let heads: Vec<&str> = lines.next().unwrap().split(',').collect();
     let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
     let column = |head: &str| -> Vec<f64> {
-        let at = heads
-            .iter()
-            .position(|found| *found == head)
-            .unwrap_or_else(|| panic!("{head} in {heads:?}"));
+        let at = heads.iter().position(|found| *found == head).expect(head);
         rows.iter().map(|row| row[at].parse().unwrap()).collect()
     };
     let si = if unit == "deg" { 1.0_f64.to_radians() } else { 1.0 };

@@ -116,7 +116,7 @@ fn a_run_shows_the_plant_that_made_it() {
     let learned = cell.next(&commanded, 1).joints.remove(0).expect("learned");
     let found = learned.refined.expect("the model explains it far worse").plant;
     let near = |found: f64, truth: f64, share: f64| {
-        assert!((found / truth - 1.0).abs() < share, "{found} {truth}")
+        assert!((found / truth - 1.0).abs() < share, "{found} {truth}");
     };
     near(found.modes[0].frequency_hz.value, JOINT.frequency_hz, 0.01);
     near(found.delays_s[0].value + found.lags_s[0].value, JOINT.delay_s + JOINT.lag_s, 0.01);
