@@ -15,7 +15,7 @@ pub struct Settings {
     /// Standard uncertainty of numbers whose model states none, as a share of each, 0 to 1. Default 0.1.
     pub unstated: f64,
     /// Limits of what is added to the static commands, rad or m: position, rate, jerk. Default 0.2, 1 /s, 5000 /s³: a lag of 0.1 s
-    /// at 2 rad/s, and the jerk that the maker of the FR3 allows its joints.
+    /// at 2 rad/s, and the jerk of the joints of the FR3 (libfranka, `rate_limiting.h`).
     pub limits: Limits,
     /// A measured error beyond it is refused, rad or m, above 0. Default 0.2, as the position limit.
     pub error_max: f64,
