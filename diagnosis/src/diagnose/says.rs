@@ -49,21 +49,26 @@ pub fn sentence(effect: &AnyEffect, had: Option<&[f64]>, slides: bool) -> String
     let what = what(&said, &joint);
     match had {
         None => format!("{what}."),
-        Some(_) => format!("The model's {} is off: {what} more than it says.", effect.spec().kind),
+        Some(_) => format!(
+            "The model's {} is wrong; the difference: {what}.",
+            effect.spec().kind.replace('_', " ")
+        ),
     }
 }
 
 fn what(said: &Said<'_>, joint: &str) -> String {
     let (n, mrad) = (|k| said.number(k), said.angle());
     match said.effect.spec().kind {
-        "joint_offset" => format!("{joint}'s zero is off by {} {mrad}: its encoder offset", n(0)),
-        "joint_ratio" => format!("{joint} moves {} of its angle too far: its ratio or scale", n(0)),
-        "joint_coupling" => format!(
-            "{joint} is driven along by another joint, {} of that one's motion: coupled gears",
+        "joint_offset" => format!("{joint} has a zero offset of {} {mrad}", n(0)),
+        "joint_ratio" => format!(
+            "{joint} moves too far by {} of its angle: gear ratio or scale of its encoder",
             n(0)
         ),
+        "joint_coupling" => {
+            format!("{joint} moves with another joint, by {} of its motion: coupled gears", n(0))
+        }
         "transmission_error" => format!(
-            "{joint} errs by a wave of {} {mrad}, {} cycles per {}: eccentricity or mesh of its gears",
+            "{joint} has a transmission error of {} {mrad} with {} cycles per {}: eccentricity or mesh of its gears",
             n(0),
             n(1),
             if said.slides { "metre" } else { "revolution" }
@@ -73,38 +78,39 @@ fn what(said: &Said<'_>, joint: &str) -> String {
             n(0)
         ),
         "lost_motion" => format!(
-            "{joint} has a soft zone of {} {mrad} under small loads (about {}): lost motion in its gear train",
+            "{joint} has a lost motion of {} {mrad} around zero load (within about {} {}) in its gear train",
             n(0),
-            n(1)
+            n(1),
+            if said.slides { "N" } else { "Nm" }
         ),
         "hysteresis" => format!(
-            "{joint} lags behind by {} {mrad} after a reversal, building up over {} {mrad}: hysteresis",
+            "{joint} has a hysteresis of {} {mrad}, which builds up over {} {mrad} after a reversal",
             n(0),
             n(1)
         ),
         "gravity_compliance" | "joint_compliance" => format!(
-            "{joint} bends under its load by {} {mrad} per kNm: compliance of its gear train",
+            "{joint} deflects under its load by {} {mrad} per kNm: compliance of its gear train",
             n(0)
         ),
         "load_compliance" => format!(
-            "{joint} bends under the tool's load by {} {mrad} per kNm: compliance of its gear train",
+            "{joint} deflects under the load on the tool by {} {mrad} per kNm: compliance of its gear train",
             n(0)
         ),
         "gravity_sag" => format!(
-            "{joint} sags under the weight of what it carries, {} {mrad} in all",
+            "{joint} deflects under gravity by up to {} {mrad}",
             said.length(0, said.effect.values().len())
         ),
         "stiffness_hardening" => {
             format!("{joint} stiffens under load: {} {mrad} per kNm cubed less", n(0))
         }
         "bearing_compliance" => {
-            format!("{joint}'s bearing tilts by {} mrad per kNm across its axis", n(0))
+            format!("{joint}'s bearing tilts by {} mrad per kNm of moment across its axis", n(0))
         }
         "base_compliance" => {
-            format!("The base tilts by {} mrad per kNm: foot, bolts or floor give way", n(0))
+            format!("The base tilts by {} mrad per kNm: compliance of foot, bolts or floor", n(0))
         }
         "tool_compliance" => {
-            format!("The tool gives way by {}, {}, {} um per N along its axes", n(0), n(1), n(2))
+            format!("The tool deflects by {}, {}, {} um per N along its axes", n(0), n(1), n(2))
         }
         "counterbalance" => {
             format!("{joint} carries the load of a spring, {} N per m: its counterbalance", n(0))
@@ -117,28 +123,27 @@ fn what(said: &Said<'_>, joint: &str) -> String {
 fn stands(said: &Said<'_>, joint: &str) -> String {
     let (n, mrad) = (|k| said.number(k), said.angle());
     match said.effect.spec().kind {
-        "axis_tilt" => format!(
-            "{joint}'s axis points {} mrad elsewhere than the model says",
-            said.length(0, 2)
-        ),
+        "axis_tilt" => format!("{joint}'s axis is tilted by {} mrad", said.length(0, 2)),
         "axis_shift" => {
-            format!("{joint}'s axis stands {} mm elsewhere than the model says", said.length(0, 3))
+            format!("{joint}'s axis is displaced by {} mm", said.length(0, 3))
         }
         "tool_offset" => {
-            format!("The tool centre point is {} mm from where the model has it", said.length(0, 3))
+            format!("The tool centre point is displaced by {} mm", said.length(0, 3))
         }
-        "gravity_tilt" => format!("The robot stands {} mrad off the vertical", said.length(0, 2)),
+        "gravity_tilt" => {
+            format!("The robot's base is tilted by {} mrad from the vertical", said.length(0, 2))
+        }
         "payload" => {
-            format!("A mass of {} kg hangs on the flange that the model does not know", n(0))
+            format!("The flange carries a mass of {} kg that the model does not state", n(0))
         }
         "thermal_growth" => format!(
-            "The link after {} grows with heat: {} um{}",
+            "The link after {} expands with temperature: {} um{}",
             joint.to_lowercase(),
             n(0),
             per_kelvin(said)
         ),
         "thermal_zero" => {
-            format!("{joint}'s zero drifts with heat: {} {mrad}{}", n(0), per_kelvin(said))
+            format!("{joint}'s zero drifts with temperature: {} {mrad}{}", n(0), per_kelvin(said))
         }
         "axis_wobble" => format!(
             "{joint}'s axis wobbles by {} mrad as it turns: runout of its bearing",
@@ -146,9 +151,9 @@ fn stands(said: &Said<'_>, joint: &str) -> String {
         ),
         "spindle_growth" => match said.effect.fitted().first().map(|p| p.stem) {
             Some("growth_um") => {
-                format!("The tool grows by {} um per thousand rev/min as the spindle warms", n(0))
+                format!("The spindle expands by {} um per thousand rev/min as it warms up", n(0))
             }
-            _ => format!("The tool grows by {} um per kelvin as the spindle warms", n(0)),
+            _ => format!("The spindle expands by {} um per kelvin as it warms up", n(0)),
         },
         "wrench_bias" => format!(
             "The force sensor reads {} N and {} Nm too much",
@@ -174,11 +179,13 @@ fn stands(said: &Said<'_>, joint: &str) -> String {
 fn lags(said: &Said<'_>, joint: &str) -> String {
     let (n, mrad) = (|k| said.number(k), said.angle());
     match said.effect.spec().kind {
-        "time_delay" => format!("What was measured comes {} ms after what was put in", n(0)),
-        "servo_lag" => format!("{joint} lags its command by a time constant of {} ms", n(0)),
+        "time_delay" => format!("The measurement is delayed by {} ms against the commands", n(0)),
+        "servo_lag" => {
+            format!("{joint} follows its command with a time constant of {} ms: servo lag", n(0))
+        }
         "flexible_mode" => {
             let who = if joint.is_empty() { "The base" } else { joint };
-            format!("{who} rings at {} Hz with {} of critical damping", n(0), n(1))
+            format!("{who} has a mode at {} Hz with a damping ratio of {}", n(0), n(1))
         }
         "reversal_spike" => format!(
             "{joint} overshoots by {} {mrad} at each reversal and recovers within {} ms: servo mismatch",

@@ -46,7 +46,7 @@ fn why_not(found: &Found) -> Option<&'static str> {
         Some(Verdict::MissingPhysics) => None,
         Some(Verdict::Consistent) => Some("nothing is missing, so there is nothing to apply"),
         Some(Verdict::UnknownStructure) => {
-            Some("part of the mismatch follows a law that no known effect explains")
+            Some("no known effect explains a part of the difference")
         }
         Some(Verdict::Undetermined) => Some("several effects explain the mismatch alike"),
         None => Some("the recordings cannot be judged"),

@@ -193,7 +193,7 @@ fn sentence(report: &Report) -> String {
             "The model is off by {before} {unit} where the readings scatter by {residual} {unit}, and no known effect explains it."
         ),
         ("unknown_structure", count) => format!(
-            "The model is off by {before} {unit}. {} bring{} it to {after} {unit}; what is left follows a law that no known effect explains.",
+            "The model is off by {before} {unit}. {} bring{} it to {after} {unit}; an error that no known effect explains remains.",
             effects(count),
             if count == 1 { "s" } else { "" }
         ),

@@ -254,7 +254,7 @@ impl Report {
                 depends_on: one.depends_on.clone(),
                 heldout_rms_after: MILLI * one.heldout[1],
                 says: format!(
-                    "What no known effect explains looks like an error of joint {} that follows {}.",
+                    "An unmodelled error of joint {}, depending on {}, remains.",
                     one.joint + 1,
                     one.depends_on.join(" and ")
                 ),

@@ -143,7 +143,7 @@ fn unexplained(rest: &Rest) -> Unexplained {
         None => {
             let words: Vec<&str> = rest.words.iter().map(|word| in_words(word)).collect();
             format!(
-                "What is left of {} follows {}, in a form that no known effect has.",
+                "An unmodelled force along {}, depending on {}, remains.",
                 CHANNELS[rest.axis],
                 words.join(" and ")
             )

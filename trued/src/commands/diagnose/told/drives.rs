@@ -68,7 +68,7 @@ fn unexplained(diagnosis: &Diagnosis) -> Option<Unexplained> {
         depends_on: law.words.clone(),
         heldout_rms_after: joint.after * left,
         says: format!(
-            "What is left of joint {}'s torque follows {}, in a form that no known effect has.",
+            "An unmodelled torque of joint {}, depending on {}, remains.",
             law.joint + 1,
             law.words.join(" and ")
         ),
