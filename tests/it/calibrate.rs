@@ -192,6 +192,27 @@ fn text_json_and_page_of_a_calibration_tell_the_same_numbers() {
 }
 
 #[test]
+fn a_tolerance_that_held_out_errors_exceed_is_told_and_ends_with_1() {
+    for (tolerance_mm, code, told) in
+        [("0.2", 0, "tolerance 0.200 mm met"), ("0.01", 1, "tolerance 0.0100 mm not met")]
+    {
+        let place = place_with(measured());
+        let asked = ["--json", "c.json", "--tolerance-mm", tolerance_mm];
+        let ran = place.run(&[&CALIBRATE[..], &asked].concat());
+        assert_eq!(ran.code, Some(code), "{ran:?}");
+        assert!(ran.out.contains(told), "{}", ran.out);
+        let found = place.json("c.json");
+        assert_eq!(found["tolerance"]["met"], code == 0);
+        let within_mm = number(&found, &["tolerance", "p95_mm"]);
+        assert!(within_mm > 0.01 && within_mm < 0.2, "{within_mm}");
+        place.succeed(&["check", "robot2.toml"]);
+    }
+    let place = place_with(measured());
+    let none = place.run(&[&CALIBRATE[..], &["--tolerance-mm", "0"]].concat());
+    assert_eq!(none.code, Some(2), "{none:?}");
+}
+
+#[test]
 fn a_shift_of_a_slanted_axis_is_found_across_it() {
     let base = preset(BASE).expect("preset").text;
     let straight = base.split("name = \"4\"").nth(1).expect("joint 4");

@@ -286,7 +286,8 @@ pub(super) fn law(case: &Case, always: &[usize], names: &[usize]) -> Option<Beyo
     let products = case.products(&case.rows.seen());
     let search = refine::search(case, &products, always);
     let penalty = |name: usize| search.penalty(&case.library.families[name]);
-    let sums = RefCell::default();
+    // In the room of the case's sums, which are as large and are computed again where they are needed.
+    let sums = RefCell::new(case.sums.take());
     let one = |joint: usize| {
         let laws = laws(&case.motion, joint);
         of_joint(case, &Question::new(case, (always, names), &penalty, (joint, &laws), &sums))

@@ -69,6 +69,9 @@ pub(crate) struct Calibrate {
     /// Write the model also where its own proof fails (see above), and exit 0
     #[arg(long)]
     accept_worse: bool,
+    /// The tool error that is allowed, mm: exit 1 where 5 of 100 held-out errors or more exceed it; the model is written all the same
+    #[arg(long, value_name = "MM", value_parser = tolerance)]
+    tolerance_mm: Option<f64>,
     #[command(flatten)]
     seed: Seed,
     /// Recordings of one robot, each with measuring frames of its own
@@ -88,6 +91,27 @@ struct Parts {
     split: Split,
     /// The seed, where chance took part.
     seed: Option<u64>,
+}
+
+/// The held-out error of the new model against the error that is allowed.
+#[derive(Clone, Copy, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+struct Tolerance {
+    /// What is allowed.
+    tolerance_mm: f64,
+    /// What 95 of 100 held-out errors stay within.
+    p95_mm: f64,
+    /// Whether that is no more.
+    met: bool,
+}
+
+fn tolerance(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(format!("{text} is out of range, expected a length above 0 mm"))
+    }
 }
 
 #[derive(Serialize)]
@@ -131,10 +155,19 @@ impl Calibrate {
             console.say(format!("{head}: {reason}"))?;
         }
         if self.is_written(&found) {
-            return Ok(Answer::Done);
+            let meets = self.tolerance(&found).is_none_or(|tolerance| tolerance.met);
+            return Ok(if meets { Answer::Done } else { Answer::No });
         }
         console.say("no model was written; use --accept-worse to write it anyway")?;
         Ok(Answer::No)
+    }
+
+    /// The new model against the tolerance, where one is stated.
+    fn tolerance(&self, found: &Found) -> Option<Tolerance> {
+        let tolerance_mm = self.tolerance_mm?;
+        let [.., advanced] = &found.errors;
+        let p95_mm = told::mm(advanced.quantile(0.95));
+        Some(Tolerance { tolerance_mm, p95_mm, met: p95_mm <= tolerance_mm })
     }
 
     fn is_written(&self, found: &Found) -> bool {

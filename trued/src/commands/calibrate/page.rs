@@ -8,7 +8,7 @@ use super::alone::Alone;
 use super::found::{Approached, Found, MODELS, OfRecording};
 use super::numbers::Entry;
 use super::things::{lines, things};
-use super::told::{check, mm, moves_in, words};
+use super::told::{check, in_tolerance, mm, moves_in, words};
 use crate::drawn::{OfJoint, Ranked, arm_with_errors, by_joint, guilty, ranking};
 use crate::input::count;
 
@@ -77,7 +77,17 @@ fn verdict(page: Page, command: &Calibrate, found: &Found) -> Page {
         significant(calibrated, 2),
     );
     match found.refused.as_slice() {
-        [] => page.verdict(Tone::Good, "calibrated, and proven on unseen poses", &sentence),
+        [] => match command.tolerance(found) {
+            None => page.verdict(Tone::Good, "calibrated, and proven on unseen poses", &sentence),
+            Some(tolerance) => {
+                let (tone, word) = match tolerance.met {
+                    true => (Tone::Good, "calibrated, within the tolerance"),
+                    false => (Tone::Bad, "calibrated, but outside the tolerance"),
+                };
+                let against = in_tolerance(tolerance);
+                page.verdict(tone, word, &format!("Tolerance of {against}. {sentence}"))
+            }
+        },
         [reason, ..] => {
             let written =
                 if command.is_written(found) { "written all the same" } else { "no model written" };

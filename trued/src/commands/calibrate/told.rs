@@ -32,6 +32,8 @@ pub(super) struct Report {
     out: Option<String>,
     /// Why the model is not to be used.
     refused: Vec<String>,
+    /// None where none was stated.
+    tolerance: Option<super::Tolerance>,
     seed: Option<u64>,
     split: String,
     poses: Poses,
@@ -193,6 +195,7 @@ impl Report {
             robot: found.base.file.identity().to_string(),
             out: command.is_written(found).then(|| command.out.display().to_string()),
             refused: found.refused.clone(),
+            tolerance: command.tolerance(found),
             seed: found.seed,
             split: found.split.says.clone(),
             poses: Poses { training, heldout: all - training, written_model: found.poses },
@@ -332,12 +335,26 @@ pub(super) fn told(command: &Calibrate, found: &Found, alone: &Alone) -> String 
         let many = count(found.outliers.len(), "outlier");
         text += &format!("off       {many}: {}{}\n", some.join("; "), rest(found.outliers.len()));
     }
+    if let Some(tolerance) = command.tolerance(found) {
+        text += &format!("tolerance {}\n", in_tolerance(tolerance));
+    }
     let poses = count(found.poses, "pose");
     text += &format!("model     {}, fitted to {poses}", command.written(found));
     if command.is_written(found) {
         text += &format!("\ncheck     {}", check(command, found));
     }
     text
+}
+
+/// The verdict against a tolerance.
+pub(super) fn in_tolerance(tolerance: super::Tolerance) -> String {
+    let super::Tolerance { tolerance_mm, p95_mm, met } = tolerance;
+    let word = if met { "met" } else { "not met" };
+    format!(
+        "{} mm {word}: 95 of 100 held-out errors stay within {} mm",
+        significant(tolerance_mm, 3),
+        significant(p95_mm, 3)
+    )
 }
 
 /// The smallest noise that a check is planned with, mm: no instrument is better.
