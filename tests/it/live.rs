@@ -233,3 +233,20 @@ fn an_address_that_others_reach_needs_a_token() {
     assert_eq!(open.wait().code(), Some(3));
     assert!(open.says("TRUED_LIVE_TOKEN", LIMIT), "{:?}", open.lines());
 }
+
+#[test]
+fn alerts_and_the_grafana_board_name_metrics_that_exist() {
+    let read =
+        |file: &str| std::fs::read_to_string(crate::program::workspace().join(file)).unwrap();
+    let known = read("docs/reference/metrics.md");
+    for file in ["deploy/grafana/trued.json", "deploy/prometheus/alerts.yml"] {
+        let text = read(file);
+        let words = text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
+        let mut unknown: Vec<&str> = words.filter(|word| word.starts_with("trued_")).collect();
+        assert!(unknown.len() > 5, "{file} names metrics");
+        unknown.retain(|name| !known.contains(&format!("`{name}`")));
+        assert!(unknown.is_empty(), "{file}: {unknown:?}");
+    }
+    let board: Value = serde_json::from_str(&read("deploy/grafana/trued.json")).expect("JSON");
+    assert!(board["panels"].as_array().is_some_and(|panels| panels.len() > 8));
+}
