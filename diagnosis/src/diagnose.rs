@@ -198,59 +198,47 @@ fn of_chosen(
     let known = ready::known(model, sigma);
     let base = fit(&campaign, &known, &settings);
     let library = library::library(model, &campaign);
-    let jacobian_cache = JacobianCache::default();
+    let cache = JacobianCache::default();
     let base =
         whiten(&mut campaign, &known, &settings, &base, (&words, Taken::All)).unwrap_or(base);
-    let search = Search {
-        campaign: &campaign,
-        known: &known,
-        settings,
-        library: &library,
-        jacobian_cache: &jacobian_cache,
-    };
-    let second_look = split.training.iter().zip(used).map(|(trains, used)| *trains && !used);
-    let second_look: Vec<bool> = second_look.collect();
-    let (preselection, also) = selection::preselected(&search, &base, unknown::PATCHES);
-    let (selection, law) =
-        match unknown::ahead_at_once(&search, &preselection, &words, &second_look) {
-            Some((few, law)) => (few, Some(law)),
-            None => {
-                // Without a look at rivals: enough to tell what is noise.
-                let first = search.until_stable(preselection, &also);
-                // What is named tells what is noise, and what is noise tells what can be named.
-                let taken = (words.as_slice(), Taken::Validated);
-                let again = whiten(&mut campaign, &known, &settings, &first.fit, taken);
-                let (known, library, jacobian_cache) =
-                    (&known, library.as_slice(), &jacobian_cache);
-                let search =
-                    Search { campaign: &campaign, known, settings, library, jacobian_cache };
-                let selection = match again {
-                    None => selection::select(&search, first),
-                    Some(bare) => selection::restarted(&search, &bare, first),
-                };
-                let looks = (&selection_split, second_look.as_slice());
-                let selection = prove::confirmed(&campaign, model, looks, selection);
-                match unknown::instead_of_names(&search, &selection, &words, &second_look) {
-                    Some((few, law)) => (few, Some(law)),
-                    None => {
-                        let law = unknown::confirmed(&search, &selection, &words, &second_look);
-                        (selection, law)
-                    }
+    let search =
+        Search { campaign: &campaign, known: &known, settings, library: &library, cache: &cache };
+    let validation = split.training.iter().zip(used).map(|(trains, used)| *trains && !used);
+    let validation: Vec<bool> = validation.collect();
+    let (preselected, also) = selection::preselected(&search, &base, unknown::PATCHES);
+    let (selection, law) = match unknown::ahead_at_once(&search, &preselected, &words, &validation)
+    {
+        Some((few, law)) => (few, Some(law)),
+        None => {
+            // Without a look at rivals: enough to tell what is noise.
+            let first = search.until_stable(preselected, &also);
+            // What is named tells what is noise, and what is noise tells what can be named.
+            let taken = (words.as_slice(), Taken::Validated);
+            let again = whiten(&mut campaign, &known, &settings, &first.fit, taken);
+            let (known, library, cache) = (&known, library.as_slice(), &cache);
+            let search = Search { campaign: &campaign, known, settings, library, cache };
+            let selection = match again {
+                None => selection::select(&search, first),
+                Some(bare) => selection::restarted(&search, &bare, first),
+            };
+            let looks = (&selection_split, validation.as_slice());
+            let selection = prove::confirmed(&campaign, model, looks, selection);
+            match unknown::instead_of_names(&search, &selection, &words, &validation) {
+                Some((few, law)) => (few, Some(law)),
+                None => {
+                    let law = unknown::confirmed(&search, &selection, &words, &validation);
+                    (selection, law)
                 }
             }
-        };
+        }
+    };
     // Names and laws stand; their numbers, and which rivals come near, are told by all that is not held out.
     let around = selection.fit.surroundings.clone();
     let settings = Settings { used: &split.training, from: Some(&around), ..settings };
     let selection =
         Selection { fit: fit(&campaign, &selection.fit.hypothesis, &settings), ..selection };
-    let search = Search {
-        campaign: &campaign,
-        known: &known,
-        settings,
-        library: &library,
-        jacobian_cache: &jacobian_cache,
-    };
+    let search =
+        Search { campaign: &campaign, known: &known, settings, library: &library, cache: &cache };
     let selection = substitution::with_rivals(&search, selection);
     let not_tested = untested::untested(&model.arm, &library, &words);
     finish(campaign, model, selection, law, split, &words, (not_tested, notes))

@@ -42,7 +42,7 @@ struct Trial {
 }
 
 /// The best mode of every joint and of the base, where it is worth a look. `bank` keeps what the first list moves.
-pub(super) fn modes(fitted: &Fitted<'_>, jacobian_cache: &JacobianCache) -> Vec<Candidate> {
+pub(super) fn modes(fitted: &Fitted<'_>, cache: &JacobianCache) -> Vec<Candidate> {
     let Some((lowest, highest)) = band(fitted.campaign) else { return Vec::new() };
     let arm = &fitted.state.hypothesis.model.arm;
     let rides = Rides::always(&fitted.state.hypothesis.model, fitted.campaign);
@@ -54,7 +54,7 @@ pub(super) fn modes(fitted: &Fitted<'_>, jacobian_cache: &JacobianCache) -> Vec<
     }
     let trials = trials(arm, fitted.campaign);
     let first: Vec<Candidate> = trials.iter().flat_map(|trial| with(arm, trial, &list)).collect();
-    let kept = jacobian_cache.ringing(fitted, || columns(fitted, &rides, &first));
+    let kept = cache.ringing(fitted, || columns(fitted, &rides, &first));
     let first = best(fitted, &rides, &first, &kept);
     let least = WORTH_A_LOOK * fitted.fit.design_effect;
     let closer = trials.iter().filter_map(|trial| {

@@ -107,7 +107,7 @@ pub(super) struct Search<'a> {
     pub(super) settings: Settings<'a>,
     pub(super) library: &'a [Candidate],
     /// How the tool moves with each candidate of the library.
-    pub(super) jacobian_cache: &'a JacobianCache,
+    pub(super) cache: &'a JacobianCache,
 }
 
 /// Names after the first rounds of choosing and fitting from where nothing is named, until they are `many` or stand; and what was asked besides the library.
@@ -201,8 +201,7 @@ impl Search<'_> {
     /// What is asked besides the library where `selection` stands: what is searched for in the rest.
     pub(super) fn searched(&self, selection: &Selection) -> Vec<Entry> {
         let fitted = Fitted::new(self.campaign, &selection.fit, &self.settings);
-        let found =
-            modes(&fitted, self.jacobian_cache).into_iter().chain(self.springs(&fitted, selection));
+        let found = modes(&fitted, self.cache).into_iter().chain(self.springs(&fitted, selection));
         found
             .chain(self.hystereses(selection))
             .map(|found| Entry::open(found.kept(), found))

@@ -54,7 +54,7 @@ impl<'a> Stepwise<'a> {
         let Selection { fit, named } = selection;
         let fitted = Fitted::new(search.campaign, fit, &search.settings);
         let arm = &fit.hypothesis.model.arm;
-        let moves = search.jacobian_cache.moves(&fitted, search.library);
+        let moves = search.cache.moves(&fitted, search.library);
         let of_library = search.library.iter().zip(moves).map(|(candidate, moves)| Entry {
             moves: Some(moves),
             ..Entry::open(candidate.kept(), candidate.clone())

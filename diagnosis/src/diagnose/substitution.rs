@@ -155,13 +155,13 @@ mod tests {
         let (influence, effort) = (Influence::Equal, Effort::Full);
         let settings = Settings { used: &used, influence, from: None, effort };
         let base = fit(&campaign, &known, &settings);
-        let (library, jacobian_cache) = (library(&model, &campaign), JacobianCache::default());
+        let (library, cache) = (library(&model, &campaign), JacobianCache::default());
         let search = Search {
             campaign: &campaign,
             known: &known,
             settings,
             library: &library,
-            jacobian_cache: &jacobian_cache,
+            cache: &cache,
         };
         let (mut selection, also) = preselected(&search, &base, 10);
         let penalty = search.compare(&mut selection, &also);
