@@ -181,7 +181,9 @@ fn keys_line(screen: &Screen) -> Line<'static> {
     if let Some(request) = screen.pending {
         return Line::styled(format!("{} ... waiting for the daemon", request.says()), bold);
     }
+    // The first ones have room on a narrow terminal too.
     let keys = [
+        ("q", "uit"),
         ("b", "ypass"),
         ("s", "hadow"),
         ("l", "imited"),
@@ -189,7 +191,6 @@ fn keys_line(screen: &Screen) -> Line<'static> {
         ("a", "rm"),
         ("r", "eload"),
         ("space", " freeze"),
-        ("q", "uit"),
     ];
     let mut spans = Vec::new();
     for (key, rest) in keys {
@@ -237,7 +238,7 @@ mod tests {
         assert!(text.contains(" 2 [          |#####     ]    50.0 %"), "{text}");
         assert!(text.contains(" 3 [##########|          ]   -95.0 % near"), "{text}");
         assert!(text.contains("refused 0") && text.contains("vibration"), "{text}");
-        assert!(rows[23].contains("bypass") && rows[23].contains("quit"), "{text}");
+        assert!(rows[23].contains("quit") && rows[23].contains("freeze"), "{text}");
     }
 
     #[test]
@@ -247,7 +248,7 @@ mod tests {
             assert_eq!(rows.len(), usize::from(height));
             if height >= 6 && width >= 20 {
                 assert!(rows[1].contains("RUNNING"), "{rows:?}");
-                assert!(rows[usize::from(height) - 1].contains("bypass"), "{rows:?}");
+                assert!(rows[usize::from(height) - 1].contains("quit  bypass"), "{rows:?}");
             }
         }
     }
