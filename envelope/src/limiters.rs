@@ -133,17 +133,20 @@ impl<const N: usize> Limiters<N> {
         };
         // Just after a jump the trend has hardly moved: the jump itself tells how far it is.
         let distance = |i: usize| offsets[i].value.abs().max(self.joints[i].distance());
+        // One that has arrived follows its target: how that moves is no way that others have to wait for.
+        let ramps: [bool; N] = core::array::from_fn(|i| behind[i] || self.joints[i].is_ramping());
+        let counts = |i: usize| ramps[i] && !brakes[i];
         let distances: [f64; N] =
-            core::array::from_fn(|i| if brakes[i] { 0.0 } else { distance(i) });
+            core::array::from_fn(|i| if counts(i) { distance(i) } else { 0.0 });
         let Pace { rate, jerk } = fastest(&distances);
         let time_s = TO_REST * libm::cbrt(1.0 / jerk).max(1.0 / rate);
         // A motion is worth the way that takes as long: slower, it would swing far beyond where it is.
         let reach = |i: usize| distances[i].max(offsets[i].reach(time_s));
-        let ways: [f64; N] = core::array::from_fn(|i| if brakes[i] { 0.0 } else { reach(i) });
+        let ways: [f64; N] = core::array::from_fn(|i| if counts(i) { reach(i) } else { 0.0 });
         let longest = ways.iter().fold(0.0_f64, |longest, way| longest.max(*way));
         let no_ramp = |i: usize| limits(i).map_or(0.0, |limits| NO_RAMP * limits.angle());
         // The pace goes by the ways of all that ramp, so that the arrival of any is news for the others.
-        for i in (0..N).filter(|i| behind[*i] || self.joints[*i].is_ramping()) {
+        for i in (0..N).filter(|i| ramps[*i]) {
             self.on_line[i] = ways[i] >= no_ramp(i);
         }
         let ways: [f64; N] =
