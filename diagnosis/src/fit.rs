@@ -29,8 +29,8 @@ const WEIGHING: usize = 8;
 const STEPS: usize = 12;
 /// Steps of a sketch.
 const SKETCH: usize = 3;
-/// Steps whose gain is below this, in units of the noise's variance, are left to the end: scale, weights and every decision between two fits ask for more
-/// than a hundred times it.
+/// Steps whose gain is below this, in units of the noise's variance, are left to the end. Decisions between two fits ask for a difference of
+/// fifty times it or more.
 const SETTLED: f64 = 0.01;
 /// Weights that changed less than this stand.
 const STANDS: f64 = 1e-3;
