@@ -238,3 +238,61 @@ fn a_joint_does_not_swing_for_the_sake_of_one_that_brakes_into_tighter_bounds() 
     }
     assert!(arrived.is_some_and(|k| k < 800), "{arrived:?}");
 }
+
+/// Numbers by chance between 0 and 1 (Marsaglia's xorshift): a case is its seed.
+struct Chance(u64);
+
+impl Chance {
+    fn new(seed: u64) -> Self {
+        let mut chance = Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+        for _ in 0..8 {
+            chance.unit();
+        }
+        chance
+    }
+
+    fn unit(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn within(&mut self, most: f64) -> f64 {
+        most * (2.0 * self.unit() - 1.0)
+    }
+}
+
+/// Three joints in motion ramp out at an uneven pace. Time that the last one takes once the others have arrived, beyond what its rate asks, s.
+fn held_up_s(seed: u64) -> f64 {
+    let chance = &mut Chance::new(seed);
+    let start =
+        [8e-3, 1e-3, 1e-3].map(|far| (chance.within(far), chance.within(8e-3), chance.within(0.1)));
+    let limits = limits(2e-2, 1e-2, 5.0);
+    let mut arm = Limiters::from_motion(|i| start[i]);
+    let (mut alone_s, mut from) = (0.0, 0.0);
+    for _ in 0..20_000 {
+        let elapsed = Elapsed { dt_s: DT_S * (0.05 + 1.9 * chance.unit()), jitter_s: DT_S };
+        let c = arm.step(&[0.0; 3], |_| Some(limits), elapsed);
+        match c.iter().filter(|c| **c != 0.0).count() {
+            0 => return alone_s - from / limits.rate(),
+            1 if alone_s == 0.0 => {
+                from = c.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
+                alone_s = elapsed.dt_s;
+            }
+            1 => alone_s += elapsed.dt_s,
+            _ => (alone_s, from) = (0.0, 0.0),
+        }
+    }
+    f64::INFINITY
+}
+
+#[test]
+fn the_last_joint_on_its_way_goes_by_its_own_limits() {
+    // At an uneven pace a joint arrives with a rate left that its target does not have. Counted as a way, that held the last joint up for 0.66 to 6.4 s
+    // in the first five cases. A start, a stop and a swing within the jerk take up to 0.4 s.
+    for seed in [2315, 8870, 14_885, 16_773, 21_519].into_iter().chain(1..2000) {
+        let held_up_s = held_up_s(seed);
+        assert!(held_up_s < 0.45, "{held_up_s} s, seed {seed}");
+    }
+}
