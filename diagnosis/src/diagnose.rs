@@ -1,10 +1,11 @@
-//! Where a model and a recording differ: where, which physics is missing, how much of it, and the proof on data that no fit has seen.
+//! Diagnosis of positions: where model and recording differ, which effects explain it with which parameters, and the error on a test set.
 //!
-//! Read in this order: `ingest` (what the recordings are worth), `ready` (which rows), `library` (what is asked), `noise`, `name` (which, with rivals) with `selection`, `starts` and `settle`
-//! (how they are chosen), `prove` (second look and proof), `unknown` (what no name explains), `judge`, `findings`.
+//! Steps and modules, in the order in which to read them: `ingest` (screening of recordings), `ready` (rows to use), `library` (candidate effects),
+//! `noise` (AR noise model), `selection` with `stepwise`, `starts` and `outer_iteration` (which effects, and their alternatives), `prove` (validation and test),
+//! `unknown` (structure that no effect explains), `judge` (verdict, posterior probabilities), `findings` (the result). The method with its mathematics:
+//! `docs/diagnosis.md`.
 //!
-//! Promises: the same input and seed give the same bits; held-out rows are seen by no selection and no fit; nothing found is a result
-//! like any other. Never: a file, a name of a data set.
+//! The same input and seed give the same bits. Rows of the test set take part in no selection and no fit. Knows no files.
 
 pub mod experiment;
 mod features;

@@ -1,6 +1,6 @@
-//! All that a campaign's readings say where a state stands, kept: who changes weights, columns or the noise looks again without asking the arm.
+//! Residuals and derivatives of a whole campaign at one state, kept, so that other weights, columns or noise models need no further evaluation of the arm.
 //!
-//! Promises: the rows of [`visit`], in its order, of the poses that take part. Never: a weight, a memory of the noise; both come with each look.
+//! The rows are those of [`visit`], in its order, of the poses that are used; weights and whitening are applied when they are read.
 
 use crate::campaign::Campaign;
 use crate::colour::Filter;

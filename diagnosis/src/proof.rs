@@ -26,9 +26,9 @@ const RUNS_MANY: usize = 10;
 const BLOCKS: f64 = 20.0;
 /// Every n-th is held out.
 const HELD_EVERY: usize = 5;
-/// From a stretch that is held out to one that is kept for a second look.
+/// From a stretch of the test set to one of the validation set.
 const BESIDE: u64 = 2;
-/// Poses of which no second look is kept.
+/// With fewer poses there is no validation set.
 const FEW: usize = 150;
 
 /// Which poses train and which are held out.

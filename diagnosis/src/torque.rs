@@ -296,8 +296,8 @@ fn reopened(case: &mut Case, zones: &mut Vec<Zone>, selection: &Selection, used:
     zones.len() < before
 }
 
-/// Without the names that rows kept for a second look do not bear out, neither as they stand nor freed of the noise's memory; what these took from others
-/// is asked for once more.
+/// Drops the effects that the validation set does not support, neither as it is nor whitened; the others are then selected again, since the dropped ones may have
+/// displaced them.
 fn confirmed(case: &Case, always: &[usize], mut selection: Selection) -> Selection {
     let products = case.products(&case.rows.train);
     let search = refine::search(case, &products, always);
@@ -311,7 +311,7 @@ fn confirmed(case: &Case, always: &[usize], mut selection: Selection) -> Selecti
     }
 }
 
-/// Takes the names out of a selection that the rows for a second look do not bear out; none where all are.
+/// Removes the effects that the validation set does not support.
 fn fallen(case: &Case, search: &Search<'_>, selection: &mut Selection) -> Option<Vec<usize>> {
     let look = &case.rows.look;
     let left = |selection: &Selection| {

@@ -1,9 +1,7 @@
-//! Names as findings: most important first, each with its numbers, their uncertainty, its rivals and what it brings on rows that no fit has seen.
+//! The selected effects as findings: parameters with uncertainty, alternatives, size, and what each brings on the test set.
 //!
-//! Important is what makes the held-out error smaller, as a mean over all orders in which the names can be brought in (Shapley's share): names that partly
-//! say the same share what they say alike, and whoever came first has no more of it.
-//!
-//! Promises: errors held out are of all findings up to this one. Never: a name more or less.
+//! They are ordered by how much they lower the error on the test set, as a mean over all orders in which they can be added (Shapley value): effects that partly
+//! explain the same share it equally, whichever was added first. Adds and removes no effect.
 
 use super::judge;
 use super::locate;

@@ -1,11 +1,9 @@
-//! All candidates at once: the scalar products of every column with every other, so that adding, taking out and exchanging effects
-//! costs no further look at the data.
+//! Products of all candidate columns with each other, so that adding, removing and exchanging effects needs no further pass over the data.
 //!
-//! Rows are linearised where a fit stands; what its own effects explain there is given back to the right-hand side, so that they compete anew. Columns
-//! come in and go out by the sweep operator (Goodnight, A tutorial on the SWEEP operator, 1979), on columns scaled to unit length.
+//! Rows are linearised at a fit; the part of the right-hand side that its own effects explain is added back, so that they compete again. Columns
+//! enter and leave by the sweep operator (Goodnight, A tutorial on the SWEEP operator, 1979), scaled to unit length.
 //!
-//! Promises: surroundings and what the model knows of its own doubt are always in; one pass over the campaign.
-//! Never: a decision; see `name`.
+//! Nuisance parameters and parameters with a stated uncertainty are always in. Decides nothing; see `stepwise`.
 
 use crate::candidates::Candidate;
 use crate::hypothesis::named;

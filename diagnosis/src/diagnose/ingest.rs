@@ -1,10 +1,10 @@
-//! A first look at recordings, before anything is fitted: stamps, rows without readings, where the instrument stood, channels that stand still, are cut off, are held,
-//! or come in coarse steps.
+//! Screening of recordings before anything is fitted: time stamps, rows without readings, stations of the instrument, channels that stand still, saturate, are held
+//! or are coarsely quantised.
 //!
-//! Read in this order: `stamps` (time), `straight` (what the arm should have shown in a channel, whatever the frame), `channel` (what is wrong with one).
+//! Read in this order: `stamps` (time), `straight` (what a channel should have shown, whatever the frame), `channel` (what is wrong with one).
 //!
-//! Promises: a reading that stands still or is cut off while the arm moves takes part in nothing, and that is said with channel, time and count; a recording
-//! of which nothing is left says why. Never: a fit of physics, a value changed.
+//! Readings that stand still or saturate while the arm moves are excluded, and reported with channel, time and number; a recording without usable readings is
+//! refused with the reason. Fits no physics, changes no value.
 
 mod channel;
 mod stamps;

@@ -1,9 +1,7 @@
-//! How the tool moves with each candidate of the library, kept from selection to selection: little of it changes with a fit.
+//! Columns of the Jacobian for every candidate of the library, kept from one selection to the next.
 //!
-//! Columns stand on the controller's own geometry. Only what changes the loads or the way is felt by all of them, and what gives way by those that
-//! change loads.
-//!
-//! Promises: the same columns as if they were asked anew. Never: a look at what was measured.
+//! Columns are taken on the nominal geometry. They depend on the fit only through effects that change the loads or the path, and those of load-dependent candidates
+//! through what is compliant; only then are they computed again. The cached columns are those that a new computation would give.
 
 use crate::candidates::Candidate;
 use crate::rides::Moved;

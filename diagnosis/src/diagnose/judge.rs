@@ -1,6 +1,6 @@
-//! The verdict: consistent, named, unknown, or not to be told apart.
+//! The verdict, and the posterior probability of each selected effect beside its alternatives.
 //!
-//! Promises: what cannot be told apart is never claimed. Never: a number that was not found elsewhere.
+//! Effects that cannot be distinguished are not claimed. Uses figures that other modules computed; computes no fit.
 
 use super::selection::{Rival, Selected};
 use crate::candidates::Candidate;

@@ -1,9 +1,7 @@
-//! What is asked of the data: every effect that moves the tool, on every joint, as something new; and every effect that the model has, as
-//! something wrong by how much.
+//! The candidates: every effect that moves the tool, on every joint, as a new one; and a change of every effect that the model states.
 //!
-//! Order is preference: where two names explain the same, the earlier is said (contract `effects.md`, "What may answer for what").
-//!
-//! Promises: the physics' own list is asked, none of its own. Never: a look at the residuals.
+//! The order is the order of preference among effects that explain the same (contract `effects.md`, "What may answer for what"). The candidates are those
+//! of the crate `physics`; residuals are not used.
 
 use crate::campaign::Campaign;
 use crate::candidates::{Candidate, List, candidates, couples, over_paths, wave_candidate};

@@ -1,9 +1,7 @@
-//! How the noise remembers itself, taken from what no smooth law of the poses explains: an effect that is still missing must not pass for noise.
+//! The AR noise model of each instrument, estimated from what a flexible regression on the poses leaves, so that an effect that is still missing is not taken for noise.
 //!
-//! Each number read is first fitted by a flexible law of positions, directions, speeds, loads, temperature and time; autoregression is taken from
-//! what that leaves.
-//!
-//! Promises: a slow drift, a sag, a play is no noise, nor is what stands far above the noise that was stated. Never: a change of the readings.
+//! Each measured number is first fitted by smooth functions of positions, directions, speeds, loads, temperature and time; the autoregression is taken from the
+//! residual. Slow drifts, deflection and backlash are therefore no noise, nor is what stands far above a stated noise. Changes no reading.
 
 use super::features::Word;
 use super::flexible::{self, Taken};

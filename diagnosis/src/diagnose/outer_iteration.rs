@@ -1,10 +1,9 @@
-//! Choosing and fitting, one after the other, until the names stand.
+//! Alternates between selection and nonlinear fit until the selected effects no longer change.
 //!
-//! A selection is made where rows are linearised; what it is worth is told by the fit that follows. Where effects work upon one another (a mass through what
-//! gives way, a law on top of a compliance) the two differ, and choices that were each better in prospect would go round in circles.
+//! A selection uses the linearised rows; its criterion is computed from the fit that follows. Where effects interact (a mass and a compliance, a nonlinear law on
+//! top of a compliance) the two differ, and accepting each selection that only looks better could cycle.
 //!
-//! Promises: of all that was fitted the best is kept, by log-likelihood less what the numbers cost, the noise's size being fitted where nobody stated it.
-//! Never: a look at held-out poses.
+//! The best fit is kept, by the information criterion, with the noise level estimated where it is not stated. Uses training rows only.
 
 use super::gram::Entry;
 use super::selection::{Search, Selected, Selection, titles};

@@ -1,7 +1,6 @@
-//! Second looks: rows kept apart from the selection take back the names that they do not bear out; the proof stands on others, which no selection and no fit has seen.
+//! Validation and test: removes effects that the validation set does not support; computes errors on the test set.
 //!
-//! Promises: surroundings (frames, targets) come from training rows alone; rows that are outliers to the final model count for no model. An effect that
-//! does not help there is no finding. Never: a change of what was fitted.
+//! Frames and targets are estimated on training rows. Rows that are outliers to the final model count for no model. Changes no parameter.
 
 use super::selection::{Selected, Selection, close_up, without};
 use crate::campaign::Campaign;
@@ -20,7 +19,8 @@ use std::collections::BTreeMap;
 const SPEAKS: f64 = 1.0;
 /// And where both looks together are as sure as this, in log-likelihood beyond what its numbers and the size of the library cost.
 const SURE: f64 = 7.0;
-/// A second look that gains or loses less than this has nothing to say: no reversal of that joint, no load on it. What is as sure as this by itself stands then.
+/// A validation set that gains or loses less than this, in log-likelihood, cannot show the effect: no reversal of that joint, no load on it. An effect with
+/// this margin by itself is kept then.
 const SILENT: f64 = 0.5;
 const SURE_ALONE: f64 = 50.0;
 /// Names that are asked again once one has gone.
@@ -59,7 +59,7 @@ pub(super) fn set_apart(campaign: &mut Campaign, splits: [&Split; 2]) {
     near.into_iter().for_each(|k| campaign.poses[k].seen.clear());
 }
 
-/// Above zero where a second look, which gained `gain`, bears out what the first found with `margin` to spare; both in log-likelihood.
+/// Above zero where the gain of the validation set supports an effect that was selected with `margin` above its penalty; both in log-likelihood.
 pub(super) fn validation_margin(margin: f64, gain: f64) -> f64 {
     if gain.abs() < SILENT && margin > SURE_ALONE {
         return margin - SURE_ALONE;
@@ -67,7 +67,7 @@ pub(super) fn validation_margin(margin: f64, gain: f64) -> f64 {
     (gain - SPEAKS).min(margin + gain - SURE)
 }
 
-/// Takes out of the names what the rows that were kept for a second look do not bear out. They only ever take a name away.
+/// Removes the effects that the validation set does not support; it never adds one.
 pub(super) fn confirmed(
     campaign: &Campaign,
     model: &Model,

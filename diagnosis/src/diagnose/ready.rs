@@ -1,6 +1,4 @@
-//! What is done to a campaign and a model before anything is asked of them.
-//!
-//! Promises: what is left out is said. Never: a reading changed.
+//! Preparation of a campaign and a model before the first fit: which rows are used, which parameters have a prior. What is left out is reported; no reading is changed.
 
 use super::thinning::{self, Rows, Stepwise};
 use crate::campaign::Campaign;

@@ -1,11 +1,10 @@
-//! Which effects are missing or wrong: the best one first, then what is left; what a later one made needless goes again; what another name explains
-//! better is renamed; every name with its rivals.
+//! Which effects are missing or wrong: selection, replacement by better alternatives, and the alternatives of each selected effect.
 //!
-//! A name is judged by its gain in log-likelihood less the penalty of its parameters, by the extended Bayesian information criterion, as in [`mod@crate::select`];
-//! here one at a time, and every name may be exchanged for every other. Numbers that are not linear are fitted after each selection, and the selection is made anew
+//! An effect is judged by its gain in log-likelihood less the penalty of its parameters, by the extended Bayesian information criterion, as in [`mod@crate::select`];
+//! here one effect at a time, and each may be exchanged for every other. Nonlinear parameters are fitted after each selection, and the selection is repeated
 //! with them.
 //!
-//! Promises: sums of rivals are compared with the same weights and the same noise. Never: a look at held-out poses.
+//! Alternatives are compared with the same weights and the same noise. Uses training rows only.
 
 use super::gram::Entry;
 use super::jacobian_cache::JacobianCache;
@@ -198,7 +197,7 @@ impl Search<'_> {
         used as f64 / all.max(1) as f64
     }
 
-    /// What is asked besides the library where `selection` stands: what is searched for in the rest.
+    /// Candidates besides the library: modes, springs and hystereses that are searched in the residual of `selection`.
     pub(super) fn searched(&self, selection: &Selection) -> Vec<Entry> {
         let fitted = Fitted::new(self.campaign, &selection.fit, &self.settings);
         let found = modes(&fitted, self.cache).into_iter().chain(self.springs(&fitted, selection));

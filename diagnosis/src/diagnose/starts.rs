@@ -1,9 +1,9 @@
-//! Where a selection of effects starts. Steps of adding, taking out and exchanging end where no single one helps; of several starts the best end counts.
+//! Multistart for the stepwise selection, which ends where no single step helps: the best end of several starts is taken.
 //!
-//! An arm that differs from its drawing in one thing is found from nothing; one that was built, with every axis a little off, from all of its geometry: from
-//! nothing, the first to come is whatever stands for most of it at once.
+//! An arm that differs from its drawing in one effect is found from the empty selection; a real arm, with every axis a little off, from a selection of all of its
+//! geometry: from the empty one the first effect would be whatever mimics most of it at once.
 //!
-//! Promises: ends are compared by the criterion that each step follows; of ends that are as good, the earlier start's. Never: a start that changes the criterion.
+//! Ends are compared by the criterion of the steps; among equal ends the earlier start is taken.
 
 use super::selection::{Title, title};
 use super::stepwise::Stepwise;

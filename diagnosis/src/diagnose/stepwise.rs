@@ -1,7 +1,7 @@
-//! A selection of effects under way: adding, taking out, exchanging, until nothing is worth a change; and the rivals of each in the end.
+//! Stepwise selection on linearised rows: adds, removes and exchanges effects until no single step lowers the criterion; then finds the alternatives of each.
 //!
-//! Promises: of names that are as good the earlier in the library; the same products, the same selection. Never: a look at the data but through
-//! [`Gram`].
+//! Among equally good candidates the earlier one in the library is taken. Sees the data only through the products in [`Gram`]; the same products give the same
+//! selection.
 
 use super::gram::{Entry, Gain, Gram};
 use super::judge::words;

@@ -1,4 +1,4 @@
-//! Replaces a named effect by a rival. Rivals are proposed by linearised sums of squares; a nonlinear fit decides.
+//! Replaces a selected effect by an alternative. Alternatives are proposed by linearised sums of squares; a nonlinear fit decides.
 
 use super::gram::Entry;
 use super::selection::{ALIKE, Rival, Search, Selected, Selection, close_up, without};

@@ -1,10 +1,10 @@
-//! What no name explains: whether anything is left above the noise, and what it follows.
+//! Structure that no effect of the library explains: whether there is any above the noise, and on which covariates it depends.
 //!
-//! Each joint's error is asked as a smooth law of each word (Chebyshev polynomials), and of those pairs of words that physics ties together; the law
-//! that is worth most of its numbers says what the rest depends on (an additive model in the manner of Hastie and Tibshirani, 1990, with few terms). And
-//! each name is asked whether its size changes with a word: then it is not what its name says (a model with varying coefficients, the same, 1993).
+//! Each joint's error is modelled as a smooth function of each covariate (Chebyshev polynomials), and of pairs of covariates that belong together physically; the
+//! function with the best criterion is reported (an additive model with few terms, Hastie and Tibshirani 1990). The size of each selected effect, too, may vary with a
+//! covariate (a varying-coefficient model, Hastie and Tibshirani 1993): then it is not that effect.
 //!
-//! Promises: a law costs its numbers and the number of laws that were tried. Never: a name of an effect.
+//! A function pays for its parameters and for the number of functions that were tried.
 
 use super::features::Word;
 use super::locate::moved;
@@ -86,7 +86,7 @@ pub(super) struct Law {
     pub(super) worth: f64,
 }
 
-/// The law that is worth most beside what is named, where the rows that were kept for a second look bear it out.
+/// The function with the best criterion beside the selected effects, if the validation set supports it.
 pub(super) fn confirmed(
     search: &Search<'_>,
     selection: &Selection,

@@ -42,7 +42,7 @@ pub use view::Traced;
 const ROUNDS: usize = 6;
 /// Rounds in which a likelier rival takes a name's place.
 const SWAPS: usize = 4;
-/// Another angle or speed of the spindle than is told explains so much more, in log-likelihood, beyond its penalty.
+/// Improvement in log-likelihood, beyond the penalty, from which another angle or speed of the spindle than the stated one is accepted.
 const INSISTS: f64 = 10.0;
 /// A name that brings less than this on rows that took no part in its selection, in log-likelihood, tells nothing.
 const TELLS: f64 = 0.0;
@@ -239,7 +239,7 @@ fn stand(case: &mut Case, names: &[usize], used: &[bool]) {
     case.belief = belief;
 }
 
-/// Without the names that rows kept for a second look do not bear out.
+/// Drops the effects that the validation set does not support.
 fn confirmed(case: &Case, mut names: Vec<usize>) -> Vec<usize> {
     let products = case.products(&case.sets.train);
     let search = Search { library: &case.library, products: &products, always: &case.always };

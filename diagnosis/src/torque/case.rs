@@ -1,7 +1,6 @@
-//! One question put to the data: rows, what the model states, and the library of what may be missing.
+//! The data of one torque diagnosis: rows, what the model states, and the library of candidates.
 //!
-//! Promises: what the model states is taken off the torque before anything is asked; stated uncertainties are fitted along within their bounds.
-//! Never: a selection.
+//! The torque that the model states is subtracted first; parameters with a stated uncertainty are fitted along with it as prior. Selects nothing.
 
 use physics::dynamics::INERTIAL;
 use recording::series::{Heldout, Recording};
@@ -19,10 +18,10 @@ use super::sums::Sums;
 use super::table::{Products, Solved, Table};
 use crate::colour::Colour;
 
-/// Stretches that all runs together are cut into; every fifth is held out, every fifth of another count is kept for a second look.
+/// Stretches that all runs together are cut into; every fifth is the test set, every fifth of another count the validation set.
 const STRETCHES: usize = 20;
 const EVERY: usize = 5;
-/// From a stretch that is held out to one of the second look.
+/// From a stretch of the test set to one of the validation set.
 const BESIDE: usize = 2;
 /// Runs from which on whole ones are held out.
 const RUNS_MANY: usize = 10;
@@ -33,7 +32,7 @@ const GAP_PERIODS: f64 = 2.0;
 #[derive(Clone, Debug)]
 pub(super) struct Rows {
     pub(super) train: Vec<bool>,
-    /// For a second look at what was chosen; the last fit takes them too.
+    /// The validation set of the selection; the last fit uses it too.
     pub(super) look: Vec<bool>,
     pub(super) held: Vec<bool>,
     pub(super) says: String,

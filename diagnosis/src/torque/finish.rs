@@ -1,6 +1,5 @@
-//! The result of a diagnosis of torque: names with their numbers, what they bring on held-out rows, what remains.
-//!
-//! Promises: held-out rows are read here first, and change no selection.
+//! The result of a torque diagnosis: effects with their parameters, what they bring on the test set, what remains. The test set is read here for the first time, and changes
+//! no selection.
 
 use nalgebra::DMatrix;
 use physics::{Arm, JointKind};

@@ -1,8 +1,7 @@
-//! The proof: how far the model is off on rows that nothing has seen, name by name; how sure each number is.
+//! The test: errors on rows that nothing has used, effect by effect; and the uncertainty of each parameter.
 //!
-//! Uncertainties are those of blocks of time (`blocks`): noise that remembers itself does not make them small.
-//!
-//! Promises: held-out rows take part in nothing else. Never: an interval below what scale and form leave open.
+//! Uncertainties come from blocks of time (`blocks`), so that autocorrelated noise does not make them too small; an interval is never narrower than scale factors and
+//! the form of the law allow. Test rows are used for nothing else.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -1,8 +1,7 @@
-//! Numbers that no column gives: the speed of a Stribeck friction, the distance of a memory, the cycles of a ripple.
+//! Nonlinear parameters that no column represents: the speed of a Stribeck friction, the distance of a hysteresis, the cycles of a ripple.
 //!
-//! Each is moved to the top of a parabola through three values of the likelihood, the others fitted anew at each. How sure it is, its slope tells in `prove`.
-//!
-//! Promises: a number leaves its neighbourhood only uphill. Never: a name changed.
+//! Each is moved to the vertex of a parabola through three values of the likelihood, with the others fitted again at each; its uncertainty comes from its derivative
+//! in `prove`. A step is taken only where the likelihood rises. Changes no selection.
 
 use std::f64::consts::TAU;
 

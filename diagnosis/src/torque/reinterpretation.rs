@@ -1,6 +1,5 @@
-//! What a name is called where another word says the same: a spring that hardens, a force that is even, a turn that is too quick to tell.
-//!
-//! Promises: the simpler word, where the data hardly tell more. Never: a name where none was chosen.
+//! Prefers the simpler of two effects that explain nearly the same: a spring for a hardening spring, an asymmetric friction for a spring, dry friction for a hysteresis that
+//! is too narrow for the band. Adds no effect.
 
 use super::Stated;
 use super::case::Case;

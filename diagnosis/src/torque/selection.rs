@@ -1,7 +1,7 @@
-//! Which names the recording asks for: the one that brings most first, each weighed against all that were asked, with the signs that its physics has.
+//! Stepwise selection for torques and forces: the effect with the largest improvement of the criterion first, each compared with all candidates, with physical signs.
 //!
-//! Promises: a name with a number of the wrong sign is not that name; what a later name makes needless goes out again; the same sums give the same selection.
-//! Never: a look at rows that were set apart.
+//! A candidate with a parameter of the wrong sign is rejected; an effect that a later one makes superfluous is removed. The same sums give the same selection.
+//! Does not use rows that were set apart.
 
 use super::library::{Family, Form, Library};
 use super::table::{Products, Solved};

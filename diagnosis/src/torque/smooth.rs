@@ -1,10 +1,10 @@
-//! Structure that no name explains: a torque, dry friction or drag whose size changes smoothly with a word of the contract.
+//! Unmodelled structure in torques: a torque, dry friction or drag whose size varies smoothly with a covariate of the contract.
 //!
-//! Each law is a series of Chebyshev polynomials of a word (or two) times what it sizes (a model with varying coefficients: Hastie and Tibshirani 1993). It is
-//! asked beside the names that stand and in the place of those of its joint, with the noise's memory heard anew once the law itself is taken out: slow
-//! structure is else taken for slow noise. So it is told, too, that a name's size changes with speed or place: then it is none.
+//! Each function is a series of Chebyshev polynomials of one or two covariates times what it scales (a varying-coefficient model: Hastie and Tibshirani 1993). It is
+//! tried beside the selected effects and in place of those of its joint, with the AR noise model estimated again once the function is subtracted: slow
+//! structure would otherwise be taken for slow noise. It also shows whether the size of a selected effect varies with speed or position: then it is not that effect.
 //!
-//! Promises: a law costs its numbers and the number of laws that were asked, and stands only where held-out rows are likelier with it. Never: a formula.
+//! A function pays for its parameters and for the number of functions tried, and is reported only if it raises the likelihood of the test set.
 
 use std::cell::RefCell;
 

@@ -1,8 +1,7 @@
-//! One question put to the forces: rows, the law at the numbers that are believed, its slopes as columns, the noise.
+//! The data of one comparison of forces with a cut: rows, the tooth model at the present parameters, its derivatives as columns, the noise.
 //!
-//! The law is taken as it is at the numbers believed, plus slopes: what is solved with these columns are the numbers themselves, and the law is taken anew there.
-//!
-//! Promises: drifts of the amplifier and numbers that are told with doubt are always fitted along; phases of the spindle and its speed where these are doubted. Never: a selection.
+//! The model is linearised at the present parameters; solving gives the parameters themselves, at which it is linearised again. The drift of the amplifier, parameters with
+//! a stated uncertainty, and an uncertain angle and speed of the spindle are always fitted along. Selects nothing.
 
 use glam::DVec3;
 use nalgebra::DMatrix;

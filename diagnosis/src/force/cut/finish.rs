@@ -1,6 +1,6 @@
-//! The result of forces held against a cut: names with their numbers, what they bring on held-out rows, what remains, the verdict.
+//! The result of a comparison of forces with a cut: effects with their parameters, what they bring on the test set, what remains, the verdict.
 //!
-//! Promises: held-out rows are read here first, and change no selection but to take a name out. Never: a claim of what cannot be told apart.
+//! The test set is read here for the first time; it can only remove an effect. Effects that cannot be distinguished are not claimed.
 
 use nalgebra::DMatrix;
 use physics::Model;
@@ -263,7 +263,7 @@ fn reweighed(
     weighed(case, names, seen)
 }
 
-/// The names without one that brings less than it costs, or with a likelier rival in its place: rows kept for a second look may tell what those of the selection did not.
+/// The effects without one that brings less than its penalty, or with a likelier alternative in its place, by the validation set.
 fn better(
     case: &Case,
     names: &[usize],

@@ -1,8 +1,6 @@
-//! What was found in a cut: numbers with their names and uncertainties, and the other names that explain the same.
+//! Parameters of what was found in a cut, with uncertainties, and the alternatives of each effect.
 //!
-//! Rivals are fitted by the law itself, not by its slopes: a scale that is a fifth off bends every other number.
-//!
-//! Promises: stems and SI units of the contract's parameters. Never: a unit of a file.
+//! Alternatives are fitted by the nonlinear model: a scale that is a fifth off changes every other parameter. Keys and SI units are those of the contract.
 
 use glam::DVec2;
 use nalgebra::DMatrix;

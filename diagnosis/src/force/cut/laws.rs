@@ -5,8 +5,7 @@
 //! what follows the feed. Of laws that explain the same, the one of fewer numbers is worth more: with three feeds and three speeds a line over one of them is a
 //! law of it, while pieces over the other can be bent to pass through.
 //!
-//! Promises: a law costs its numbers and the number of laws that were asked; it is chosen on rows that train and stands where rows of the second look bear it out,
-//! and those held out. Never: a formula.
+//! A function pays for its parameters and for the number of functions tried; it is selected on the training set and kept if validation and test set support it.
 
 use std::f64::consts::TAU;
 

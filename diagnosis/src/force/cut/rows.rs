@@ -18,7 +18,7 @@ use super::ways::heard;
 const ROWS_MOST: usize = 12_000;
 /// Stretches of a recording that is too long.
 const WINDOWS: usize = 20;
-/// Stretches that all rows together are cut into; of every five one is held out and one kept for a second look.
+/// Stretches that all rows together are cut into; of every five one is the test set and one the validation set.
 const STRETCHES: usize = 25;
 const EVERY: usize = 5;
 const HELD: usize = 2;
@@ -32,7 +32,7 @@ const GAP: usize = 10;
 #[derive(Clone, Debug)]
 pub(super) struct Sets {
     pub(super) train: Vec<bool>,
-    /// For a second look at what was chosen; the last fit takes them too.
+    /// The validation set of the selection; the last fit uses it too.
     pub(super) look: Vec<bool>,
     pub(super) held: Vec<bool>,
     pub(super) says: String,

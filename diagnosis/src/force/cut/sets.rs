@@ -1,10 +1,10 @@
-//! Which names explain the forces together: names are weighed as sets, not one after the other.
+//! Beam search over sets of effects that explain the forces together.
 //!
-//! One name with many numbers (a whole matrix of leaks) can swallow several with few (a sensor that is turned, one leak, an edge): whoever takes the best name first never
-//! comes back from it. So sets are grown by one name at a time, many side by side, the best forms of each set of kinds (a beam search). The likeliest by slopes are then
-//! fitted by the law itself, and the one that explains most for its penalty stands.
+//! One effect with many parameters (a full cross-talk matrix) can absorb several with few (a misaligned sensor, one leak, an edge force); stepwise selection, which takes it
+//! first, does not leave it again. Sets are therefore grown by one effect at a time, many side by side. The best by the linearised model are fitted by the nonlinear one, and
+//! the set with the best criterion is taken.
 //!
-//! Promises: a set with a number that its name cannot have is none; the same sums give the same sets. Never: a look at rows that were set apart.
+//! A set with a parameter outside its physical range is rejected; the same sums give the same sets. Does not use rows that were set apart.
 
 use std::collections::BTreeMap;
 

@@ -1,9 +1,7 @@
-//! Where the spindle stands and how fast it really turns: the recording tells a speed that may be a little off, and no angle.
+//! Angle and true speed of the spindle: the recording states a speed that may be slightly off, and no angle.
 //!
-//! The speed is where forces repeat best from turn to turn; the angle of each segment is where the law of the teeth fits best, its coefficients free within what is
-//! told of them.
-//!
-//! Promises: an angle that is told as well as another (0 where a segment begins) stands. Never: a name.
+//! The speed is the one at which forces repeat best from turn to turn; the angle of each segment the one at which the tooth model fits best, its coefficients free within
+//! their priors. An angle that fits as well as another (0 where a segment begins) is kept.
 
 use nalgebra::{SMatrix, SVector};
 use std::f64::consts::TAU;
