@@ -33,6 +33,13 @@ pub(crate) fn settings() -> Settings {
 const SUBSTEPS: usize = 8;
 
 impl VirtualJoint {
+    /// The same with delay, lag and frequency times `factor`: what a model that is wrong believes of it.
+    pub(crate) fn believed(self, factor: f64) -> Self {
+        let Self { delay_s, lag_s, frequency_hz, .. } = self;
+        let [delay_s, lag_s, frequency_hz] = [delay_s, lag_s, frequency_hz].map(|x| x * factor);
+        Self { delay_s, lag_s, frequency_hz, ..self }
+    }
+
     /// Where its link is when it is commanded so every `step_s`; it begins at rest.
     pub(crate) fn run(&self, step_s: f64, commanded: &[f64]) -> Vec<f64> {
         let mut state = [commanded[0], 0.0, 0.0];

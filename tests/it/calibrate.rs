@@ -208,8 +208,11 @@ fn a_tolerance_that_held_out_errors_exceed_is_told_and_ends_with_1() {
         place.succeed(&["check", "robot2.toml"]);
     }
     let place = place_with(measured());
-    let none = place.run(&[&CALIBRATE[..], &["--tolerance-mm", "0"]].concat());
-    assert_eq!(none.code, Some(2), "{none:?}");
+    for no_length in ["0", "-1", "nan", "wide"] {
+        let refused = place.run(&[&CALIBRATE[..], &["--tolerance-mm", no_length]].concat());
+        assert_eq!(refused.code, Some(2), "{refused:?}");
+        assert!(refused.err.contains("invalid value"), "{}", refused.err);
+    }
 }
 
 #[test]

@@ -105,7 +105,7 @@ fn coverage(said: &Value, told: &mut impl FnMut(String, bool)) {
 fn outliers(said: &Value, told: &mut impl FnMut(String, bool)) {
     let ratio = number(&said["advanced_ratio"]);
     let text = format!(
-        "{} of {} training poses grossly wrong: held-out mean {ratio:.2} times as large, at worst of {} campaigns {:.2} (bar 1.1 in the middle)",
+        "{} of {} training poses grossly wrong: held-out mean {ratio:.2} times as large, at worst of {} campaigns {:.2} (bar 1.1 in the median)",
         said["spoilt_poses"],
         said["training_poses"],
         said["campaigns"],
@@ -159,7 +159,7 @@ fn write(words: &[&str], said: &Value) -> Result<(), String> {
 
 fn table(said: &Value) -> Table {
     let heads = ["Model", "Mean (mm)", "Median (mm)", "95 % (mm)", "Largest (mm)"].map(Column::new);
-    let table = Table::new("Errors on held-out poses, middle of the campaigns", heads);
+    let table = Table::new("Errors on held-out poses, median of the campaigns", heads);
     MODELS.iter().fold(table, |table, model| {
         let cells =
             ["mean", "median", "p95", "max"].map(|key| number(&said["models"][model][key]).into());

@@ -27,7 +27,7 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     let broken: u64 = rows.iter().map(|row| row.broken).sum();
     let flagged = rows.iter().filter(|row| row.flagged).count();
     let right = rows.iter().filter(|row| row.right).count();
-    println!("ratio: middle {middle:.3} (bar 0.250), worst {worst:.3} (bar 0.333); ");
+    println!("ratio: median {middle:.3} (bar 0.250), worst {worst:.3} (bar 0.333); ");
     println!("invariants broken: {broken} (bar 0); ringing flagged in {flagged} of {}", rows.len());
     let swapped: Vec<&Row> = rows.iter().filter(|row| row.after.is_some()).collect();
     if !swapped.is_empty() {
@@ -35,7 +35,7 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
         let after = sorted(swapped.iter().filter_map(|row| row.after));
         let (at, end) = (before.len() / 2, before.len() - 1);
         println!(
-            "mean tool error where the model was swapped, {} of {}: before {:.3} mm in the middle, {:.3} at worst; after {:.3} and {:.3}",
+            "mean tool error where the model was swapped, {} of {}: before {:.3} mm in the median, {:.3} at worst; after {:.3} and {:.3}",
             swapped.len(),
             rows.len(),
             before[at],

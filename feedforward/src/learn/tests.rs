@@ -74,13 +74,7 @@ impl Cell<'_> {
 fn three_runs_after_a_preview_leave_a_tenth() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 0.8), (0.05, 0.7), (0.0, 0.5), (-0.08, 0.6)]);
     for sign in [-1.0, 1.0] {
-        let off = |value: f64| value * (1.0 + 0.03 * sign);
-        let believed = VirtualJoint {
-            delay_s: off(JOINT.delay_s),
-            lag_s: off(JOINT.lag_s),
-            frequency_hz: off(JOINT.frequency_hz),
-            ..JOINT
-        };
+        let believed = JOINT.believed(1.0 + 0.03 * sign);
         let plants = plants(&believed, 0.03);
         let mut cell =
             Cell { truth: JOINT, plants: &plants, path: &path, noise: Noise(3), sigma: 1e-5 };
@@ -102,13 +96,7 @@ fn three_runs_after_a_preview_leave_a_tenth() {
 #[test]
 fn a_run_shows_the_plant_that_made_it() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 0.8), (0.05, 0.7)]);
-    let off = |value: f64| value * 0.8;
-    let believed = VirtualJoint {
-        delay_s: off(JOINT.delay_s),
-        lag_s: off(JOINT.lag_s),
-        frequency_hz: off(JOINT.frequency_hz),
-        ..JOINT
-    };
+    let believed = JOINT.believed(0.8);
     let plants = plants(&believed, 0.1);
     let mut cell =
         Cell { truth: JOINT, plants: &plants, path: &path, noise: Noise(7), sigma: 1e-5 };

@@ -72,14 +72,8 @@ fn a_mode_of_eight_hertz_does_not_ring_after_a_corner() {
 fn corners_are_followed_five_times_better_with_numbers_off_by_their_sigma() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 0.8), (0.05, 0.7), (0.0, 0.5), (-0.08, 0.6)]);
     for sign in [-1.0, 1.0] {
-        let off = |value: f64, sigma: f64| value * (1.0 + sign * sigma);
-        let believed = VirtualJoint {
-            delay_s: off(JOINT.delay_s, 0.03),
-            lag_s: off(JOINT.lag_s, 0.03),
-            frequency_hz: off(JOINT.frequency_hz, 0.03),
-            damping_ratio: off(JOINT.damping_ratio, 0.2),
-            ..JOINT
-        };
+        let damping_ratio = JOINT.damping_ratio * (1.0 + 0.2 * sign);
+        let believed = VirtualJoint { damping_ratio, ..JOINT.believed(1.0 + 0.03 * sign) };
         let [without, with] = errors(&JOINT, model(&believed, 0.03), &path);
         let (before, after) = (largest(&without), largest(&with));
         assert!(after < before / 5.0, "{before} {after}");

@@ -70,7 +70,7 @@ pub(crate) struct Calibrate {
     #[arg(long)]
     accept_worse: bool,
     /// The tool error that is allowed, mm: exit 1 where 5 of 100 held-out errors or more exceed it; the model is written all the same
-    #[arg(long, value_name = "MM", value_parser = tolerance)]
+    #[arg(long, value_name = "MM", value_parser = tolerance, allow_negative_numbers = true)]
     tolerance_mm: Option<f64>,
     #[command(flatten)]
     seed: Seed,

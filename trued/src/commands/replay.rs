@@ -156,7 +156,7 @@ impl Replay {
         console.say(figures.told())?;
         let us = |ns: u64| format!("{:.1}", ns as f64 * 1e-3);
         let table =
-            Table::new(["command to answer, µs", "middle", "99 %", "99.9 %", "worst"]).row([
+            Table::new(["command to answer, µs", "median", "99 %", "99.9 %", "worst"]).row([
                 "round trip".to_owned(),
                 us(latency.p50),
                 us(latency.p99),

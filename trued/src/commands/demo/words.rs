@@ -31,7 +31,7 @@ pub(super) fn milled(console: &mut Console, milled: &Milled) -> Said {
     let us = |ns: u64| format!("{:.1}", ns as f64 * 1e-3);
     let l = &milled.latency_ns;
     let latency =
-        Table::new(["command to corrected target, µs", "middle", "99 %", "99.9 %", "worst"]).row([
+        Table::new(["command to corrected target, µs", "median", "99 %", "99.9 %", "worst"]).row([
             "round trip between two processes".to_owned(),
             us(l.p50),
             us(l.p99),
