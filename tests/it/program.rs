@@ -94,13 +94,14 @@ impl Place {
         }
     }
 
-    /// The same within so much address space, MB.
+    /// The same within so much address space, MB. One heap for all threads: glibc gives each thread one of its own and
+    /// reserves 64 to 128 MB of addresses for it, or nothing where that much is not left, depending on which thread is first.
     pub(crate) fn run_within_mb(&self, megabytes: u32, arguments: &[&str]) -> Done {
         let plain = self.command(arguments);
         let mut limited = Command::new("sh");
         limited.arg("-c").arg(format!("ulimit -v {}; exec \"$0\" \"$@\"", 1024 * megabytes));
         limited.arg(plain.get_program()).args(plain.get_args()).current_dir(&self.0);
-        limited.env("TRUED_RUNTIME_DIR", self.path("run"));
+        limited.env("TRUED_RUNTIME_DIR", self.path("run")).env("MALLOC_ARENA_MAX", "1");
         ended(limited)
     }
 
