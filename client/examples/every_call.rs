@@ -2,7 +2,7 @@
 //!
 //! `cargo run -p trued-client --example every_call -- CELL [TARGETS]`
 //!
-//! The cell: six joints, `run --lockstep`, mode "full", force of 3 channels at 10 kHz with the vibration watch.
+//! The cell: six joints, `run --lockstep`, mode "full", force of 3 channels at 10 kHz with the vibration watch, a recorder.
 #![expect(clippy::print_stdout, reason = "the figures are what it is for")]
 
 use std::error::Error;
@@ -10,8 +10,9 @@ use std::path::Path;
 use std::time::Duration;
 
 use trued_client::{
-    Answer, Client, CorrectionStatus, ForceSamples, ForceSource, Monitor, ProcessState, RobotState,
-    Samples, Setpoint, Verdict, VibrationState, WrenchFrame, monotonic_ns,
+    Answer, Client, CorrectionStatus, ForceSamples, ForceSource, Mode, Monitor, ProcessState,
+    RecorderAction, RecorderState, RobotState, Samples, Setpoint, Verdict, VibrationState,
+    WrenchFrame, monotonic_ns,
 };
 
 const JOINTS: usize = 6;
@@ -29,7 +30,8 @@ fn main() -> Done {
     let mut force = ForceSource::connect(&cell, LIMIT)?;
     correct(&mut client, targets)?;
     listen(&mut force, &mut monitor)?;
-    ask(&mut client, &mut monitor)
+    ask(&mut client, &mut monitor)?;
+    steer(&mut client, &mut monitor)
 }
 
 /// The path: numbers that every language writes with the same bits.
@@ -125,6 +127,34 @@ fn listen(force: &mut ForceSource, monitor: &mut Monitor) -> Done {
     let rings = comes_to(|| hear(monitor, &mut ringing)).ok_or("nothing rings")?;
     println!("force_blocks {BLOCKS}\nforce_lost {}", force.lost());
     println!("rings_hz {:.0}\nrings_axis {}", rings.frequency_hz, rings.axis);
+    Ok(())
+}
+
+/// Changes the mode and the recording, and back.
+fn steer(client: &mut Client, monitor: &mut Monitor) -> Done {
+    let is = |client: &mut Client, mode: Mode, recorder: RecorderState| {
+        let said = comes_to(|| {
+            let status = client.status()?;
+            let wanted = [mode.code(), recorder.code()];
+            ([status.mode, status.recorder] == wanted).then_some(())
+        });
+        said.is_some()
+    };
+    let mut done = is(client, Mode::Full, RecorderState::Recording);
+    client.mode(Mode::Limited, LIMIT)?;
+    done &= is(client, Mode::Limited, RecorderState::Recording);
+    monitor.mode(Mode::Shadow, LIMIT)?;
+    client.mark("part 7", LIMIT)?;
+    monitor.mark("part 8", LIMIT)?;
+    client.record(RecorderAction::Keep, LIMIT)?;
+    monitor.record(RecorderAction::Stop, LIMIT)?;
+    done &= is(client, Mode::Shadow, RecorderState::Stopped);
+    let answer = monitor.mark("part 9", LIMIT)?;
+    client.record(RecorderAction::Start, LIMIT)?;
+    monitor.arm(true, LIMIT)?;
+    done &= is(client, Mode::Full, RecorderState::Recording);
+    let refused = answer.answer() == Ok(Answer::Refused);
+    println!("steered {}\nmark_refused {}", u32::from(done), u32::from(refused));
     Ok(())
 }
 

@@ -4,13 +4,13 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use shm_schema::{
-    Cell, Command, Corrected, JOINTS_MAX, Joined, Operation, Payload, PeerPublisher,
-    PeerSubscriber, PortError, Request, Response, RobotState, Role, SendOutcome, Status, Verdict,
-    monotonic_ns, new_session,
+    Cell, Command, Corrected, JOINTS_MAX, Joined, Mode, Operation, Payload, PeerPublisher,
+    PeerSubscriber, PortError, RecorderAction, Request, Response, RobotState, Role, SendOutcome,
+    Status, Verdict, monotonic_ns, new_session,
 };
 
 use crate::link::{Connection, ConnectionEvent, KNOCK_AFTER, Link, Ports};
-use crate::monitor::{Asker, MonitorPorts, ping, reload, switch};
+use crate::monitor::{Asker, MonitorPorts, mark, ping, record, reload, switch, to_mode};
 use crate::output::Output;
 use crate::{
     AskError, Away, ConnectError, Measured, NotATarget, NotSent, ProcessState, Setpoint, Target,
@@ -321,6 +321,34 @@ impl Client {
     /// See [`AskError`].
     pub fn arm(&mut self, on: bool, limit: Duration) -> Result<Response, AskError> {
         self.ask(switch(Operation::Arm, on), limit)
+    }
+
+    /// Asks to go to a mode, at most to the one that the cell's configuration allows (`mode_max`); the correction changes by its limiter.
+    ///
+    /// # Errors
+    /// See [`AskError`]; a refusal is an answer, not an error.
+    pub fn mode(&mut self, mode: Mode, limit: Duration) -> Result<Response, AskError> {
+        self.ask(to_mode(mode), limit)
+    }
+
+    /// Asks for a marker with this text in the recording: up to [`shm_schema::PATH_BYTES_MAX`] bytes, what is longer is cut off.
+    ///
+    /// # Errors
+    /// See [`AskError`]; a refusal is an answer, not an error.
+    pub fn mark(&mut self, text: &str, limit: Duration) -> Result<Response, AskError> {
+        self.ask(mark(text), limit)
+    }
+
+    /// Asks the recorder to start, to stop, or to keep the present recording.
+    ///
+    /// # Errors
+    /// See [`AskError`]; a refusal is an answer, not an error.
+    pub fn record(
+        &mut self,
+        action: RecorderAction,
+        limit: Duration,
+    ) -> Result<Response, AskError> {
+        self.ask(record(action), limit)
     }
 
     /// Tells what the process does, in place of what was told before.

@@ -55,8 +55,9 @@ pub use process::ProcessState;
 pub use setpoint::{Setpoint, WrenchFrame};
 pub use shm_schema::{
     Advice, Answer, CHANNEL_NAMES, Corrected, CorrectionStatus, ForceFault, Health, InCut,
-    JOINTS_MAX, Mode, Reason, Response, RobotState, SendOutcome, SensorFault, Status, Verdict,
-    VibrationClass, VibrationState, WatchState, channel_name, monotonic_ns,
+    JOINTS_MAX, Mode, Reason, RecorderAction, RecorderState, Response, RobotState, SendOutcome,
+    SensorFault, Status, Verdict, VibrationClass, VibrationState, WatchState, channel_name,
+    monotonic_ns,
 };
 pub use target::{Source, Target};
 

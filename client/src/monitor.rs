@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use shm_schema::{
     Cell, Joined, Mode, Operation, PATH_BYTES_MAX, Payload, PeerControl, PeerSubscriber, PortError,
-    Request, Response, Role, Status, Text, Verdict, monotonic_ns, new_session,
+    RecorderAction, Request, Response, Role, Status, Text, Verdict, monotonic_ns, new_session,
 };
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
@@ -105,6 +105,18 @@ pub(crate) fn reload(path: Option<&Path>) -> Result<Request, AskError> {
 
 pub(crate) fn switch(operation: Operation, on: bool) -> Request {
     Request { operation: operation.code(), on: u32::from(on), ..Request::default() }
+}
+
+pub(crate) fn to_mode(mode: Mode) -> Request {
+    Request { operation: Operation::Mode.code(), on: mode.code(), ..Request::default() }
+}
+
+pub(crate) fn mark(text: &str) -> Request {
+    Request { operation: Operation::Mark.code(), path: Text::new(text), ..Request::default() }
+}
+
+pub(crate) fn record(action: RecorderAction) -> Request {
+    Request { operation: Operation::Record.code(), on: action.code(), ..Request::default() }
 }
 
 /// Looks at a cell, and asks its daemon: any number of processes may.
@@ -208,9 +220,7 @@ impl Monitor {
     /// # Errors
     /// See [`AskError`]; a refusal is an answer, not an error.
     pub fn mode(&mut self, mode: Mode, limit: Duration) -> Result<Response, AskError> {
-        let request =
-            Request { operation: Operation::Mode.code(), on: mode.code(), ..Request::default() };
-        self.ask(request, limit)
+        self.ask(to_mode(mode), limit)
     }
 
     /// Asks for a marker with this text in the recording: up to [`PATH_BYTES_MAX`] bytes, what is longer is cut off.
@@ -218,9 +228,19 @@ impl Monitor {
     /// # Errors
     /// See [`AskError`]; a refusal is an answer, not an error.
     pub fn mark(&mut self, text: &str, limit: Duration) -> Result<Response, AskError> {
-        let path = Text::new(text);
-        let request = Request { operation: Operation::Mark.code(), path, ..Request::default() };
-        self.ask(request, limit)
+        self.ask(mark(text), limit)
+    }
+
+    /// Asks the recorder to start, to stop, or to keep the present recording. `status().recorder` says when a stopped one is closed.
+    ///
+    /// # Errors
+    /// See [`AskError`]; a refusal is an answer, not an error.
+    pub fn record(
+        &mut self,
+        action: RecorderAction,
+        limit: Duration,
+    ) -> Result<Response, AskError> {
+        self.ask(record(action), limit)
     }
 
     /// Tells what the process does, in place of what was told before.

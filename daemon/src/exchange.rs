@@ -13,7 +13,8 @@ use crossbeam::queue::ArrayQueue;
 use physics::Model;
 use recording::blackbox::{LogRecord, ModelChange, StatusRecord};
 use shm_schema::{
-    Command, Corrected, DaemonPorts, ForceBlock, JOINTS_MAX, Reason, RecorderState, Verdict,
+    Answer, Command, Corrected, DaemonPorts, ForceBlock, JOINTS_MAX, Reason, RecorderAction,
+    RecorderState, Verdict,
 };
 use spectrum::Health;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -71,6 +72,15 @@ pub struct Hearing {
     pub line: Option<Verdict>,
 }
 
+/// What became of a request to the recorder.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecorderAnswer {
+    /// Done or refused.
+    pub answer: Answer,
+    /// In words, with the file.
+    pub says: String,
+}
+
 /// Everything that threads hand to each other.
 #[derive(Debug)]
 pub struct Exchange {
@@ -99,6 +109,10 @@ pub struct Exchange {
     pub model_changes: ArrayQueue<Box<ModelChange>>,
     /// The cell's threads, but for the cycle, to recorder: what they log.
     pub lines: ArrayQueue<Box<LogRecord>>,
+    /// Supervisor to recorder: what somebody asks of it.
+    pub recorder_asked: ArrayQueue<RecorderAction>,
+    /// Recorder to supervisor: what became of it.
+    pub recorder_answered: ArrayQueue<RecorderAnswer>,
     /// Supervisor to recorder: how the daemon is.
     pub states: ArrayQueue<Box<StatusRecord>>,
     /// Vibration to recorder.
@@ -219,6 +233,8 @@ impl Exchange {
             empty_blocks,
             model_changes: ArrayQueue::new(MODELS_KEPT),
             lines: ArrayQueue::new(kept(LINES_KEPT)),
+            recorder_asked: ArrayQueue::new(1),
+            recorder_answered: ArrayQueue::new(1),
             states: ArrayQueue::new(kept(STATES_KEPT)),
             verdicts: ArrayQueue::new(VERDICTS_KEPT),
             told: ArrayQueue::new(VERDICTS_KEPT),
@@ -283,6 +299,11 @@ impl Exchange {
         let turn_ns = self.counters.recorder_turn_ns.load(Relaxed);
         let hangs = now_ns.saturating_sub(turn_ns) > RECORDER_HANGS_NS;
         if said == RecorderState::Recording && hangs { RecorderState::Dropping } else { said }
+    }
+
+    /// Whether there is a recorder.
+    pub fn records(&self) -> bool {
+        self.records
     }
 
     /// Says how the recorder is.

@@ -14,6 +14,7 @@
 
 pub mod admission;
 pub mod ageing;
+pub mod alarms;
 pub mod at_rest;
 pub mod change_log;
 pub mod cycle;

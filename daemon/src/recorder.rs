@@ -2,18 +2,23 @@
 //!
 //! Thread `recorder`, 20 times a second. Promises: a disk that is full, slow or read-only costs records, which are counted, and nothing else;
 //! when it can be written again a new file is begun, and files that were not closed are repaired. A file or folder that was removed is
-//! made anew. The newest files are kept, older ones removed.
+//! made anew. The newest files stay, older ones are removed; one that is kept, because somebody asked for it or an alarm began in it, is not.
 //! Never: anything that the cycle waits for.
 
-use crate::exchange::{CycleRecord, Exchange};
+use crate::alarms::Alarms;
+use crate::exchange::{CycleRecord, Exchange, RecorderAnswer};
 use crate::{mend, records, shelf};
 use physics::JointKind;
 use recording::blackbox::{
     self, BlackBox, BlackBoxError, Clocks, Few, ForceRecord, Header, ModelChange,
 };
 use recording::cell::Recorder as Settings;
-use shm_schema::{Command, Corrected, CorrectionStatus, Reason, RecorderState, monotonic_ns};
+use shm_schema::{
+    Answer, Command, Corrected, CorrectionStatus, Reason, RecorderAction, RecorderState,
+    monotonic_ns,
+};
 use std::fs;
+use std::path::Path;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tracing::{info, warn};
@@ -24,6 +29,10 @@ const DRAIN_EVERY: Duration = Duration::from_millis(50);
 const FLUSH_EVERY: Duration = Duration::from_millis(400);
 /// How long to wait after a failure before a new file is tried: back within a second of the failure's end.
 const RETRY_AFTER: Duration = Duration::from_millis(500);
+/// What led to an alarm is kept for at least as long, where there is a recording before the present one.
+const BEFORE_ALARM: Duration = Duration::from_secs(60);
+/// What follows an alarm is kept for at least as long.
+const AFTER_ALARM: Duration = Duration::from_secs(30);
 
 /// The recorder's belongings.
 pub struct Recorder {
@@ -31,6 +40,13 @@ pub struct Recorder {
     header: Header,
     joints: usize,
     file: Option<BlackBox>,
+    /// When the present file was begun.
+    begun: Instant,
+    /// Whether there is to be a file: somebody may have asked to stop.
+    is_on: bool,
+    alarms: Alarms,
+    /// A file that is begun before this time is kept too.
+    keep_until: Option<Instant>,
     flushed: Instant,
     retry_at: Option<Instant>,
     /// Files may be there that were not closed.
@@ -41,21 +57,42 @@ impl Recorder {
     /// A recorder that has not begun a file yet.
     pub fn new(settings: Settings, header: Header) -> Self {
         let joints = header.joints.len();
-        let flushed = Instant::now();
-        Self { settings, header, joints, file: None, flushed, retry_at: None, may_mend: true }
+        let now = Instant::now();
+        Self {
+            joints,
+            file: None,
+            begun: now,
+            is_on: settings.starts_recording,
+            alarms: Alarms::default(),
+            keep_until: None,
+            flushed: now,
+            retry_at: None,
+            may_mend: true,
+            settings,
+            header,
+        }
     }
 
     /// Runs until the exchange says stop, then writes what is left and ends the file.
     pub fn run(&mut self, exchange: &Exchange) {
+        if !self.is_on {
+            exchange.set_recorder(RecorderState::Stopped);
+        }
         while exchange.runs() {
             self.turn(exchange);
             std::thread::sleep(DRAIN_EVERY);
         }
         self.turn(exchange);
+        self.finish();
+    }
+
+    /// Ends the file with its index.
+    fn finish(&mut self) {
         if let Some(file) = self.file.take()
             && let Err(fault) = file.finish()
         {
-            warn!(%fault, "the last black box has no index; it reads back all the same");
+            warn!(%fault, "a black box has no index; it reads back all the same");
+            self.may_mend = true;
         }
     }
 
@@ -68,23 +105,90 @@ impl Recorder {
             (self.file, self.may_mend) = (None, true);
             self.retry_at = Some(Instant::now() + RETRY_AFTER);
         }
+        if let Some(action) = exchange.recorder_asked.pop() {
+            self.answer(exchange, action);
+        }
+    }
+
+    /// Does what somebody asks for.
+    fn answer(&mut self, exchange: &Exchange, action: RecorderAction) {
+        let done = |says: String| RecorderAnswer { answer: Answer::Done, says };
+        let answer = match action {
+            RecorderAction::Start => {
+                self.is_on = true;
+                self.retry_at = None;
+                self.begin_file(exchange);
+                match &self.file {
+                    Some(file) => done(format!("recording to {}", file.path().display())),
+                    None => refused("the recording cannot be written; the daemon's log says why"),
+                }
+            }
+            RecorderAction::Stop => {
+                self.is_on = false;
+                match &self.file {
+                    Some(file) => done(format!("stopped; {} is closed", file.path().display())),
+                    None => done("nothing is recorded".to_owned()),
+                }
+            }
+            RecorderAction::Keep => self.keep("asked for"),
+        };
+        exchange.recorder_answered.force_push(answer);
+        if !self.is_on {
+            self.finish();
+            exchange.set_recorder(RecorderState::Stopped);
+        }
+    }
+
+    /// Keeps the present recording, what came just before it, and what will follow.
+    fn keep(&mut self, why: &str) -> RecorderAnswer {
+        let Settings { dir, kept_files_max, .. } = &self.settings;
+        let Some(file) = &mut self.file else { return refused("nothing is recorded now") };
+        let all = shelf::recordings(dir, &self.header.cell);
+        let is_recent = self.begun.elapsed() < BEFORE_ALARM;
+        let earlier = shelf::before(dir, &self.header.cell, file.path());
+        if !shelf::is_kept(file.path()) {
+            let count = all.iter().filter(|path| shelf::is_kept(path)).count();
+            if count >= *kept_files_max {
+                return refused(&format!(
+                    "{count} recordings are kept already (recorder.kept_files_max); move some of {} elsewhere",
+                    dir.display()
+                ));
+            }
+            let kept = shelf::kept(file.path());
+            if let Err(fault) = file.rename(&kept) {
+                return refused(&fault.to_string());
+            }
+            info!(file = %kept.display(), why, "this recording is kept");
+        }
+        self.keep_until = Some(Instant::now() + AFTER_ALARM);
+        let says = format!("{} is kept", file.path().display());
+        if let Some(earlier) = earlier.filter(|path| is_recent && !shelf::is_kept(path)) {
+            keep_closed(&earlier);
+        }
+        RecorderAnswer { answer: Answer::Done, says }
+    }
+
+    /// Keeps the recording in which an alarm began.
+    fn alarm(&mut self, why: &str) {
+        if !self.settings.keeps_alarms || self.file.is_none() {
+            return;
+        }
+        let RecorderAnswer { answer, says } = self.keep(why);
+        if answer != Answer::Done {
+            warn!(why, says, "the recording of an alarm is not kept");
+        }
     }
 
     /// Begins a file where there is none, or the present one is full.
     fn begin_file(&mut self, exchange: &Exchange) {
-        if self.retry_at.is_some_and(|at| Instant::now() < at) {
+        if !self.is_on || self.retry_at.is_some_and(|at| Instant::now() < at) {
             return;
         }
         let full = |file: &BlackBox| file.bytes() >= self.settings.max_file_bytes;
         if self.file.as_ref().is_some_and(|file| !full(file)) {
             return;
         }
-        if let Some(full) = self.file.take()
-            && let Err(fault) = full.finish()
-        {
-            warn!(%fault, "a full black box could not be ended");
-            self.may_mend = true;
-        }
+        self.finish();
         match self.create() {
             Ok(file) => {
                 info!(file = %file.path().display(), "black box");
@@ -95,7 +199,10 @@ impl Recorder {
                 if std::mem::take(&mut self.may_mend) {
                     mend::start(dir.clone(), cell.clone(), file.path().to_owned());
                 }
-                (self.file, self.retry_at) = (Some(file), None);
+                (self.file, self.begun, self.retry_at) = (Some(file), Instant::now(), None);
+                if self.keep_until.take().is_some_and(|until| Instant::now() < until) {
+                    self.alarm("it follows one that is kept");
+                }
             }
             Err(fault) => {
                 if exchange.recorder(monotonic_ns()) != RecorderState::Failed {
@@ -127,7 +234,14 @@ impl Recorder {
         }
     }
 
-    /// Empties the rings. Without a file, what they hold is dropped and counted.
+    /// Counts a record that is lost; where nobody wants a recording none is.
+    fn count_dropped(&self, exchange: &Exchange) {
+        if self.is_on {
+            exchange.counters.recorder_dropped.fetch_add(1, Relaxed);
+        }
+    }
+
+    /// Empties the rings. Without a file, what they hold is dropped, and counted where there should be one.
     fn drain(&mut self, exchange: &Exchange) -> Result<(), BlackBoxError> {
         while let Some(change) = exchange.model_changes.pop() {
             self.change_model(*change)?;
@@ -135,7 +249,7 @@ impl Recorder {
         while let Some(cycle) = exchange.cycles.pop() {
             match &mut self.file {
                 Some(file) => file.write_cycle(&cycle_record(&cycle, self.joints))?,
-                None => dropped(exchange),
+                None => self.count_dropped(exchange),
             }
         }
         while let Some(block) = exchange.blocks.pop() {
@@ -143,20 +257,41 @@ impl Recorder {
             let _ = exchange.empty_blocks.push(block);
             match (&mut self.file, record) {
                 (Some(file), Some(record)) => file.write_force(&record)?,
-                _ => dropped(exchange),
+                _ => self.count_dropped(exchange),
             }
         }
         while let Some(verdict) = exchange.verdicts.pop() {
+            if let Some(why) = self.alarms.vibration(&verdict) {
+                self.alarm(&why);
+            }
             match &mut self.file {
                 Some(file) => file.write_verdict(&records::verdict(&verdict))?,
-                None => dropped(exchange),
+                None => self.count_dropped(exchange),
+            }
+        }
+        self.drain_words(exchange)?;
+        if self.flushed.elapsed() >= FLUSH_EVERY {
+            self.flush()?;
+        }
+        Ok(())
+    }
+
+    /// Writes what was said. Without a file it waits in its rings, so that the next file tells what happened meanwhile.
+    fn drain_words(&mut self, exchange: &Exchange) -> Result<(), BlackBoxError> {
+        while self.file.is_some()
+            && let Some(state) = exchange.states.pop()
+        {
+            if let Some(why) = self.alarms.health(&state.health, &state.says) {
+                self.alarm(&why);
+            }
+            if let Some(file) = &mut self.file {
+                file.write_status(&state)?;
             }
         }
         if let Some(file) = &mut self.file {
-            drain_words(file, exchange)?;
-        }
-        if self.flushed.elapsed() >= FLUSH_EVERY {
-            self.flush()?;
+            while let Some(line) = exchange.lines.pop() {
+                file.write_log(&line)?;
+            }
         }
         Ok(())
     }
@@ -175,15 +310,18 @@ impl Recorder {
     }
 }
 
-/// Writes what was said. Without a file it waits in its rings, so that the next file tells what happened meanwhile.
-fn drain_words(file: &mut BlackBox, exchange: &Exchange) -> Result<(), BlackBoxError> {
-    while let Some(state) = exchange.states.pop() {
-        file.write_status(&state)?;
+fn refused(says: &str) -> RecorderAnswer {
+    RecorderAnswer { answer: Answer::Refused, says: says.to_owned() }
+}
+
+/// Keeps a recording that is not written any more.
+fn keep_closed(path: &Path) {
+    match fs::rename(path, shelf::kept(path)) {
+        Ok(()) => info!(file = %path.display(), "the recording before it is kept too"),
+        Err(why) => {
+            warn!(%why, file = %path.display(), "the recording before it could not be kept");
+        }
     }
-    while let Some(line) = exchange.lines.pop() {
-        file.write_log(&line)?;
-    }
-    Ok(())
 }
 
 /// Both clocks, now.
@@ -219,10 +357,6 @@ pub fn header(
         status_words: CorrectionStatus::ALL.iter().map(ToString::to_string).collect(),
         reason_words: Reason::ALL.iter().map(ToString::to_string).collect(),
     }
-}
-
-fn dropped(exchange: &Exchange) {
-    exchange.counters.recorder_dropped.fetch_add(1, Relaxed);
 }
 
 fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {

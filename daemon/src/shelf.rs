@@ -1,7 +1,7 @@
-//! The black boxes of a cell on the disk: what the next one is called, which of them are removed.
+//! The black boxes of a cell on the disk: what the next one is called, which of them are kept, which are removed.
 //!
-//! Promises: names sort by time even where the system's clock was set back; the file that is being written is never removed, nor one
-//! that is not of this very cell. Never: writes into a file.
+//! A kept one is called `CELL-SECONDS-COUNT.kept.mcap`; no removal touches it. Promises: names sort by time even where the system's clock was
+//! set back; the file that is being written is never removed, nor one that is not of this very cell. Never: writes into a file.
 
 use recording::blackbox::UNFINISHED;
 use std::fs;
@@ -12,12 +12,17 @@ use tracing::warn;
 /// When a file was begun, s since 1970, and which of that second's: what its name sorts by.
 type Number = (u64, u32);
 
+/// How the name of a recording ends.
+const END: &str = ".mcap";
+/// How the name of a kept one ends.
+const KEPT: &str = ".kept.mcap";
+
 /// Where the next file of that cell goes: after all that stand there.
 pub fn next(dir: &Path, cell: &str) -> PathBuf {
     let now_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let newest = files(dir, cell).last().map(|(number, _)| *number);
     let (seconds, count) = after(newest, now_s);
-    dir.join(format!("{cell}-{seconds:010}-{count:04}.mcap"))
+    dir.join(format!("{cell}-{seconds:010}-{count:04}{END}"))
 }
 
 /// This cell's files, oldest first.
@@ -37,9 +42,27 @@ pub fn remove_unfinished(dir: &Path, cell: &str) {
     }
 }
 
-/// Removes this cell's oldest files beyond `keep`, `current` never.
+/// Whether a recording is kept.
+pub fn is_kept(path: &Path) -> bool {
+    path.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.ends_with(KEPT))
+}
+
+/// The name of a recording as a kept one.
+pub fn kept(path: &Path) -> PathBuf {
+    if is_kept(path) { path.to_owned() } else { path.with_extension(&KEPT[1..]) }
+}
+
+/// The recording of this cell before `current`, where there is one.
+pub fn before(dir: &Path, cell: &str, current: &Path) -> Option<PathBuf> {
+    let recordings = recordings(dir, cell);
+    let place = recordings.iter().position(|path| path == current)?;
+    recordings.get(place.checked_sub(1)?).cloned()
+}
+
+/// Removes this cell's oldest files beyond `keep`, `current` and those that are kept never.
 pub fn remove_oldest(dir: &Path, cell: &str, keep: usize, current: &Path) {
-    let files = files(dir, cell);
+    let mut files = files(dir, cell);
+    files.retain(|(_, file)| !is_kept(file));
     let surplus = files.len().saturating_sub(keep.max(1));
     for (_, file) in files.into_iter().take(surplus).filter(|(_, file)| file != current) {
         if let Err(why) = fs::remove_file(&file) {
@@ -64,9 +87,10 @@ fn files(dir: &Path, cell: &str) -> Vec<(Number, PathBuf)> {
     files
 }
 
-/// A name `CELL-SECONDS-COUNT.mcap`, read; another cell's may begin alike.
+/// A name `CELL-SECONDS-COUNT.mcap`, kept or not, read; another cell's may begin alike.
 fn number_of(name: &str, cell: &str) -> Option<Number> {
-    let numbers = name.strip_prefix(cell)?.strip_prefix('-')?.strip_suffix(".mcap")?;
+    let numbers = name.strip_prefix(cell)?.strip_prefix('-')?;
+    let numbers = numbers.strip_suffix(KEPT).or_else(|| numbers.strip_suffix(END))?;
     let (seconds, count) = numbers.split_once('-')?;
     Some((seconds.parse().ok()?, count.parse().ok()?))
 }
@@ -89,6 +113,27 @@ mod tests {
         for foreign in ["a-b-0000000005-0002.mcap", "a-0000000005.mcap", "a-0000000005-0002.csv"] {
             assert_eq!(number_of(foreign, "a"), None, "{foreign}");
         }
+    }
+
+    #[test]
+    fn a_kept_file_is_a_recording_of_its_cell_and_is_never_removed() {
+        let dir = std::env::temp_dir().join(format!("trued-shelf-kept-{}", std::process::id()));
+        fs::create_dir_all(&dir).unwrap();
+        let [first, second, third] =
+            ["0001", "0002", "0003"].map(|n| dir.join(format!("a-0000000005-{n}.mcap")));
+        for path in [&first, &second, &third] {
+            fs::write(path, "").unwrap();
+        }
+        let first_kept = kept(&first);
+        fs::rename(&first, &first_kept).unwrap();
+        assert_eq!(kept(&first_kept), first_kept, "once more changes nothing");
+        assert_eq!(recordings(&dir, "a"), [first_kept.clone(), second.clone(), third.clone()]);
+        assert_eq!(before(&dir, "a", &second), Some(first_kept.clone()));
+        assert_eq!(before(&dir, "a", &first_kept), None);
+        assert_eq!(next(&dir, "a").extension(), third.extension());
+        remove_oldest(&dir, "a", 1, &third);
+        assert_eq!(recordings(&dir, "a"), [first_kept, third]);
+        fs::remove_dir_all(&dir).unwrap();
     }
 
     #[test]

@@ -286,7 +286,7 @@ fn name(name: Option<&str>) -> Text<ROBOT_BYTES_MAX> {
 /// What is wrong with the black box.
 fn recorder_fault(status: &Status) -> Option<&'static str> {
     match RecorderState::try_from(status.recorder) {
-        Ok(RecorderState::Off | RecorderState::Recording) => None,
+        Ok(RecorderState::Off | RecorderState::Recording | RecorderState::Stopped) => None,
         Ok(RecorderState::Dropping) => {
             Some("the black box loses records: its disk does not answer")
         }

@@ -5,7 +5,7 @@
 
 use crate::ageing::Age;
 use crate::change_log::{ChangeLog, RequestLog};
-use crate::exchange::{Exchange, LoadedModel};
+use crate::exchange::{Exchange, LoadedModel, RecorderAnswer};
 use crate::notebook::States;
 use crate::process::Process;
 use crate::{admission, at_rest, recorder, sender, status, tell_model};
@@ -16,7 +16,7 @@ use recording::cell::CellConfig;
 use recording::model::RobotModel;
 use shm_schema::{
     Answer, ControlServer, DaemonSide, DomainError, JointBounds, Operation, PortError, Publisher,
-    RecorderState, Request, Response, Status, Text, monotonic_ns,
+    RecorderAction, RecorderState, Request, Response, Status, Text, monotonic_ns,
 };
 use std::path::PathBuf;
 use std::sync::atomic::Ordering::Relaxed;
@@ -27,7 +27,7 @@ use tracing::{info, warn};
 pub const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// Looks between two messages on `/status`.
 const STATUS_EVERY: u32 = 2;
-/// How long a model may take to be adopted, or threads to change over to a new epoch.
+/// How long a model may take to be adopted, threads to change over to a new epoch, the recorder to answer.
 const PATIENCE: Duration = Duration::from_millis(500);
 /// Whoever knocks, or tears the cell's files, again and again does not move its clients more often than this.
 const RENEW_AGAIN_AFTER: Duration = Duration::from_millis(250);
@@ -207,6 +207,7 @@ impl Desk<'_> {
             Operation::Measured => self.age.tell(&self.model.physics, request),
             Operation::Mode => self.go_to(exchange, request.on),
             Operation::Mark => self.mark(exchange, request.path.as_str()),
+            Operation::Record => record(exchange, request.on),
         }
     }
 
@@ -326,6 +327,33 @@ impl Desk<'_> {
         *self.model_epoch = epoch;
         true
     }
+}
+
+/// Hands a request on to the recorder, and what it answers back.
+fn record(exchange: &Exchange, code: u32) -> (Answer, String) {
+    let Ok(action) = RecorderAction::try_from(code) else {
+        return (Answer::Malformed, format!("what to do with a recording: {code} is unknown here"));
+    };
+    if !exchange.records() {
+        let words = "this cell has no recorder: give its configuration a table [recorder]";
+        return (Answer::Refused, words.to_owned());
+    }
+    // What a recorder that was slow has answered since.
+    while exchange.recorder_answered.pop().is_some() {}
+    exchange.recorder_asked.force_push(action);
+    let since = Instant::now();
+    while since.elapsed() < PATIENCE {
+        if let Some(RecorderAnswer { answer, says }) = exchange.recorder_answered.pop() {
+            return (answer, brief(&says));
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    // Not to be done later, when nobody expects it any more.
+    let words = match exchange.recorder_asked.pop() {
+        Some(_) => "the recorder does not answer: does its disk? Nothing was done",
+        None => "the recorder is at it, and slow; `trued status` says how it is",
+    };
+    (Answer::Failed, words.to_owned())
 }
 
 /// Frees models that the cycle gave back, here, where freeing may take time.

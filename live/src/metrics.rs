@@ -68,7 +68,7 @@ type Label<'a> = (&'static str, &'a str);
 /// The words of a state, of which one holds.
 const HEALTH: [&str; 6] = ["starting", "idle", "running", "degraded", "fault", "stopping"];
 const MODES: [&str; 3] = ["shadow", "limited", "full"];
-const RECORDER: [&str; 4] = ["off", "recording", "dropping", "failed"];
+const RECORDER: [&str; 5] = ["off", "recording", "dropping", "failed", "stopped"];
 
 impl Metrics<'_, '_> {
     fn put(&mut self, name: &str, help: &str, values: &[(Option<Label<'_>>, f64)]) -> fmt::Result {

@@ -35,7 +35,8 @@ plain_struct! {
         pub layout: u32,
         /// An [`Operation`].
         pub operation: u32,
-        /// 1 on, 0 off, for [`Operation::Bypass`] and [`Operation::Arm`]; a [`crate::Mode`], for [`Operation::Mode`].
+        /// 1 on, 0 off, for [`Operation::Bypass`] and [`Operation::Arm`]; a [`crate::Mode`], for [`Operation::Mode`]; a [`RecorderAction`], for
+        /// [`Operation::Record`].
         pub on: u32,
         /// Teeth of the cutter for [`Operation::ProcessState`]; 0 where unknown.
         pub teeth: u32,
@@ -134,6 +135,20 @@ codes! {
         Mode = 6 "mode",
         /// Write a marker into the recording.
         Mark = 7 "mark",
+        /// Start or stop recording, or keep what is recorded.
+        Record = 8 "record",
+    }
+}
+
+codes! {
+    /// What a recorder is asked to do.
+    pub enum RecorderAction {
+        /// Close the recording; write nothing until the next start.
+        Stop = 0 "stop",
+        /// Begin a recording.
+        Start = 1 "start",
+        /// Keep the present recording: the removal of old ones leaves it alone.
+        Keep = 2 "keep",
     }
 }
 

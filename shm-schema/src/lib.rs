@@ -33,7 +33,7 @@ mod vibration;
 
 pub use clock::{monotonic_ns, new_session};
 pub use codes::UnknownCode;
-pub use control::{Answer, InCut, Operation, PATH_BYTES_MAX, Request, Response};
+pub use control::{Answer, InCut, Operation, PATH_BYTES_MAX, RecorderAction, Request, Response};
 pub use domain::{
     Cell, Contract, Current, DaemonPorts, DaemonSide, DomainError, JoinError, Joined, PeerControl,
     PeerPublisher, PeerSubscriber, RUNTIME_DIR_ENV, Role, Seat, Supervision, sweep,

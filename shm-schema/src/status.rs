@@ -226,5 +226,7 @@ codes! {
         Dropping = 2 "dropping",
         /// It cannot write.
         Failed = 3 "failed",
+        /// It writes nothing because it was asked to stop, or is configured to wait for a start.
+        Stopped = 4 "stopped",
     }
 }

@@ -173,6 +173,58 @@ fn a_recording_holds_wall_clock_times_states_and_the_log() {
     }
 }
 
+/// The words of the request's answer, which ends with this code.
+fn asks(place: &Place, arguments: &[&str], code: i32) -> String {
+    let done = trued(place, arguments, &[]);
+    assert_eq!(done.status.code(), Some(code), "{arguments:?}: {}", said(&done));
+    said(&done)
+}
+
+#[test]
+fn recording_starts_and_stops_when_it_is_asked_to_and_what_is_kept_is_not_removed() {
+    let recorder =
+        "[recorder]\ndir = \"recordings\"\nstart = false\nkeep_files = 1\nkept_files_max = 1\n";
+    let place = Place::new("full", recorder);
+    let mut daemon = Process::ready_daemon(TRUED, &place);
+    assert!(!place.file("recordings").exists(), "nothing is recorded yet");
+    assert!(asks(&place, &["status"], 0).contains("stopped"));
+    assert!(asks(&place, &["mark", "nobody writes"], 1).contains("nothing is recorded"));
+    assert!(asks(&place, &["record", "keep"], 1).contains("nothing is recorded"));
+    assert!(asks(&place, &["record", "stop"], 0).contains("nothing is recorded"));
+
+    assert!(asks(&place, &["record", "start"], 0).contains("recording to"));
+    asks(&place, &["mark", "part 7"], 0);
+    let kept = asks(&place, &["record", "keep"], 0);
+    assert!(kept.contains(".kept.mcap is kept"), "{kept}");
+    let stopped = asks(&place, &["record", "stop"], 0);
+    assert!(stopped.contains(".kept.mcap is closed"), "{stopped}");
+    let first = files(&place).pop().unwrap();
+    let info = blackbox::info(&first).unwrap();
+    assert_eq!(info.end, End::Closed, "closed when the command ends");
+    let marks = blackbox::read(&first).unwrap();
+    let is_mark = |record: &&Record| matches!(record, Record::Log(line) if line.level == "mark");
+    assert_eq!(marks.records.iter().filter(is_mark).count(), 1);
+
+    for _ in 0..3 {
+        asks(&place, &["record", "start"], 0);
+        asks(&place, &["record", "stop"], 0);
+    }
+    let left = files(&place);
+    assert_eq!(left.len(), 2, "the kept one and one more: {left:?}");
+    assert!(left.contains(&first), "{left:?}");
+    asks(&place, &["record", "start"], 0);
+    let refused = asks(&place, &["record", "keep"], 1);
+    assert!(refused.contains("kept_files_max"), "{refused}");
+    assert!(daemon.end().success());
+}
+
+#[test]
+fn a_cell_without_a_recorder_says_what_to_do() {
+    let place = Place::new("full", "");
+    let _daemon = Process::ready_daemon(TRUED, &place);
+    assert!(asks(&place, &["record", "start"], 1).contains("[recorder]"));
+}
+
 /// The last row's value in a further column.
 fn last(recording: &recording::series::Recording, name: &str) -> f64 {
     let column = recording.other.iter().find(|(other, _)| other == name);

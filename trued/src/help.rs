@@ -9,7 +9,7 @@ const TASKS: [(&str, &[&str]); 8] = [
         "Correct a robot",
         &["run", "check", "reload", "correct", "learn", "replay", "bridge", "fleet"],
     ),
-    ("Steer a running cell", &["status", "top", "bypass", "mode", "arm", "mark", "live"]),
+    ("Steer a running cell", &["status", "top", "bypass", "mode", "arm", "mark", "record", "live"]),
     ("Make a model", &["model", "plan", "calibrate", "gears", "simulate"]),
     ("Find what is wrong", &["diagnose", "trends", "challenge"]),
     ("Look at vibration", &["spectrum", "surface", "tap", "stability"]),

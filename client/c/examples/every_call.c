@@ -162,6 +162,38 @@ static int comes_to(trued_client *client, uint64_t model_epoch, uint32_t bypasse
     return 0;
 }
 
+/* Whether the status comes to say so of mode and recorder, within seconds. */
+static int steered(trued_client *client, trued_mode mode, trued_recorder_state recorder) {
+    for (int look = 0; look < 5000; look++) {
+        trued_status status = TRUED_INIT(trued_status);
+        if (trued_client_status(client, &status) == TRUED_OK && status.mode == mode && status.recorder == recorder) {
+            return 1;
+        }
+        nap();
+    }
+    return 0;
+}
+
+/* Changes the mode and the recording, and back. */
+static void steer(trued_client *client, trued_monitor *monitor) {
+    const uint64_t limit = 10 * SECOND;
+    int done = steered(client, TRUED_MODE_FULL, TRUED_RECORDER_STATE_RECORDING);
+    must("mode", trued_client_mode(client, TRUED_MODE_LIMITED, limit, NULL));
+    done &= steered(client, TRUED_MODE_LIMITED, TRUED_RECORDER_STATE_RECORDING);
+    must("mode", trued_monitor_mode(monitor, TRUED_MODE_SHADOW, limit, NULL));
+    must("mark", trued_client_mark(client, "part 7", limit, NULL));
+    must("mark", trued_monitor_mark(monitor, "part 8", limit, NULL));
+    must("keep", trued_client_record(client, TRUED_RECORDER_ACTION_KEEP, limit, NULL));
+    must("stop", trued_monitor_record(monitor, TRUED_RECORDER_ACTION_STOP, limit, NULL));
+    done &= steered(client, TRUED_MODE_SHADOW, TRUED_RECORDER_STATE_STOPPED);
+    trued_code unrecorded = trued_monitor_mark(monitor, "part 9", limit, NULL);
+    must("start", trued_client_record(client, TRUED_RECORDER_ACTION_START, limit, NULL));
+    must("arm", trued_monitor_arm(monitor, 1, limit, NULL));
+    done &= steered(client, TRUED_MODE_FULL, TRUED_RECORDER_STATE_RECORDING);
+    trued_code unknown = trued_client_mode(client, 7, limit, NULL);
+    printf("steered %d\nmark_refused %d\n", done && unknown == TRUED_ERROR_ARGUMENT, unrecorded == TRUED_ERROR_REFUSED);
+}
+
 /* Asks for everything that may be asked for. */
 static void ask(trued_client *client, trued_monitor *monitor) {
     trued_status before = TRUED_INIT(trued_status);
@@ -200,6 +232,7 @@ int main(int argc, char **argv) {
     correct(client, targets);
     listen(force, monitor);
     ask(client, monitor);
+    steer(client, monitor);
     must("close", trued_force_close(force));
     must("close", trued_monitor_close(monitor));
     must("close", trued_client_close(client));

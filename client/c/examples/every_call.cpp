@@ -141,6 +141,37 @@ static void ask(trued::client &client, trued::monitor &monitor) {
     std::printf("joints %u\nmode %u\nbypassed %d\nreload_refused %d\n", before.joints, before.mode, bypassed, refused);
 }
 
+// Changes the mode and the recording, and back.
+static void steer(trued::client &client, trued::monitor &monitor) {
+    using trued::mode;
+    using trued::recorder_action;
+    const auto is = [&](trued_mode mode, trued_recorder_state recorder) {
+        return comes_to([&] {
+            const auto status = client.status().value();
+            return status.mode == mode && status.recorder == recorder;
+        });
+    };
+    bool done = is(TRUED_MODE_FULL, TRUED_RECORDER_STATE_RECORDING);
+    client.mode(mode::limited, 10s);
+    done &= is(TRUED_MODE_LIMITED, TRUED_RECORDER_STATE_RECORDING);
+    monitor.mode(mode::shadow, 10s);
+    client.mark("part 7", 10s);
+    monitor.mark("part 8", 10s);
+    client.record(recorder_action::keep, 10s);
+    monitor.record(recorder_action::stop, 10s);
+    done &= is(TRUED_MODE_SHADOW, TRUED_RECORDER_STATE_STOPPED);
+    bool refused = false;
+    try {
+        monitor.mark("part 9", 10s);
+    } catch (const trued::error &e) {
+        refused = e.why() == trued::code::refused;
+    }
+    client.record(recorder_action::start, 10s);
+    monitor.arm(true, 10s);
+    done &= is(TRUED_MODE_FULL, TRUED_RECORDER_STATE_RECORDING);
+    std::printf("steered %d\nmark_refused %d\n", done, refused);
+}
+
 int main(int argc, char **argv) try {
     const char *cell = argc > 1 ? argv[1] : "cell-1";
     trued::client client(cell, 10s);
@@ -149,6 +180,7 @@ int main(int argc, char **argv) try {
     correct(client, argc > 2 ? static_cast<unsigned>(std::atoi(argv[2])) : 10000);
     listen(force, monitor);
     ask(client, monitor);
+    steer(client, monitor);
 } catch (const std::exception &e) {
     std::fprintf(stderr, "%s\n", e.what());
     return 1;

@@ -43,6 +43,14 @@ enum class code : std::int32_t {
 // Its name in C: "TRUED_ERROR_DAEMON_LOST".
 inline const char *name(code c) noexcept { return ::trued_code_name(static_cast<std::int32_t>(c)); }
 
+// How much a cell corrects: the numbers of trued_mode.
+enum class mode : std::uint32_t { shadow = TRUED_MODE_SHADOW, limited = TRUED_MODE_LIMITED, full = TRUED_MODE_FULL };
+
+// What a recorder is asked to do: the numbers of trued_recorder_action.
+enum class recorder_action : std::uint32_t {
+    stop = TRUED_RECORDER_ACTION_STOP, start = TRUED_RECORDER_ACTION_START, keep = TRUED_RECORDER_ACTION_KEEP,
+};
+
 // The words of this thread's last error.
 inline const char *last_error() noexcept { return ::trued_last_error(); }
 
@@ -213,6 +221,10 @@ struct client_calls {
     static constexpr auto ping = &::trued_client_ping;
     static constexpr auto reload = &::trued_client_reload;
     static constexpr auto bypass = &::trued_client_bypass;
+    static constexpr auto arm = &::trued_client_arm;
+    static constexpr auto mode = &::trued_client_mode;
+    static constexpr auto mark = &::trued_client_mark;
+    static constexpr auto record = &::trued_client_record;
     static constexpr auto process_state = &::trued_client_process_state;
     static constexpr auto measured = &::trued_client_measured;
 };
@@ -227,6 +239,10 @@ struct monitor_calls {
     static constexpr auto ping = &::trued_monitor_ping;
     static constexpr auto reload = &::trued_monitor_reload;
     static constexpr auto bypass = &::trued_monitor_bypass;
+    static constexpr auto arm = &::trued_monitor_arm;
+    static constexpr auto mode = &::trued_monitor_mode;
+    static constexpr auto mark = &::trued_monitor_mark;
+    static constexpr auto record = &::trued_monitor_record;
     static constexpr auto process_state = &::trued_monitor_process_state;
     static constexpr auto measured = &::trued_monitor_measured;
 };
@@ -282,6 +298,16 @@ public:
     // NULL: the model that is loaded now, read again.
     answer reload(const char *path, nanoseconds limit) { return asked(Calls::reload, limit, path); }
     answer bypass(bool on, nanoseconds limit) { return asked(Calls::bypass, limit, on ? 1u : 0u); }
+    // Goes to shadow mode, or back to the configured one; where that is shadow, it is refused.
+    answer arm(bool on, nanoseconds limit) { return asked(Calls::arm, limit, on ? 1u : 0u); }
+    // Goes to a mode: at most to the one that the configuration allows.
+    answer mode(trued::mode to, nanoseconds limit) { return asked(Calls::mode, limit, static_cast<std::uint32_t>(to)); }
+    // Writes a marker into the recording.
+    answer mark(const std::string &text, nanoseconds limit) { return asked(Calls::mark, limit, text.c_str()); }
+    // Starts or stops recording, or keeps the present recording.
+    answer record(recorder_action action, nanoseconds limit) {
+        return asked(Calls::record, limit, static_cast<std::uint32_t>(action));
+    }
     answer process_state(const process &p, nanoseconds limit) { return asked(Calls::process_state, limit, &p); }
     // Where the tool was measured: whether the model still holds.
     answer tell_measured(const measured &m, nanoseconds limit) { return asked(Calls::measured, limit, &m); }
@@ -358,8 +384,6 @@ public:
     template <typename Joints> void start_from(const Joints &correction) {
         detail::check(::trued_client_start_from(raw(), correction.data(), detail::count(correction.size())));
     }
-    // Goes to shadow mode, or back to the configured one; where that is shadow, it is refused. A request, like those of a monitor.
-    answer arm(bool on, nanoseconds limit) { return asked(&::trued_client_arm, limit, on ? 1u : 0u); }
 };
 
 // Looks at a cell, and asks its daemon: any number of processes may.

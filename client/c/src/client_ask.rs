@@ -2,7 +2,7 @@
 
 use core::ffi::c_char;
 
-use crate::border::{given, path_given};
+use crate::border::{self, given, path_given};
 use crate::client::CLIENTS;
 use crate::code::guard;
 use crate::reply::ask;
@@ -65,6 +65,55 @@ pub unsafe extern "C" fn trued_client_arm(
 ) -> trued_code {
     guard(|| {
         let act = |limit| CLIENTS.with(client.addr(), |client| Ok(client.arm(on != 0, limit)));
+        // SAFETY: the rules of the header.
+        unsafe { ask(answer, limit_ns, act) }
+    })
+}
+
+/// Asks to go to a mode, a trued_mode: at most to the one that the configuration of the cell allows; else the answer is a refusal.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_mode(
+    client: *mut trued_client,
+    mode: u32,
+    limit_ns: u64,
+    answer: *mut trued_answer,
+) -> trued_code {
+    guard(|| {
+        let mode = translate::mode(mode)?;
+        let act = |limit| CLIENTS.with(client.addr(), |client| Ok(client.mode(mode, limit)));
+        // SAFETY: the rules of the header.
+        unsafe { ask(answer, limit_ns, act) }
+    })
+}
+
+/// Writes a marker with this text into the recording; where nothing is recorded, the answer is a refusal.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_mark(
+    client: *mut trued_client,
+    text: *const c_char,
+    limit_ns: u64,
+    answer: *mut trued_answer,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let text = unsafe { border::text("text", text) }?;
+        let act = |limit| CLIENTS.with(client.addr(), |client| Ok(client.mark(text, limit)));
+        // SAFETY: the rules of the header.
+        unsafe { ask(answer, limit_ns, act) }
+    })
+}
+
+/// Asks the recorder to start, to stop, or to keep the present recording: `action` is a trued_recorder_action.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_record(
+    client: *mut trued_client,
+    action: u32,
+    limit_ns: u64,
+    answer: *mut trued_answer,
+) -> trued_code {
+    guard(|| {
+        let action = translate::recorder_action(action)?;
+        let act = |limit| CLIENTS.with(client.addr(), |client| Ok(client.record(action, limit)));
         // SAFETY: the rules of the header.
         unsafe { ask(answer, limit_ns, act) }
     })

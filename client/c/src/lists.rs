@@ -142,6 +142,20 @@ pub enum trued_recorder_state {
     Dropping = 2,
     /// It cannot write.
     Failed = 3,
+    /// It writes nothing because it was asked to stop, or is configured to wait for a start.
+    Stopped = 4,
+}
+
+/// What a recorder is asked to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum trued_recorder_action {
+    /// Close the recording; write nothing until the next start.
+    Stop = 0,
+    /// Begin a recording.
+    Start = 1,
+    /// Keep the present recording: the removal of old ones leaves it alone.
+    Keep = 2,
 }
 
 /// How far a ringing has come.

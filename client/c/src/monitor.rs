@@ -4,7 +4,7 @@ use core::ffi::c_char;
 
 use ::trued_client::Monitor;
 
-use crate::border::{given, path_given, place};
+use crate::border::{self, given, path_given, place};
 use crate::client::linked;
 use crate::code::guard;
 use crate::handle::Handles;
@@ -152,6 +152,71 @@ pub unsafe extern "C" fn trued_monitor_bypass(
     guard(|| {
         let act =
             |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.bypass(on != 0, limit)));
+        // SAFETY: the rules of the header.
+        unsafe { ask(answer, limit_ns, act) }
+    })
+}
+
+/// Asks to go to shadow mode (`on` 0), or back to the configured one; where that is shadow, the answer is a refusal.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_arm(
+    monitor: *mut trued_monitor,
+    on: u32,
+    limit_ns: u64,
+    answer: *mut trued_answer,
+) -> trued_code {
+    guard(|| {
+        let act = |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.arm(on != 0, limit)));
+        // SAFETY: the rules of the header.
+        unsafe { ask(answer, limit_ns, act) }
+    })
+}
+
+/// Asks to go to a mode, a trued_mode: at most to the one that the configuration of the cell allows; else the answer is a refusal.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_mode(
+    monitor: *mut trued_monitor,
+    mode: u32,
+    limit_ns: u64,
+    answer: *mut trued_answer,
+) -> trued_code {
+    guard(|| {
+        let mode = translate::mode(mode)?;
+        let act = |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.mode(mode, limit)));
+        // SAFETY: the rules of the header.
+        unsafe { ask(answer, limit_ns, act) }
+    })
+}
+
+/// Writes a marker with this text into the recording; where nothing is recorded, the answer is a refusal.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_mark(
+    monitor: *mut trued_monitor,
+    text: *const c_char,
+    limit_ns: u64,
+    answer: *mut trued_answer,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let text = unsafe { border::text("text", text) }?;
+        let act = |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.mark(text, limit)));
+        // SAFETY: the rules of the header.
+        unsafe { ask(answer, limit_ns, act) }
+    })
+}
+
+/// Asks the recorder to start, to stop, or to keep the present recording: `action` is a trued_recorder_action.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_record(
+    monitor: *mut trued_monitor,
+    action: u32,
+    limit_ns: u64,
+    answer: *mut trued_answer,
+) -> trued_code {
+    guard(|| {
+        let action = translate::recorder_action(action)?;
+        let act =
+            |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.record(action, limit)));
         // SAFETY: the rules of the header.
         unsafe { ask(answer, limit_ns, act) }
     })

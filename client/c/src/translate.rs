@@ -8,7 +8,7 @@ use ::trued_client::{
     Connection, ConnectionEvent, Corrected, ForceSamples, Measured, ProcessState, Response,
     Samples, Setpoint, Status, Target, Verdict, WrenchFrame,
 };
-use shm_schema::{InCut, RobotState};
+use shm_schema::{InCut, Mode, RecorderAction, RobotState};
 
 use crate::border::{limit, numbers};
 use crate::code::Fault;
@@ -111,6 +111,18 @@ pub(crate) unsafe fn force<'a>(from: &trued_force_samples) -> Result<ForceSample
     };
     let (channels, frame) = (from.channels as usize, frame(from.in_base == 1));
     Ok(ForceSamples { t_ns: from.t_ns, rate_hz: from.rate_hz, channels, frame, samples })
+}
+
+/// A mode that the program asks for.
+pub(crate) fn mode(code: u32) -> Result<Mode, Fault> {
+    let (what, value, expected) = ("mode", u64::from(code), "a trued_mode");
+    Mode::try_from(code).map_err(|_| Fault::Argument { what, value, expected })
+}
+
+/// What the program asks of a recorder.
+pub(crate) fn recorder_action(code: u32) -> Result<RecorderAction, Fault> {
+    let (what, value, expected) = ("action", u64::from(code), "a trued_recorder_action");
+    RecorderAction::try_from(code).map_err(|_| Fault::Argument { what, value, expected })
 }
 
 pub(crate) fn process(from: &trued_process) -> Result<ProcessState, Fault> {

@@ -105,7 +105,7 @@ fn the_lists_have_the_numbers_of_the_messages() {
     let header = include_str!("../include/trued.h");
     let all = listed!(
         CorrectionStatus "CORRECTION_STATUS", Reason "REASON", WrenchGate "WRENCH_GATE",
-        Health "HEALTH", Mode "MODE", WatchState "WATCH_STATE", RecorderState "RECORDER_STATE",
+        Health "HEALTH", Mode "MODE", WatchState "WATCH_STATE", RecorderState "RECORDER_STATE", RecorderAction "RECORDER_ACTION",
         VibrationState "VIBRATION_STATE", VibrationClass "VIBRATION_CLASS", Advice "ADVICE",
         SensorFault "SENSOR_FAULT", InCut "IN_CUT", Answer "ANSWER_CODE",
     );

@@ -131,6 +131,36 @@ def ask(client: trued.Client, monitor: trued.Monitor) -> None:
     print(f"bypassed {int(bypassed)}\nreload_refused {int(refused)}")
 
 
+def steer(client: trued.Client, monitor: trued.Monitor) -> None:
+    """Changes the mode and the recording, and back."""
+
+    def comes_to_be(mode: str, recorder: str) -> bool:
+        def is_so() -> bool:
+            status = client.status()
+            return status is not None and (status.mode, status.recorder) == (mode, recorder)
+
+        return comes_to(is_so)
+
+    done = comes_to_be("full", "recording")
+    client.mode("limited", timeout=10.0)
+    done &= comes_to_be("limited", "recording")
+    monitor.mode("shadow", timeout=10.0)
+    client.mark("part 7", timeout=10.0)
+    monitor.mark("part 8", timeout=10.0)
+    client.record("keep", timeout=10.0)
+    monitor.record("stop", timeout=10.0)
+    done &= comes_to_be("shadow", "stopped")
+    refused = False
+    try:
+        monitor.mark("part 9", timeout=10.0)
+    except trued.Refused:
+        refused = True
+    client.record("start", timeout=10.0)
+    monitor.arm(True, timeout=10.0)
+    done &= comes_to_be("full", "recording")
+    print(f"steered {int(done)}\nmark_refused {int(refused)}")
+
+
 def main(cell: str = "cell-1", targets: str = "10000") -> None:
     with (
         trued.Client(cell, timeout=10.0) as client,
@@ -140,6 +170,7 @@ def main(cell: str = "cell-1", targets: str = "10000") -> None:
         correct(client, int(targets))
         listen(force, monitor)
         ask(client, monitor)
+        steer(client, monitor)
 
 
 if __name__ == "__main__":

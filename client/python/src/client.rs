@@ -6,11 +6,11 @@ use std::time::Duration;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use trued_client::{
-    Measured, NotSent, ProcessState, RobotState, Setpoint, WrenchFrame, monotonic_ns,
+    Measured, NotSent, ProcessState, RecorderAction, RobotState, Setpoint, WrenchFrame, monotonic_ns,
 };
 
 use crate::errors::{Kind, raised};
-use crate::held::{Held, Numbers, joints, limit, sides, slice};
+use crate::held::{Held, Numbers, joints, limit, named, sides, slice};
 use crate::told::{Answer, Connection, Corrected, Status, Target, Vibration};
 
 /// A cell's one connection to its daemon.
@@ -201,6 +201,27 @@ impl Client {
     fn arm(&self, py: Python<'_>, on: bool, timeout: f64) -> PyResult<Answer> {
         self.held.ask(py, timeout, |client, limit| client.arm(on, limit))
     }
+
+    /// Asks to go to a mode, `shadow`, `limited` or `full`; beyond what the configuration allows, the answer is a refusal.
+    #[pyo3(signature = (mode, timeout = 1.0))]
+    fn mode(&self, py: Python<'_>, mode: &str, timeout: f64) -> PyResult<Answer> {
+        let mode = named("mode", trued_client::Mode::ALL, trued_client::Mode::name, mode)?;
+        self.held.ask(py, timeout, |client, limit| client.mode(mode, limit))
+    }
+
+    /// Writes a marker with this text into the recording; where nothing is recorded, the answer is a refusal.
+    #[pyo3(signature = (text, timeout = 1.0))]
+    fn mark(&self, py: Python<'_>, text: &str, timeout: f64) -> PyResult<Answer> {
+        self.held.ask(py, timeout, |client, limit| client.mark(text, limit))
+    }
+
+    /// Asks the recorder to `start`, to `stop`, or to `keep` the present recording.
+    #[pyo3(signature = (action, timeout = 1.0))]
+    fn record(&self, py: Python<'_>, action: &str, timeout: f64) -> PyResult<Answer> {
+        let action = named("action", RecorderAction::ALL, RecorderAction::name, action)?;
+        self.held.ask(py, timeout, |client, limit| client.record(action, limit))
+    }
+
     /// Tells what the process does, in place of what was told before.
     #[pyo3(signature = (*, spindle_rpm = f64::NAN, teeth = 0, feed_mm_s = f64::NAN, in_cut = None, holds_for = None, timeout = 1.0))]
     #[expect(clippy::too_many_arguments, reason = "keywords, in Python")]

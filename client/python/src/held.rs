@@ -118,6 +118,22 @@ pub(crate) fn limit(seconds: f64) -> PyResult<Duration> {
     Ok(Duration::from_secs_f64(seconds))
 }
 
+/// The one of a closed list that has this name.
+pub(crate) fn named<T: Copy>(
+    what: &str,
+    all: &[T],
+    name: impl Fn(T) -> &'static str,
+    wanted: &str,
+) -> PyResult<T> {
+    all.iter().copied().find(|one| name(*one) == wanted).ok_or_else(|| {
+        let names: Vec<&str> = all.iter().map(|one| name(*one)).collect();
+        PyValueError::new_err(format!(
+            "`{what}` is {wanted:?}, expected one of {}",
+            names.join(", ")
+        ))
+    })
+}
+
 /// An array as it lies in memory.
 pub(crate) fn slice<'a>(what: &str, numbers: &'a Numbers<'_>) -> PyResult<&'a [f64]> {
     let words = || {

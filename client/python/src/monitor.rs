@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use trued_client::{Measured, ProcessState};
+use trued_client::{Measured, ProcessState, RecorderAction};
 
-use crate::held::{Held, Numbers, joints, limit, sides};
+use crate::held::{Held, Numbers, joints, limit, named, sides};
 use crate::told::{Answer, Connection, Status, Vibration};
 
 /// Looks and asks; never on the hot path.
@@ -75,6 +75,33 @@ impl Monitor {
     fn bypass(&self, py: Python<'_>, on: bool, timeout: f64) -> PyResult<Answer> {
         self.held.ask(py, timeout, |monitor, limit| monitor.bypass(on, limit))
     }
+
+    /// Asks to go to shadow mode, or back to the configured one; where that is shadow, the answer is a refusal.
+    #[pyo3(signature = (on, timeout = 1.0))]
+    fn arm(&self, py: Python<'_>, on: bool, timeout: f64) -> PyResult<Answer> {
+        self.held.ask(py, timeout, |monitor, limit| monitor.arm(on, limit))
+    }
+
+    /// Asks to go to a mode, `shadow`, `limited` or `full`; beyond what the configuration allows, the answer is a refusal.
+    #[pyo3(signature = (mode, timeout = 1.0))]
+    fn mode(&self, py: Python<'_>, mode: &str, timeout: f64) -> PyResult<Answer> {
+        let mode = named("mode", trued_client::Mode::ALL, trued_client::Mode::name, mode)?;
+        self.held.ask(py, timeout, |monitor, limit| monitor.mode(mode, limit))
+    }
+
+    /// Writes a marker with this text into the recording; where nothing is recorded, the answer is a refusal.
+    #[pyo3(signature = (text, timeout = 1.0))]
+    fn mark(&self, py: Python<'_>, text: &str, timeout: f64) -> PyResult<Answer> {
+        self.held.ask(py, timeout, |monitor, limit| monitor.mark(text, limit))
+    }
+
+    /// Asks the recorder to `start`, to `stop`, or to `keep` the present recording.
+    #[pyo3(signature = (action, timeout = 1.0))]
+    fn record(&self, py: Python<'_>, action: &str, timeout: f64) -> PyResult<Answer> {
+        let action = named("action", RecorderAction::ALL, RecorderAction::name, action)?;
+        self.held.ask(py, timeout, |monitor, limit| monitor.record(action, limit))
+    }
+
     /// Tells what the process does, in place of what was told before.
     #[pyo3(signature = (*, spindle_rpm = f64::NAN, teeth = 0, feed_mm_s = f64::NAN, in_cut = None, holds_for = None, timeout = 1.0))]
     #[expect(clippy::too_many_arguments, reason = "keywords, in Python")]

@@ -243,6 +243,15 @@ class Client:
     def arm(self, on: bool, timeout: float = 1.0) -> Answer:
         """Asks to go to shadow mode, or back to the configured one; where that is shadow, the answer is a refusal."""
 
+    def mode(self, mode: Literal["shadow", "limited", "full"], timeout: float = 1.0) -> Answer:
+        """Asks to go to a mode; beyond what the cell's configuration allows, the answer is a refusal."""
+
+    def mark(self, text: str, timeout: float = 1.0) -> Answer:
+        """Writes a marker into the recording; where nothing is recorded, the answer is a refusal."""
+
+    def record(self, action: Literal["start", "stop", "keep"], timeout: float = 1.0) -> Answer:
+        """Asks the recorder to start, to stop, or to keep the present recording."""
+
     def process_state(
         self,
         *,
@@ -308,6 +317,18 @@ class Monitor:
 
     def bypass(self, on: bool, timeout: float = 1.0) -> Answer:
         """Asks to ramp the correction out, or in again."""
+
+    def arm(self, on: bool, timeout: float = 1.0) -> Answer:
+        """Asks to go to shadow mode, or back to the configured one; where that is shadow, the answer is a refusal."""
+
+    def mode(self, mode: Literal["shadow", "limited", "full"], timeout: float = 1.0) -> Answer:
+        """Asks to go to a mode; beyond what the cell's configuration allows, the answer is a refusal."""
+
+    def mark(self, text: str, timeout: float = 1.0) -> Answer:
+        """Writes a marker into the recording; where nothing is recorded, the answer is a refusal."""
+
+    def record(self, action: Literal["start", "stop", "keep"], timeout: float = 1.0) -> Answer:
+        """Asks the recorder to start, to stop, or to keep the present recording."""
 
     def process_state(
         self,

@@ -225,6 +225,20 @@ impl BlackBox {
         &self.path
     }
 
+    /// Gives the file another name while it is written.
+    ///
+    /// # Errors
+    /// The system refuses; the file has the name that it had.
+    pub fn rename(&mut self, to: &Path) -> Result<(), BlackBoxError> {
+        std::fs::rename(&self.path, to).map_err(|source| BlackBoxError::Io {
+            action: "rename",
+            path: self.path.clone(),
+            source,
+        })?;
+        to.clone_into(&mut self.path);
+        Ok(())
+    }
+
     /// Ends the file with its index, synced to the disk.
     ///
     /// # Errors

@@ -205,8 +205,14 @@ pub struct Recorder {
     pub dir: PathBuf,
     /// Size from which a new file is begun, bytes.
     pub max_file_bytes: u64,
-    /// Number of files that are kept.
+    /// Number of recordings from which on the oldest are removed; those that were kept are not counted.
     pub keep_files: usize,
+    /// Whether recording begins with the daemon; else when somebody asks for it.
+    pub starts_recording: bool,
+    /// Whether an alarm keeps the recording.
+    pub keeps_alarms: bool,
+    /// Number of kept recordings from which on no further one is kept.
+    pub kept_files_max: usize,
 }
 
 impl CellConfig {

@@ -260,10 +260,16 @@ fn recorder(table: &Table<'_, '_>) -> Option<Recorder> {
     let dir = table.text("dir").filter(|dir| is_path(table, "dir", dir));
     let max_mb = table.number("max_file_MB", 1.0..=100_000.0).unwrap_or(256.0);
     let keep = table.whole("keep_files", 1..100_000).and_then(|n| usize::try_from(n).ok());
+    let starts_recording = table.flag("start").unwrap_or(true);
+    let keeps_alarms = table.flag("keep_alarms").unwrap_or(true);
+    let kept = table.whole("kept_files_max", 0..100_000).and_then(|n| usize::try_from(n).ok());
     table.close();
     Some(Recorder {
         dir: PathBuf::from(dir?),
         max_file_bytes: (max_mb * 1e6) as u64,
         keep_files: keep.unwrap_or(20),
+        starts_recording,
+        keeps_alarms,
+        kept_files_max: kept.unwrap_or(20),
     })
 }

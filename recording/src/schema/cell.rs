@@ -247,7 +247,16 @@ struct Recorder {
     /// Size at which a new file begins, MB.
     #[schemars(range(min = 1.0, max = 100_000.0), extend("default" = 256.0))]
     max_file_MB: Option<f64>,
-    /// Number of files that are kept; older ones are removed.
+    /// Number of files from which on the oldest are removed; kept ones are not counted.
     #[schemars(range(min = 1, max = 99_999), extend("default" = 20))]
     keep_files: Option<u32>,
+    /// Whether recording begins with the daemon; else with `trued record start`.
+    #[schemars(extend("default" = true))]
+    start: Option<bool>,
+    /// Whether an alarm of the vibration watch or a fault of the daemon keeps the recording.
+    #[schemars(extend("default" = true))]
+    keep_alarms: Option<bool>,
+    /// Number of kept files from which on no further one is kept.
+    #[schemars(range(max = 99_999), extend("default" = 20))]
+    kept_files_max: Option<u32>,
 }

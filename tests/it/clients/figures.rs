@@ -34,6 +34,8 @@ fn rust(targets: &str) -> BTreeMap<String, String> {
         ("mode", "2"),
         ("bypassed", "1"),
         ("reload_refused", "1"),
+        ("steered", "1"),
+        ("mark_refused", "1"),
     ] {
         assert_eq!(said.get(name).map(String::as_str), Some(value), "{name}");
     }

@@ -22,7 +22,7 @@ const OUTAGE: &str = env!("CARGO_BIN_EXE_outage");
 const LIMIT: Duration = Duration::from_secs(20);
 
 /// What the examples' cell has beside its robot.
-const TABLES: &str = "[force]\nrate_Hz = 10000.0\nchannels = 3\n[vibration]\nenabled = true\n[cycle]\nperiod_ms = 0.1\n";
+const TABLES: &str = "[force]\nrate_Hz = 10000.0\nchannels = 3\n[vibration]\nenabled = true\n[cycle]\nperiod_ms = 0.1\n[recorder]\ndir = \"recordings\"\n";
 
 /// Where the build keeps what tests leave for each other.
 fn scratch() -> &'static Path {

@@ -1,16 +1,16 @@
-//! `trued bypass`, `trued mode`, `trued arm`, `trued mark`: what an operator asks of a running daemon.
+//! `trued bypass`, `trued mode`, `trued arm`, `trued mark`, `trued record`: what an operator asks of a running daemon.
 //!
 //! Promises: the daemon's answer is told as it is, with exit 1 where it refuses; who asked stands in its log and its recording. Never: a
 //! wait without a limit.
 
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
 use recording::cell::CellConfig;
 use serde::Serialize;
 use shm_schema::Cell;
-use trued_client::{Monitor, Response};
+use trued_client::{Monitor, RecorderAction, RecorderState, Response};
 
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::unusable;
@@ -19,6 +19,8 @@ use crate::output::Console;
 /// How long the daemon may take to be found, and to answer.
 const FOUND_WITHIN: Duration = Duration::from_secs(2);
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+/// How long a recording may take to be closed: what its disk still holds back is written then.
+const CLOSED_WITHIN: Duration = Duration::from_secs(30);
 
 /// Most bytes of a marker's text: what a request has room for.
 const MARK_BYTES_MAX: usize = shm_schema::PATH_BYTES_MAX;
@@ -130,6 +132,28 @@ pub(crate) struct Mark {
     which: Which,
 }
 
+/// Start or stop the recording of a running cell, or keep it
+///
+/// `start`: a new file begins. `stop`: the file is closed; nothing is written until the next start, and the command ends when the file is whole.
+/// `keep`: the present recording, the one before it if that ended less than a minute ago, and one that begins within the next half minute are never
+/// removed; their names end in `.kept.mcap`. Exit 1 where the cell has no recorder, where nothing is recorded, or where
+/// `recorder.kept_files_max` recordings are kept already. A restart of the daemon brings the configured state back.
+#[derive(Debug, Args)]
+pub(crate) struct Record {
+    /// What to do
+    #[arg(value_name = "start|stop|keep", value_enum, hide_possible_values = true)]
+    action: RecordAction,
+    #[command(flatten)]
+    which: Which,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum RecordAction {
+    Start,
+    Stop,
+    Keep,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Switch {
     On,
@@ -188,6 +212,36 @@ impl Mark {
         let response = monitor.mark(&self.text, ANSWER_WITHIN).map_err(Failure::system)?;
         tell(console, &cell, "mark", &response)
     }
+}
+
+impl Record {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        let action = match self.action {
+            RecordAction::Start => RecorderAction::Start,
+            RecordAction::Stop => RecorderAction::Stop,
+            RecordAction::Keep => RecorderAction::Keep,
+        };
+        let (cell, mut monitor) = self.which.join()?;
+        let response = monitor.record(action, ANSWER_WITHIN).map_err(Failure::system)?;
+        let outcome = tell(console, &cell, "record", &response)?;
+        if action == RecorderAction::Stop && outcome == Answer::Done {
+            await_closed(&mut monitor)?;
+        }
+        Ok(outcome)
+    }
+}
+
+/// Waits until the recorder has closed its file: a disk may take its time.
+fn await_closed(monitor: &mut Monitor) -> Result<(), Failure> {
+    let since = Instant::now();
+    while since.elapsed() < CLOSED_WITHIN {
+        let recorder = monitor.status().map(|status| status.recorder);
+        if recorder == Some(RecorderState::Stopped.code()) {
+            return Ok(());
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    Err(Failure::system("the recording is not closed yet; `trued status` says when it is"))
 }
 
 #[derive(Serialize)]
