@@ -200,8 +200,10 @@ impl Recorder {
                     mend::start(dir.clone(), cell.clone(), file.path().to_owned());
                 }
                 (self.file, self.begun, self.retry_at) = (Some(file), Instant::now(), None);
-                if self.keep_until.take().is_some_and(|until| Instant::now() < until) {
+                if let Some(until) = self.keep_until.filter(|until| Instant::now() < *until) {
                     self.alarm("it follows one that is kept");
+                    // Kept for what came before, it does not make the next one kept for longer.
+                    self.keep_until = Some(until);
                 }
             }
             Err(fault) => {
@@ -399,5 +401,68 @@ fn force_record(block: &shm_schema::ForceBlock) -> ForceRecord {
         rate_hz: block.rate_hz,
         channels: block.channels,
         data: block.data.get(..count).unwrap_or_default().to_vec(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shm_schema::{Verdict, VibrationState};
+    use std::path::PathBuf;
+
+    /// A recorder that begins a file at each turn.
+    fn of_short_files(name: &str) -> (PathBuf, Recorder) {
+        let dir =
+            std::env::temp_dir().join(format!("trued-recorder-{}-{name}", std::process::id()));
+        let settings = Settings {
+            dir: dir.clone(),
+            max_file_bytes: 1,
+            keep_files: 2,
+            starts_recording: true,
+            keeps_alarms: true,
+            kept_files_max: 3,
+        };
+        (dir, Recorder::new(settings, Header { cell: "a".to_owned(), ..Header::default() }))
+    }
+
+    #[test]
+    fn an_alarm_keeps_its_recording_the_one_before_and_the_one_after_and_no_more_than_allowed() {
+        let (dir, mut recorder) = of_short_files("alarm");
+        let exchange = Exchange::new(corrector::Mode::Full, true);
+        let kept =
+            || shelf::recordings(&dir, "a").iter().filter(|path| shelf::is_kept(path)).count();
+        recorder.turn(&exchange);
+        recorder.turn(&exchange);
+        assert_eq!(kept(), 0);
+        let state = VibrationState::Alarm.code();
+        exchange.verdicts.push(Verdict { event: 1, state, ..Verdict::default() }).unwrap();
+        recorder.turn(&exchange);
+        assert_eq!(kept(), 2, "with the one before it");
+        recorder.turn(&exchange);
+        assert_eq!(kept(), 3, "what follows");
+        for _ in 0..4 {
+            recorder.turn(&exchange);
+        }
+        assert_eq!(kept(), 3, "as many as are allowed");
+        let all = shelf::recordings(&dir, "a").len();
+        assert_eq!(all, 5, "the others are removed as ever");
+        assert_eq!(recorder.keep("asked for").answer, Answer::Refused);
+        fs::remove_dir_all(&dir).unwrap();
+    }
+
+    #[test]
+    fn while_nobody_records_nothing_is_lost_that_would_count() {
+        let (dir, mut recorder) = of_short_files("stopped");
+        recorder.is_on = false;
+        let exchange = Exchange::new(corrector::Mode::Full, true);
+        exchange.verdicts.push(Verdict::default()).unwrap();
+        recorder.turn(&exchange);
+        assert!(!dir.exists() && exchange.verdicts.is_empty());
+        assert_eq!(exchange.counters.recorder_dropped.load(Relaxed), 0);
+        recorder.answer(&exchange, RecorderAction::Start);
+        assert_eq!(shelf::recordings(&dir, "a").len(), 1);
+        recorder.answer(&exchange, RecorderAction::Stop);
+        assert_eq!(exchange.recorder(monotonic_ns()), RecorderState::Stopped);
+        fs::remove_dir_all(&dir).unwrap();
     }
 }

@@ -7,8 +7,8 @@ use physics::JointKind;
 use physics::effects::{CUTTING, DRIVES, OVER_PATHS, SPECS};
 use physics::spec::{Place as Belongs, Spec};
 use shm_schema::{
-    Advice, Answer, CorrectionStatus, Health, InCut, Mode, Operation, Reason, RecorderState,
-    SensorFault, VibrationClass, VibrationState, WatchState, WrenchGate,
+    Advice, Answer, CorrectionStatus, Health, InCut, Mode, Operation, Reason, RecorderAction,
+    RecorderState, SensorFault, VibrationClass, VibrationState, WatchState, WrenchGate,
 };
 use tests::clients::root;
 
@@ -115,6 +115,7 @@ fn the_reference_has_every_code_with_its_word() {
         Mode,
         WatchState,
         RecorderState,
+        RecorderAction,
         SensorFault,
         VibrationState,
         VibrationClass,

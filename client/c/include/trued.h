@@ -326,12 +326,35 @@ enum trued_recorder_state
   TRUED_RECORDER_STATE_DROPPING = 2,
   // It cannot write.
   TRUED_RECORDER_STATE_FAILED = 3,
+  // It writes nothing because it was asked to stop, or is configured to wait for a start.
+  TRUED_RECORDER_STATE_STOPPED = 4,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
 typedef enum trued_recorder_state trued_recorder_state;
 #else
 typedef uint32_t trued_recorder_state;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// What a recorder is asked to do.
+enum trued_recorder_action
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // Close the recording; write nothing until the next start.
+  TRUED_RECORDER_ACTION_STOP = 0,
+  // Begin a recording.
+  TRUED_RECORDER_ACTION_START = 1,
+  // Keep the present recording: the removal of old ones leaves it alone.
+  TRUED_RECORDER_ACTION_KEEP = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum trued_recorder_action trued_recorder_action;
+#else
+typedef uint32_t trued_recorder_action;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
@@ -990,6 +1013,24 @@ trued_code trued_client_bypass(struct trued_client *client,
 // Asks to go to shadow mode (`on` 0), or back to the configured one; where that is shadow, the answer is a refusal.
 trued_code trued_client_arm(struct trued_client *client, uint32_t on, uint64_t limit_ns, struct trued_answer *answer);
 
+// Asks to go to a mode, a trued_mode: at most to the one that the configuration of the cell allows; else the answer is a refusal.
+trued_code trued_client_mode(struct trued_client *client,
+                             uint32_t mode,
+                             uint64_t limit_ns,
+                             struct trued_answer *answer);
+
+// Writes a marker with this text into the recording; where nothing is recorded, the answer is a refusal.
+trued_code trued_client_mark(struct trued_client *client,
+                             const char *text,
+                             uint64_t limit_ns,
+                             struct trued_answer *answer);
+
+// Asks the recorder to start, to stop, or to keep the present recording: `action` is a trued_recorder_action.
+trued_code trued_client_record(struct trued_client *client,
+                               uint32_t action,
+                               uint64_t limit_ns,
+                               struct trued_answer *answer);
+
 // Tells what the process does, in place of what was told before.
 trued_code trued_client_process_state(struct trued_client *client,
                                       const struct trued_process *process,
@@ -1069,6 +1110,30 @@ trued_code trued_monitor_reload_other_robot(struct trued_monitor *monitor,
 // Asks to ramp the correction out (`on` not 0), or in again.
 trued_code trued_monitor_bypass(struct trued_monitor *monitor,
                                 uint32_t on,
+                                uint64_t limit_ns,
+                                struct trued_answer *answer);
+
+// Asks to go to shadow mode (`on` 0), or back to the configured one; where that is shadow, the answer is a refusal.
+trued_code trued_monitor_arm(struct trued_monitor *monitor,
+                             uint32_t on,
+                             uint64_t limit_ns,
+                             struct trued_answer *answer);
+
+// Asks to go to a mode, a trued_mode: at most to the one that the configuration of the cell allows; else the answer is a refusal.
+trued_code trued_monitor_mode(struct trued_monitor *monitor,
+                              uint32_t mode,
+                              uint64_t limit_ns,
+                              struct trued_answer *answer);
+
+// Writes a marker with this text into the recording; where nothing is recorded, the answer is a refusal.
+trued_code trued_monitor_mark(struct trued_monitor *monitor,
+                              const char *text,
+                              uint64_t limit_ns,
+                              struct trued_answer *answer);
+
+// Asks the recorder to start, to stop, or to keep the present recording: `action` is a trued_recorder_action.
+trued_code trued_monitor_record(struct trued_monitor *monitor,
+                                uint32_t action,
                                 uint64_t limit_ns,
                                 struct trued_answer *answer);
 
