@@ -1,7 +1,10 @@
 //! Tables of text and numbers: the numbers of a column share their decimals, and stand under each other.
+//!
+//! A table that holds numbers carries them as CSV too, all digits, behind a link in its caption: the page needs no other file and no network for it.
 
 use crate::escape::escape;
 use crate::number::{common_decimals, fixed, significant};
+use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
 
 /// Rows up to which a table is not torn apart by a page break.
 const SHORT: usize = 15;
@@ -93,11 +96,44 @@ impl Table {
         let body: String = self.rows.iter().map(|row| self.html_row(row, &decimals)).collect();
         let caption = escape(&self.caption);
         format!(
-            "<div class=\"wide\" role=\"region\" tabindex=\"0\" aria-label=\"{caption}\"><table class=\"{}{}\"><caption>{caption}</caption>\
+            "<div class=\"wide\" role=\"region\" tabindex=\"0\" aria-label=\"{caption}\"><table class=\"{}{}\"><caption>{caption}{}</caption>\
              <thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>\n",
             self.class(),
-            if self.rows.len() <= SHORT { " short" } else { "" }
+            if self.rows.len() <= SHORT { " short" } else { "" },
+            self.link()
         )
+    }
+
+    /// A link that saves the table as CSV; none where it holds no number.
+    fn link(&self) -> String {
+        let holds_numbers = (0..self.columns.len()).any(|i| !self.numbers(i).is_empty());
+        let Some(csv) = self.csv().filter(|_| holds_numbers) else { return String::new() };
+        let data = utf8_percent_encode(&csv, NON_ALPHANUMERIC);
+        let name: String =
+            self.caption.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
+        let name = match name.trim_matches('-') {
+            "" => "table",
+            name => name,
+        };
+        format!(
+            " <a class=\"csv\" download=\"{name}.csv\" href=\"data:text/csv;charset=utf-8,{data}\" aria-label=\"{} as CSV\">CSV</a>",
+            escape(&self.caption)
+        )
+    }
+
+    /// The table as CSV (RFC 4180): heads, then rows; numbers with all their digits, empty where not finite. None where the writer fails.
+    fn csv(&self) -> Option<String> {
+        let mut writer = csv::WriterBuilder::new().flexible(true).from_writer(Vec::new());
+        writer.write_record(self.columns.iter().map(|column| &column.head)).ok()?;
+        for row in &self.rows {
+            let cells = row.iter().take(self.columns.len()).map(|cell| match cell {
+                Cell::Text(text) => text.clone(),
+                Cell::Number(value) if value.is_finite() => value.to_string(),
+                Cell::Number(_) => String::new(),
+            });
+            writer.write_record(cells).ok()?;
+        }
+        String::from_utf8(writer.into_inner().ok()?).ok()
     }
 
     /// Wide tables stand otherwise on a phone and in print.
@@ -165,6 +201,25 @@ mod tests {
             .row(["slot 2".into(), 0.1.into()]);
         let html = table.html();
         assert!(html.contains(">0.843<") && html.contains(">0.100<"), "{html}");
+    }
+
+    #[test]
+    fn a_table_of_numbers_carries_them_as_csv_with_all_digits() {
+        let table = Table::new("Errors, mm", ["Path", "Mean (mm)"])
+            .row(["slot \"1\", left".into(), 0.843_217_6.into()])
+            .row(["slot 2".into(), f64::NAN.into()]);
+        let csv = table.csv().expect("csv");
+        assert_eq!(csv, "Path,Mean (mm)\n\"slot \"\"1\"\", left\",0.8432176\nslot 2,\n");
+        let html = table.html();
+        let link = html
+            .split("href=\"data:text/csv;charset=utf-8,")
+            .nth(1)
+            .and_then(|rest| rest.split('"').next());
+        let data = percent_encoding::percent_decode_str(link.expect("a link")).decode_utf8();
+        assert_eq!(data.expect("UTF-8"), csv);
+        assert!(html.contains("download=\"Errors--mm.csv\""), "{html}");
+        let words = Table::new("Files", ["File"]).row(["a.csv".into()]).html();
+        assert!(!words.contains("href"), "words alone stand in the page: {words}");
     }
 
     #[test]
