@@ -33,6 +33,7 @@
 mod client;
 mod error;
 mod force;
+mod instrument;
 mod kind;
 mod link;
 mod measured;
@@ -45,6 +46,7 @@ mod target;
 pub use client::Client;
 pub use error::{AskError, Away, ConnectError, NotATarget, NotSent};
 pub use force::{ForceSamples, ForceSource, Samples};
+pub use instrument::Instrument;
 pub use kind::ErrorKind;
 pub use link::{Connection, ConnectionEvent};
 pub use measured::Measured;
@@ -56,8 +58,8 @@ pub use setpoint::{Setpoint, WrenchFrame};
 pub use shm_schema::{
     Advice, Answer, CHANNEL_NAMES, Corrected, CorrectionStatus, ForceFault, Health, InCut,
     JOINTS_MAX, Mode, Reason, RecorderAction, RecorderState, Response, RobotState, SendOutcome,
-    SensorFault, Status, Verdict, VibrationClass, VibrationState, WatchState, channel_name,
-    monotonic_ns,
+    SensorFault, Status, TrimReason, TrimState, Verdict, VibrationClass, VibrationState,
+    WatchState, channel_name, monotonic_ns,
 };
 pub use target::{Source, Target};
 

@@ -8,12 +8,12 @@ use crate::judge::{Command, Follows, Judge};
 use crate::outcome::{Gate, Outcome, Reason, Residual, Status};
 use crate::path::Path;
 use crate::rows::Rows;
-use crate::settings::{Mode, Settings};
+use crate::settings::{Mode, Settings, Task};
 use crate::solve::{Solution, Solver};
 use crate::world::{World, WrenchSample};
 use crate::wrench::WrenchPath;
 use envelope::{Elapsed, Intervals, Limiters, Limits};
-use physics::{Arm, Chain, Evaluation, Inputs, JOINTS_MAX, Joints, Model, Wrench};
+use physics::{Arm, Chain, Evaluation, Frame, Inputs, JOINTS_MAX, Joints, Model, Wrench};
 
 /// Share of the envelope's rate at which a correction is taken back ahead of a joint limit.
 const TAKEN_BACK_SHARE: f64 = 0.5;
@@ -145,10 +145,11 @@ impl Corrector {
             self.solver.forget();
         }
         let blank = Wanted { gate, settled, reason: told, ..Wanted::nothing(elapsed) };
-        let (task, reach) = (&self.settings.task, self.reach());
+        let task = Task { offset_m: world.trim_m, ..self.settings.task };
+        let reach = self.reach();
         // Followed just now: there is a last command.
         let Some(inputs) = self.path.last() else { return blank };
-        let solution = self.solver.track(model, inputs, self.path.memories(), task, &reach);
+        let solution = self.solver.track(model, inputs, self.path.memories(), &task, &reach);
         let q_cmd = inputs.q;
         self.wanted(&q_cmd, &solution, blank)
     }
@@ -181,15 +182,25 @@ impl Corrector {
     /// the first command, and where an effect is beyond what its law holds for.
     pub fn left_with(&self, model: &Model, correction: &Joints) -> Option<Residual> {
         let inputs = self.path.last()?;
-        let mut there = *inputs;
+        let task = &self.settings.task;
+        let rows = Rows::of(&Chain::tool_at(&model.arm, &inputs.q), task);
+        let left = rows.between(&self.tool_with(model, correction)?).residual(task);
+        (left.m.is_finite() && left.rad.is_finite()).then_some(left)
+    }
+
+    /// Where the model puts the tool at the last accepted command with this correction, base frame: one more evaluation. None where [`Corrector::left_with`] has none.
+    pub fn tool_with(&self, model: &Model, correction: &Joints) -> Option<Frame> {
+        let mut there = *self.path.last()?;
         apply(&mut there.q, correction);
         let mut evaluation = Evaluation::default();
         model.deviate_into(&there, self.path.memories(), &mut evaluation, None);
         evaluation.stand(&model.arm, &there);
-        let task = &self.settings.task;
-        let rows = Rows::of(&Chain::tool_at(&model.arm, &inputs.q), task);
-        let left = rows.between(&evaluation.real.base_from_tool).residual(task);
-        (evaluation.beyond.is_none() && left.m.is_finite() && left.rad.is_finite()).then_some(left)
+        evaluation.beyond.is_none().then_some(evaluation.real.base_from_tool)
+    }
+
+    /// Whether corrections go out: not in shadow mode, not while bypassed.
+    pub fn corrects(&self) -> bool {
+        !self.bypassed && self.settings.mode != Mode::Shadow
     }
 
     /// What later cycles need and this one's target does not: to be called once that is out. The gate of a wrench in a contact of known stiffness
@@ -277,7 +288,7 @@ impl Corrector {
 
     /// What the limiters are to reach, and whether a joint limit cut it.
     fn goal(&self, arm: &Arm, wanted: &Wanted) -> (Joints, bool) {
-        if self.bypassed || self.settings.mode == Mode::Shadow {
+        if !self.corrects() {
             return ([0.0; JOINTS_MAX], false);
         }
         let (mut goal, mut is_cut) = (wanted.correction, false);

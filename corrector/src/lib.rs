@@ -29,13 +29,15 @@ mod settings;
 mod slopes;
 mod solve;
 mod trace;
+mod trim;
 mod world;
 mod wrench;
 
 pub use crate::corrector::{Corrector, Wanted};
 pub use ageing::Ageing;
 pub use judge::{Command, Judge};
-pub use outcome::{Gate, Outcome, Reason, Residual, Status};
+pub use outcome::{Gate, Outcome, Reason, Residual, Status, TrimReason, TrimState};
 pub use settings::{LIMITED_SHARE, Mode, Settings, Task, WrenchSettings};
 pub use solve::{Solution, Solver, solve};
+pub use trim::{DELAYS, PointSample, Trim, TrimReport, TrimSettings};
 pub use world::{World, WrenchSample};

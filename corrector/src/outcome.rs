@@ -24,6 +24,48 @@ pub enum Status {
     Limited,
 }
 
+/// What the trim by measurements does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TrimState {
+    /// The cell has no instrument, or it is switched off.
+    #[default]
+    Off,
+    /// No measurement is believed yet, or none comes any more: nothing is trimmed.
+    Waiting,
+    /// The model's error is found and told; nothing is trimmed.
+    Observing,
+    /// The tool is trimmed.
+    Trimming,
+    /// Measurements are missing; the trim stands.
+    Holding,
+    /// The trim is on its way to zero.
+    Ramping,
+}
+
+/// Why the trim is so.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TrimReason {
+    /// Nothing to say.
+    #[default]
+    None,
+    /// No measurement comes.
+    NoMeasurement,
+    /// The measurement holds a number that is none, or is further away than any robot.
+    NotFinite,
+    /// It is not later than its forerunner.
+    OutOfOrder,
+    /// It is older than twice what is stated.
+    Late,
+    /// Its stamp lies ahead of the clock.
+    Ahead,
+    /// The model does not say where the tool was then: no command, a refused one, or an effect beyond its law.
+    NotPredicted,
+    /// The instrument has jumped: its registration is to be looked after.
+    Jumped,
+    /// The trim is at its bound.
+    Bounded,
+}
+
 /// Why it was made so.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reason {

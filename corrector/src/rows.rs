@@ -23,8 +23,10 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    pub(crate) fn of(wanted: &Frame, task: &Task) -> Self {
-        Self { wanted: *wanted, length_m: task.length_m, free_tool_axis: task.free_tool_axis }
+    /// Of where the command's geometry puts the tool.
+    pub(crate) fn of(commanded: &Frame, task: &Task) -> Self {
+        let wanted = Frame { origin: commanded.origin + task.offset_m, ..*commanded };
+        Self { wanted, length_m: task.length_m, free_tool_axis: task.free_tool_axis }
     }
 
     /// A motion of the tool, m and rad in base axes.

@@ -1,6 +1,7 @@
 //! What a cell sets of the correction.
 
 use envelope::Limits;
+use glam::DVec3;
 use physics::JOINTS_MAX;
 
 /// Share of the envelope's angle in limited mode.
@@ -37,11 +38,13 @@ pub struct Task {
     pub free_tool_axis: bool,
     /// What a radian of orientation is worth, m; matters only where not all can be put right (fewer than six joints).
     pub length_m: f64,
+    /// What the tool is to be displaced by from where the command's geometry puts it, base frame, m: a trim.
+    pub offset_m: DVec3,
 }
 
 impl Default for Task {
     fn default() -> Self {
-        Self { free_tool_axis: false, length_m: 0.2 }
+        Self { free_tool_axis: false, length_m: 0.2, offset_m: DVec3::ZERO }
     }
 }
 

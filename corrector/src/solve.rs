@@ -123,7 +123,7 @@ impl Solver {
         let rows = Rows::of(&seen.nominal.base_from_tool, task);
         let (moved, turned) = seen.deviation.moves(&seen.nominal, &seen.loads.motions);
         let mut way = Way::of(inputs, rows);
-        way.error = way.rows.error(-moved, -turned);
+        way.error = way.rows.error(task.offset_m - moved, -turned);
         self.walk(case, &mut way, STEPS_MAX)
     }
 

@@ -3,6 +3,7 @@
 //! Promises: after [`World::sound`] every number is finite and of a size that a robot cell can have, or counts as unknown.
 //! Never: a guess in place of an unknown number.
 
+use glam::DVec3;
 use physics::{JOINTS_MAX, Wrench};
 
 /// Temperatures outside are a broken sensor's, °C.
@@ -36,6 +37,8 @@ pub struct World {
     pub joint_celsius: [f64; JOINTS_MAX],
     /// Spindle speed, rev/min; NaN where unknown.
     pub spindle_rpm: f64,
+    /// What measurements ask the tool to be displaced by, base frame, m; zero where there is no trim.
+    pub trim_m: DVec3,
 }
 
 impl Default for World {
@@ -45,6 +48,7 @@ impl Default for World {
             ambient_celsius: f64::NAN,
             joint_celsius: [f64::NAN; JOINTS_MAX],
             spindle_rpm: f64::NAN,
+            trim_m: DVec3::ZERO,
         }
     }
 }
@@ -60,6 +64,7 @@ impl World {
             ambient_celsius: celsius(self.ambient_celsius),
             joint_celsius: self.joint_celsius.map(celsius),
             spindle_rpm: if spindle { self.spindle_rpm } else { f64::NAN },
+            trim_m: if self.trim_m.is_finite() { self.trim_m } else { DVec3::ZERO },
         }
     }
 }

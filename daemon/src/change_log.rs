@@ -6,6 +6,7 @@
 
 use crate::exchange::Exchange;
 use crate::sender;
+use crate::status::trim_fault;
 use crate::temperatures::places;
 use crate::throttle::{Budget, Tally};
 use shm_schema::{
@@ -61,6 +62,7 @@ pub struct ChangeLog {
     reasons: [Tally; REASONS.len()],
     faults: Vec<ForceFault>,
     stale_temperatures: u32,
+    trim_fault: Option<&'static str>,
     /// Ringings, by event, that alarmed, and how far they had come.
     ringing: Vec<(u64, VibrationState)>,
     learning: bool,
@@ -76,6 +78,7 @@ impl Default for ChangeLog {
             reasons: Default::default(),
             faults: Vec::new(),
             stale_temperatures: 0,
+            trim_fault: None,
             ringing: Vec::new(),
             learning: false,
             broken_since_ns: 0,
@@ -89,6 +92,7 @@ impl ChangeLog {
         self.health.log(status);
         self.log_counts(exchange, status);
         self.log_temperatures(status);
+        self.log_trim(status);
         while let Some(verdict) = exchange.told.pop() {
             self.log_verdict(&verdict);
         }
@@ -148,6 +152,18 @@ impl ChangeLog {
             }
             !is_over
         });
+    }
+
+    fn log_trim(&mut self, status: &Status) {
+        let fault = trim_fault(status);
+        if fault == self.trim_fault || !self.sensors.take(status.t_ns) {
+            return;
+        }
+        match fault {
+            Some(fault) => warn!("{fault}"),
+            None => info!("measurements of the tool are used again"),
+        }
+        self.trim_fault = fault;
     }
 
     fn log_temperatures(&mut self, status: &Status) {

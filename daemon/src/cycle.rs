@@ -9,11 +9,14 @@ use crate::senses::Senses;
 use crate::translate;
 use crate::travel::PathPoint;
 use corrector::{Corrector, Outcome, Status};
+use glam::DVec3;
 use shm_schema::{Command, Corrected};
 use std::sync::atomic::Ordering::Relaxed;
 
 /// How often the supervisor's orders are taken while no command comes, ns.
 const ORDERS_EVERY_NS: u64 = 20_000_000;
+/// The most measured points that a cycle takes: what waits beyond is taken in the next.
+const MEASURED_MAX: usize = 64;
 
 /// Everything that the cycle owns.
 #[derive(Debug)]
@@ -58,14 +61,37 @@ impl<L: Link> Cycle<L> {
         let (command, received_ns) = self.robot.newest_command(exchange, deadline_ns)?;
         let now_ns = if self.lockstep { command.t_ns } else { received_ns };
         let state = self.robot.newest_state();
-        let world = self.senses.world(exchange, state.as_ref(), &command, now_ns);
+        let mut world = self.senses.world(exchange, state.as_ref(), &command, now_ns);
+        world.trim_m = self.trim_m(exchange, now_ns);
         let claim = translate::command(&command, now_ns, self.lockstep);
 
         let wanted = self.corrector.correct(&self.model.physics, &claim, &world, now_ns);
         let allowed = self.corrector.bound(&self.model.physics, &wanted);
         self.publish(exchange, &command, received_ns, &allowed);
         self.corrector.prepare(&self.model.physics);
+        self.expect(exchange, now_ns, &allowed);
         Some(received_ns)
+    }
+
+    /// Takes what the instrument has measured since; what the tool is to be displaced by for it, base frame, m.
+    fn trim_m(&mut self, exchange: &Exchange, now_ns: u64) -> DVec3 {
+        let Some(instrument) = &mut self.senses.instrument else { return DVec3::ZERO };
+        instrument.begin();
+        for _ in 0..MEASURED_MAX {
+            let Some(point) = self.robot.next_measured(exchange) else { break };
+            instrument.take(&point, now_ns);
+        }
+        instrument.trim_m(now_ns, self.corrector.corrects())
+    }
+
+    /// Where the model puts the tool with what was sent: measurements to come are compared with it.
+    fn expect(&mut self, exchange: &Exchange, now_ns: u64, made: &Outcome) {
+        let Some(instrument) = &mut self.senses.instrument else { return };
+        let accepted = made.status != Status::Rejected;
+        let tool = accepted
+            .then(|| self.corrector.tool_with(&self.model.physics, &made.correction))
+            .flatten();
+        instrument.expect(now_ns, tool.as_ref(), &exchange.counters.trim);
     }
 
     fn publish(
@@ -120,7 +146,9 @@ impl<L: Link> Cycle<L> {
             let (wrench, wrench_in_base) = self.senses.wrench();
             let (command, corrected) = (*command, *message);
             let celsius = self.senses.celsius();
-            CycleRecord { command, corrected, wrench, wrench_in_base, celsius }
+            let instrument = self.senses.instrument.as_ref();
+            let trim = instrument.map(|instrument| instrument.record());
+            CycleRecord { command, corrected, wrench, wrench_in_base, celsius, trim }
         });
     }
 
@@ -129,6 +157,9 @@ impl<L: Link> Cycle<L> {
         if let Some(next) = exchange.next_model.pop() {
             let old = std::mem::replace(&mut self.model, next);
             self.corrector.model_changed(&self.model.physics);
+            if let Some(instrument) = &mut self.senses.instrument {
+                instrument.model_changed();
+            }
             // The supervisor hands over a model only while there is room for the old one.
             let _ = exchange.retired_models.push(old);
         }
@@ -136,6 +167,9 @@ impl<L: Link> Cycle<L> {
         self.corrector.set_mode(exchange.mode());
         if exchange.rearm.swap(false, Relaxed) {
             self.corrector.rearm_wrench();
+            if let Some(instrument) = &mut self.senses.instrument {
+                instrument.rearm();
+            }
         }
         if let Some(ports) = exchange.new_ports[0].pop() {
             // Refused ports leave the old ones in use: the client then knocks again.

@@ -7,14 +7,15 @@ use crate::latency::Latency;
 use crate::position::Positions;
 use crate::process::Known;
 use crate::senses::Measured;
+use crate::translate;
 use crate::travel::PathPoint;
-use corrector::Mode;
+use corrector::{Mode, TrimReport};
 use crossbeam::queue::ArrayQueue;
 use physics::Model;
 use recording::blackbox::{LogRecord, ModelChange, StatusRecord};
 use shm_schema::{
     Answer, Command, Corrected, DaemonPorts, ForceBlock, JOINTS_MAX, Reason, RecorderAction,
-    RecorderState, Verdict,
+    RecorderState, Status, Verdict,
 };
 use spectrum::Health;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -59,6 +60,17 @@ pub struct CycleRecord {
     pub wrench_in_base: bool,
     /// The temperatures as they entered the cycle, ambient and then one per joint, °C; NaN where unknown.
     pub celsius: [f64; JOINTS_MAX + 1],
+    /// The trim in force, base frame, m, and the newest point that was measured since the cycle before; none without an instrument.
+    pub trim: Option<([f64; 3], Option<MeasuredInBase>)>,
+}
+
+/// A measured point by the registration.
+#[derive(Clone, Copy, Debug)]
+pub struct MeasuredInBase {
+    /// Base frame, m.
+    pub point_m: [f64; 3],
+    /// When it was measured, ns.
+    pub t_ns: u64,
 }
 
 /// What the vibration thread has to say of itself.
@@ -176,6 +188,45 @@ pub struct Counters {
     pub stale_temperatures: AtomicU32,
     /// `CLOCK_MONOTONIC` of the last force block, ns; 0 before the first.
     pub last_block_ns: AtomicU64,
+    /// How the trim by measurements is.
+    pub trim: TrimCounters,
+}
+
+/// How the trim by measurements is, as of the last cycle. For displays: a reader may see some numbers of one cycle and some of the next.
+#[derive(Debug, Default)]
+pub struct TrimCounters {
+    /// State in the upper half, reason in the lower.
+    state: AtomicU64,
+    trim_bits: [AtomicU64; 3],
+    found_bits: [AtomicU64; 3],
+    measurements: AtomicU64,
+    refused: AtomicU64,
+}
+
+impl TrimCounters {
+    /// Keeps a report.
+    pub fn show(&self, report: &TrimReport) {
+        let (state, reason) = translate::trim(report);
+        self.state.store(u64::from(state.code()) << 32 | u64::from(reason.code()), Relaxed);
+        let store = |to: &[AtomicU64; 3], from: [f64; 3]| {
+            to.iter().zip(from).for_each(|(bits, value)| bits.store(value.to_bits(), Relaxed));
+        };
+        store(&self.trim_bits, report.trim_m.to_array());
+        store(&self.found_bits, report.found_m.to_array());
+        self.measurements.store(report.measurements, Relaxed);
+        self.refused.store(report.refused, Relaxed);
+    }
+
+    /// Writes it into a status.
+    pub fn put(&self, status: &mut Status) {
+        let load =
+            |from: &[AtomicU64; 3]| from.each_ref().map(|bits| f64::from_bits(bits.load(Relaxed)));
+        let state = self.state.load(Relaxed);
+        (status.trim_state, status.trim_reason) = ((state >> 32) as u32, state as u32);
+        (status.trim_m, status.trim_found_m) = (load(&self.trim_bits), load(&self.found_bits));
+        status.trim_measurements = self.measurements.load(Relaxed);
+        status.trim_refused = self.refused.load(Relaxed);
+    }
 }
 
 impl Counters {

@@ -19,6 +19,7 @@ pub mod at_rest;
 pub mod change_log;
 pub mod cycle;
 pub mod exchange;
+pub mod instrument;
 pub mod latency;
 pub mod mend;
 pub mod notebook;

@@ -365,6 +365,7 @@ fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {
     let (command, corrected): (&Command, &Corrected) = (&cycle.command, &cycle.corrected);
     let warmth = &cycle.celsius[..=joints];
     let known = warmth.iter().any(|celsius| !celsius.is_nan());
+    let (trim, measured) = (cycle.trim, cycle.trim.and_then(|(_, newest)| newest));
     let wrench_is_known = !cycle.wrench[0].is_nan();
     blackbox::CycleRecord {
         t_ns: command.t_ns,
@@ -389,6 +390,9 @@ fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {
         feed_m_s: f64::NAN,
         model_epoch: corrected.model_epoch,
         q_wanted: Few::of(&corrected.wanted[..joints.min(corrected.wanted.len())]),
+        trim_m: trim.map_or(Few::NONE, |(trim_m, _)| Few::of(&trim_m)),
+        measured_m: measured.map_or(Few::NONE, |point| Few::of(&point.point_m)),
+        measured_ns: measured.map_or(0, |point| point.t_ns),
     }
 }
 

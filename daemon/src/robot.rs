@@ -7,8 +7,8 @@
 use crate::exchange::{Exchange, count};
 use crate::pacer::Pacer;
 use shm_schema::{
-    Command, Corrected, DaemonPorts, Payload, PortError, Publisher, RobotState, SendOutcome,
-    Subscriber, monotonic_ns,
+    Command, Corrected, DaemonPorts, MeasuredPoint, Payload, PortError, Publisher, RobotState,
+    SendOutcome, Subscriber, monotonic_ns,
 };
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -20,6 +20,10 @@ pub trait Link {
     fn wait_command(&mut self, deadline_ns: u64) -> Option<(Command, u64)>;
     /// The newest measurement of the robot itself, if there is a new one.
     fn take_state(&mut self) -> Option<RobotState>;
+    /// The oldest measured point of the tool not yet taken. None of a link without an instrument.
+    fn take_measured(&mut self) -> Option<MeasuredPoint> {
+        None
+    }
     /// Sends a target.
     fn send(&mut self, target: &Corrected) -> SendOutcome;
     /// Changes over to the ports of a new epoch.
@@ -34,6 +38,7 @@ pub trait Link {
 pub struct Ports {
     commands: Subscriber<Command>,
     states: Subscriber<RobotState>,
+    measured: Subscriber<MeasuredPoint>,
     targets: Publisher<Corrected>,
     pacer: Pacer,
 }
@@ -52,14 +57,19 @@ impl Link for Ports {
         self.states.take_newest()
     }
 
+    fn take_measured(&mut self) -> Option<MeasuredPoint> {
+        self.measured.take_next()
+    }
+
     fn send(&mut self, target: &Corrected) -> SendOutcome {
         self.targets.send(target)
     }
 
     fn rejoin(&mut self, ports: &DaemonPorts) -> Result<(), PortError> {
-        let (commands, states, targets) =
-            (ports.subscriber()?, ports.subscriber()?, ports.publisher()?);
-        (self.commands, self.states, self.targets) = (commands, states, targets);
+        let (commands, states, measured) =
+            (ports.subscriber()?, ports.subscriber()?, ports.subscriber()?);
+        self.targets = ports.publisher()?;
+        (self.commands, self.states, self.measured) = (commands, states, measured);
         Ok(())
     }
 }
@@ -79,9 +89,10 @@ impl Robot {
     /// # Errors
     /// Where the transport refuses a port.
     pub fn join(ports: &DaemonPorts, pacer: Pacer) -> Result<Self, PortError> {
-        let (commands, states, targets) =
-            (ports.subscriber()?, ports.subscriber()?, ports.publisher()?);
-        Ok(Self::over(Ports { commands, states, targets, pacer }))
+        let (commands, states, measured) =
+            (ports.subscriber()?, ports.subscriber()?, ports.subscriber()?);
+        let targets = ports.publisher()?;
+        Ok(Self::over(Ports { commands, states, measured, targets, pacer }))
     }
 }
 
@@ -116,6 +127,17 @@ impl<L: Link> Robot<L> {
     /// The newest measurement of the robot itself, if there is a new one.
     pub fn newest_state(&mut self) -> Option<RobotState> {
         self.link.take_state().filter(|state| state.check().is_ok())
+    }
+
+    /// The oldest measured point of the tool not yet taken.
+    pub fn next_measured(&mut self, exchange: &Exchange) -> Option<MeasuredPoint> {
+        while let Some(point) = self.link.take_measured() {
+            if point.check().is_ok() {
+                return Some(point);
+            }
+            count(&exchange.counters.malformed);
+        }
+        None
     }
 
     /// Publishes a target; `made` has everything but number and time.

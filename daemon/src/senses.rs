@@ -3,6 +3,7 @@
 //! Promises: the newest value wins; its age is told, never hidden. Never: a wait.
 
 use crate::exchange::Exchange;
+use crate::instrument::Instrument;
 use crate::temperatures::Temperatures;
 use corrector::{World, WrenchSample};
 use glam::DVec3;
@@ -40,18 +41,26 @@ pub struct Senses {
     source: WrenchSource,
     measured: Option<Measured>,
     temperatures: Temperatures,
+    /// What measures the tool, where the cell has it.
+    pub instrument: Option<Box<Instrument>>,
 }
 
 impl Senses {
     /// Nothing is known yet. Temperatures are those of the newest message, as in a recording.
     pub fn new(source: WrenchSource) -> Self {
-        Self { source, measured: None, temperatures: Temperatures::new(None) }
+        Self { source, measured: None, temperatures: Temperatures::new(None), instrument: None }
     }
 
     /// The same with temperatures that hold until they are older than that, ns.
     #[must_use]
     pub fn with_age_limit(self, limit_ns: u64) -> Self {
         Self { temperatures: Temperatures::new(Some(limit_ns)), ..self }
+    }
+
+    /// The same with what measures the tool, where the cell has it.
+    #[must_use]
+    pub fn with_instrument(self, instrument: Option<Box<Instrument>>) -> Self {
+        Self { instrument, ..self }
     }
 
     /// Takes what is new, and says what is known at `now_ns` (`CLOCK_MONOTONIC`, or the command's time in lockstep).
@@ -85,6 +94,7 @@ impl Senses {
             ambient_celsius: celsius[0],
             joint_celsius,
             spindle_rpm: f64::from_bits(exchange.spindle_rpm_bits.load(Relaxed)),
+            ..World::default()
         }
     }
 

@@ -2,10 +2,11 @@
 //!
 //! Promises: nothing starts on a configuration or a model that does not fit; the error says what to change.
 
+use crate::instrument::Instrument;
 use crate::pacer::Wait;
 use crate::senses::{Senses, WrenchSource};
 use crate::vibration::{BlockRules, Clock, Ears};
-use corrector::{Mode, Settings, Task, WrenchSettings};
+use corrector::{DELAYS, Mode, Settings, Task, Trim, TrimSettings, WrenchSettings};
 use envelope::{Limits, LimitsError};
 use physics::{Arm, JOINTS_MAX, JointKind};
 use recording::cell::{self, CellConfig};
@@ -23,7 +24,11 @@ pub fn settings(config: &CellConfig, arm: &Arm, lockstep: bool) -> Result<Settin
     Ok(Settings {
         mode: mode(config.mode),
         envelope,
-        task: Task { free_tool_axis: config.task.free_tool_axis, length_m: config.task.length_m },
+        task: Task {
+            free_tool_axis: config.task.free_tool_axis,
+            length_m: config.task.length_m,
+            ..Task::default()
+        },
         wrench: WrenchSettings {
             enabled: config.wrench.source != cell::WrenchSource::None,
             low_pass_hz: config.wrench.low_pass_hz,
@@ -128,7 +133,29 @@ pub fn senses(config: &CellConfig, lockstep: bool) -> Senses {
     if lockstep {
         return senses;
     }
-    senses.with_age_limit(nanoseconds(config.temperature.stale_s))
+    let senses = senses.with_age_limit(nanoseconds(config.temperature.stale_s));
+    senses.with_instrument(instrument(config))
+}
+
+/// What measures the tool, where the cell has it and uses it.
+fn instrument(config: &CellConfig) -> Option<Box<Instrument>> {
+    let measured = config.measured.filter(|measured| measured.mode != cell::MeasuredMode::Off)?;
+    let mut settings = TrimSettings {
+        is_sent: measured.mode == cell::MeasuredMode::Trim,
+        base_from_instrument: measured.base_from_instrument,
+        point_in_tool_m: measured.point_in_tool_m,
+        latency_s: measured.latency_s,
+        interval_s: measured.interval_s,
+        reaction_s: measured.reaction_s,
+        time_constant_s: 0.0,
+        noise_m: measured.noise_m,
+        jump_m: measured.jump_m,
+        hold_s: measured.hold_s,
+        limit_m: measured.limit_m,
+    };
+    settings.time_constant_s = measured.time_constant_s.unwrap_or(DELAYS * settings.delay_s());
+    let trim = Trim::new(settings);
+    Some(Box::new(Instrument::new(trim, nanoseconds(measured.latency_s))))
 }
 
 /// How the cycle waits.

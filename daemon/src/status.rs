@@ -13,7 +13,7 @@ use recording::cell::CellConfig;
 use recording::model::{RobotEntry, RobotModel};
 use shm_schema::{
     Health, InCut, JointBounds, ROBOT_BYTES_MAX, Reason, RecorderState, SensorFault, Status, Text,
-    VibrationState, WatchState,
+    TrimReason, TrimState, VibrationState, WatchState,
 };
 use spectrum::ProcessState;
 use std::fmt::Write as _;
@@ -160,6 +160,7 @@ impl Constants {
         };
         self.hear(exchange, process, &mut status);
         age.put(&mut status);
+        counters.trim.put(&mut status);
         let health = self.health(exchange, &status);
         status.health = health.code();
         let aged = age.words(status.t_ns);
@@ -211,6 +212,7 @@ impl Constants {
             Health::Idle
         } else if self.last_reason(exchange).is_some()
             || status.model_broken_since_ns > 0
+            || trim_fault(status).is_some()
             || (self.is_thermal && status.stale_temperatures != 0)
         {
             Health::Degraded
@@ -258,6 +260,9 @@ impl Constants {
         for fault in status.force_faults() {
             add(format_args!("{fault}"));
         }
+        if let Some(fault) = trim_fault(status) {
+            add(format_args!("{fault}"));
+        }
         if self.is_thermal && status.stale_temperatures != 0 {
             let stale = places(status.stale_temperatures);
             add(format_args!("temperatures are stale and count as unknown: {stale}"));
@@ -281,6 +286,28 @@ impl Constants {
 /// A name of the robot as it travels; empty where the model does not state it.
 fn name(name: Option<&str>) -> Text<ROBOT_BYTES_MAX> {
     Text::new(name.unwrap_or_default())
+}
+
+/// Why measurements of the tool are not used as the cell asks, in words.
+pub fn trim_fault(status: &Status) -> Option<&'static str> {
+    let missing = [TrimState::Waiting, TrimState::Holding, TrimState::Ramping];
+    status.trim_state().ok().filter(|state| missing.contains(state))?;
+    Some(match status.trim_reason().ok()? {
+        TrimReason::None | TrimReason::Bounded => return None,
+        TrimReason::NoMeasurement => "no measurement of the tool comes: is the beam broken?",
+        TrimReason::NotFinite => "measurements of the tool are no numbers, or far away",
+        TrimReason::OutOfOrder => "measurements of the tool are not in the order of their stamps",
+        TrimReason::Late => "measurements of the tool are older than twice measured.latency_ms",
+        TrimReason::Ahead => {
+            "stamps of the instrument lie ahead of the clock: synchronise its clock"
+        }
+        TrimReason::NotPredicted => {
+            "the model cannot say where the tool was when it was measured: commands paused or were refused"
+        }
+        TrimReason::Jumped => {
+            "the instrument has jumped: look after its registration, then `trued arm`"
+        }
+    })
 }
 
 /// What is wrong with the black box.

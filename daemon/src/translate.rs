@@ -3,9 +3,9 @@
 //! Promises: a foreign number is copied as a claim for the corrector to judge; codes have the same names on both sides (tested).
 //! Never: a judgement.
 
-use corrector::{Gate, Outcome};
+use corrector::{Gate, Outcome, TrimReport};
 use physics::JOINTS_MAX;
-use shm_schema::{Command, Corrected, CorrectionStatus, Reason, WrenchGate};
+use shm_schema::{Command, Corrected, CorrectionStatus, Reason, TrimReason, TrimState, WrenchGate};
 
 /// A command as the corrector takes it; `now_ns` is the cycle's time.
 pub fn command(from: &Command, now_ns: u64, lockstep: bool) -> corrector::Command {
@@ -78,6 +78,30 @@ fn reason(reason: corrector::Reason) -> Reason {
         corrector::Reason::CommandJump => Reason::CommandJump,
         corrector::Reason::Singular => Reason::Singular,
     }
+}
+
+/// What the trim does and why, as it travels.
+pub fn trim(report: &TrimReport) -> (TrimState, TrimReason) {
+    let state = match report.state {
+        corrector::TrimState::Off => TrimState::Off,
+        corrector::TrimState::Waiting => TrimState::Waiting,
+        corrector::TrimState::Observing => TrimState::Observing,
+        corrector::TrimState::Trimming => TrimState::Trimming,
+        corrector::TrimState::Holding => TrimState::Holding,
+        corrector::TrimState::Ramping => TrimState::Ramping,
+    };
+    let reason = match report.reason {
+        corrector::TrimReason::None => TrimReason::None,
+        corrector::TrimReason::NoMeasurement => TrimReason::NoMeasurement,
+        corrector::TrimReason::NotFinite => TrimReason::NotFinite,
+        corrector::TrimReason::OutOfOrder => TrimReason::OutOfOrder,
+        corrector::TrimReason::Late => TrimReason::Late,
+        corrector::TrimReason::Ahead => TrimReason::Ahead,
+        corrector::TrimReason::NotPredicted => TrimReason::NotPredicted,
+        corrector::TrimReason::Jumped => TrimReason::Jumped,
+        corrector::TrimReason::Bounded => TrimReason::Bounded,
+    };
+    (state, reason)
 }
 
 fn gate(gate: Gate) -> WrenchGate {

@@ -176,6 +176,8 @@ impl Metrics<'_, '_> {
             ("force_blocks", "Blocks of force samples taken", report.force.blocks),
             ("force_gaps", "Blocks of force samples that never came", report.force.gaps),
             ("force_refused", "Blocks of force samples refused", report.force.refused),
+            ("trim_measurements", "Measured points of the tool", report.trim.measurements),
+            ("trim_refused", "Measured points that were refused", report.trim.refused),
             ("recorder_dropped", "Records that the recorder dropped", report.recorder_dropped),
         ] {
             self.counter(name, help, value)?;
@@ -200,7 +202,14 @@ impl Metrics<'_, '_> {
             )?;
         }
         let stale = report.stale_temperatures.len() as f64;
-        self.gauge("stale_temperatures", "Temperatures that are too old to be used", stale)
+        self.gauge("stale_temperatures", "Temperatures that are too old to be used", stale)?;
+        if report.trim.state == "off" {
+            return Ok(());
+        }
+        let length_m = |mm: [f64; 3]| 1e-3 * mm.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let (trim_m, found_m) = (length_m(report.trim.trim_mm), length_m(report.trim.found_mm));
+        self.gauge("trim_metres", "What the tool's target is displaced by", trim_m)?;
+        self.gauge("trim_found_metres", "What the instrument finds of the model's error", found_m)
     }
 }
 

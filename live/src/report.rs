@@ -3,7 +3,8 @@
 use serde::Serialize;
 use shm_schema::{RecorderState, WrenchGate};
 use trued_client::{
-    Health, InCut, JOINTS_MAX, Mode, Status, VibrationState, WatchState, monotonic_ns,
+    Health, InCut, JOINTS_MAX, Mode, Status, TrimReason, TrimState, VibrationState, WatchState,
+    monotonic_ns,
 };
 
 /// How a cell is.
@@ -48,6 +49,26 @@ pub struct Report {
     pub recorder_dropped: u64,
     /// 0: ambient, n: joint n.
     pub stale_temperatures: Vec<u32>,
+    /// The trim by measurements of the tool.
+    pub trim: Trim,
+}
+
+/// The trim by measurements of the tool.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Trim {
+    /// The word of [`TrimState`].
+    pub state: &'static str,
+    /// The word of [`TrimReason`].
+    pub reason: &'static str,
+    /// What the tool's target is displaced by, base frame.
+    pub trim_mm: [f64; 3],
+    /// What is found of the model's error, base frame: real minus predicted.
+    pub found_mm: [f64; 3],
+    /// Measurements that came.
+    pub measurements: u64,
+    /// Those of them that were refused.
+    pub refused: u64,
 }
 
 /// The robot; texts are empty where the model does not state them.
@@ -222,7 +243,19 @@ impl Report {
             recorder: word(status.recorder.try_into(), RecorderState::name),
             recorder_dropped: status.recorder_dropped,
             stale_temperatures: (0..=status.joints).filter(is_stale).collect(),
+            trim: trim(status),
         }
+    }
+}
+
+fn trim(status: &Status) -> Trim {
+    Trim {
+        state: word(status.trim_state(), TrimState::name),
+        reason: word(status.trim_reason(), TrimReason::name),
+        trim_mm: status.trim_m.map(|m| 1e3 * m),
+        found_mm: status.trim_found_m.map(|m| 1e3 * m),
+        measurements: status.trim_measurements,
+        refused: status.trim_refused,
     }
 }
 

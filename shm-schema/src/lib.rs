@@ -21,6 +21,7 @@ mod control;
 mod domain;
 mod force;
 mod layout;
+mod measured;
 mod motion;
 mod port;
 mod robot;
@@ -40,6 +41,7 @@ pub use domain::{
 };
 pub use force::{FORCE_CHANNELS_MAX, FORCE_SAMPLES_MAX, ForceBlock};
 pub use layout::{Malformed, Payload};
+pub use measured::{MeasuredPoint, TrimReason, TrimState};
 pub use motion::{Command, Corrected, CorrectionStatus, Reason, WrenchGate};
 pub use port::{
     ControlClient, ControlServer, Pending, PortError, Publisher, SendOutcome, Subscriber,

@@ -12,10 +12,12 @@ use iceoryx2::prelude::{
 use iceoryx2::service::port_factory::{publish_subscribe, request_response};
 
 use crate::layout::{Payload, hash_text, mix};
-use crate::{Command, Corrected, ForceBlock, Request, Response, RobotState, Status, Verdict};
+use crate::{
+    Command, Corrected, ForceBlock, MeasuredPoint, Request, Response, RobotState, Status, Verdict,
+};
 
 /// Version of services and payloads as a whole: changes with any change of meaning.
-pub const CONTRACT_VERSION: u32 = 5;
+pub const CONTRACT_VERSION: u32 = 6;
 
 /// Layout hash of all payloads together.
 pub const CONTRACT_HASH: u64 = {
@@ -24,6 +26,7 @@ pub const CONTRACT_HASH: u64 = {
     let hash = mix(hash, Corrected::LAYOUT_HASH);
     let hash = mix(hash, ForceBlock::LAYOUT_HASH);
     let hash = mix(hash, RobotState::LAYOUT_HASH);
+    let hash = mix(hash, MeasuredPoint::LAYOUT_HASH);
     let hash = mix(hash, Verdict::LAYOUT_HASH);
     let hash = mix(hash, Status::LAYOUT_HASH);
     let hash = mix(hash, Request::LAYOUT_HASH);
@@ -55,6 +58,9 @@ impl Keeping {
         if self.subscribers == READERS_MAX { 1 } else { 0 }
     }
 }
+
+/// Measured points that wait for the next cycle: those of an instrument at 1 kHz within 64 ms.
+const MEASURED_KEPT: usize = 64;
 
 const NEWEST: Keeping = Keeping { subscribers: 1, buffer: 1, history: 0, overflow: true };
 
@@ -93,6 +99,8 @@ topics! {
     Corrected = corrected "corrected" NEWEST;
     ForceBlock = force "force" Keeping { subscribers: 1, buffer: 64, history: 0, overflow: false };
     RobotState = state "state" NEWEST;
+    MeasuredPoint = measured "measured"
+        Keeping { subscribers: 1, buffer: MEASURED_KEPT, history: 0, overflow: true };
     Verdict = vibration "vibration"
         Keeping { subscribers: READERS_MAX, buffer: 16, history: 8, overflow: true };
     Status = status "status"
@@ -119,6 +127,7 @@ pub struct Services<S: Service> {
     corrected: PubSub<S, Corrected>,
     force: PubSub<S, ForceBlock>,
     state: PubSub<S, RobotState>,
+    measured: PubSub<S, MeasuredPoint>,
     vibration: PubSub<S, Verdict>,
     status: PubSub<S, Status>,
     pub(crate) control: Control<S>,
@@ -138,6 +147,7 @@ impl<S: Service> Services<S> {
             corrected: pub_sub(node, way)?,
             force: pub_sub(node, way)?,
             state: pub_sub(node, way)?,
+            measured: pub_sub(node, way)?,
             vibration: pub_sub(node, way)?,
             status: pub_sub(node, way)?,
             control: control(node, way)?,

@@ -6,6 +6,7 @@ use crate::JOINTS_MAX;
 use crate::codes::{UnknownCode, codes};
 use crate::force::FORCE_CHANNELS_MAX;
 use crate::layout::{payload, plain_struct, within};
+use crate::measured::{TrimReason, TrimState};
 use crate::sensor::ForceFault;
 use crate::text::Text;
 use crate::vibration::Verdict;
@@ -31,7 +32,7 @@ plain_struct! {
 
 plain_struct! {
     /// The daemon's own account of itself. The first one is published before the epoch is announced.
-    pub struct Status = "trued.Status/5" {
+    pub struct Status = "trued.Status/6" {
         /// From 1, plus 1 with each message of this daemon's epoch.
         pub seq: u64,
         /// When it was made, `CLOCK_MONOTONIC`.
@@ -122,6 +123,18 @@ plain_struct! {
         pub stale_temperatures: u32,
         /// Zero.
         pub reserved: u32,
+        /// A [`TrimState`].
+        pub trim_state: u32,
+        /// A [`TrimReason`].
+        pub trim_reason: u32,
+        /// What the tool's target is displaced by, base frame, m.
+        pub trim_m: [f64; 3],
+        /// What the instrument finds of the model's error, base frame, m: real minus predicted.
+        pub trim_found_m: [f64; 3],
+        /// Measured points that came.
+        pub trim_measurements: u64,
+        /// Those of them that were refused.
+        pub trim_refused: u64,
         /// Limits of joints and correction.
         pub bounds: JointBounds,
         /// The last command, rad or m; 0 before the first.
@@ -138,7 +151,7 @@ plain_struct! {
         pub message: Text<512>,
     }
 }
-payload!(Status = "trued.Status/5", layout 5, check |s| {
+payload!(Status = "trued.Status/6", layout 6, check |s| {
     within::<Status>("joints", u64::from(s.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
 });
 
@@ -165,6 +178,22 @@ impl Status {
     /// [`UnknownCode`] where the daemon is of a later version.
     pub fn watch(&self) -> Result<WatchState, UnknownCode> {
         self.watch.try_into()
+    }
+
+    /// What the trim by measurements does.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the daemon is of a later version.
+    pub fn trim_state(&self) -> Result<TrimState, UnknownCode> {
+        self.trim_state.try_into()
+    }
+
+    /// Why the trim is so.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the daemon is of a later version.
+    pub fn trim_reason(&self) -> Result<TrimReason, UnknownCode> {
+        self.trim_reason.try_into()
     }
 
     /// What is wrong with the force stream and its channels.

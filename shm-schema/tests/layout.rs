@@ -16,7 +16,7 @@ macro_rules! pinned {
 
 #[test]
 fn the_layout_of_status_stands() {
-    pinned!(Status: 2072 bytes, hash 0x9f2a_4c79_e5c9_7cce,
+    pinned!(Status: 2144 bytes, hash 0x4821_d072_ace6_2b8a,
         seq at 0, t_ns at 8, started_ns at 16, model_epoch at 24, model_hash at 32,
         geometry_hash at 40, cycles at 48, missed_cycles at 56, commands at 64, rejected
         at 72, held at 80, stale at 88, commands_lost at 96, corrected_lost at 104,
@@ -28,8 +28,10 @@ fn the_layout_of_status_stands() {
         health at 240, mode at 244, bypassed at 248, joints at 252, wrench_gate at 256,
         recorder at 260, watch at 264, uncompensated_effects at 268, in_cut at 272,
         stream_faults at 276, channel_faults at 280, verdict at 304,
-        stale_temperatures at 464, reserved at 468, bounds at 472, q_command at 1112, correction at 1240,
-        robot_maker at 1368, robot_type at 1432, robot_serial at 1496, message at 1560);
+        stale_temperatures at 464, reserved at 468, trim_state at 472, trim_reason at 476, trim_m at 480,
+        trim_found_m at 504, trim_measurements at 528, trim_refused at 536, bounds at 544,
+        q_command at 1184, correction at 1312, robot_maker at 1440, robot_type at 1504,
+        robot_serial at 1568, message at 1632);
 }
 
 #[test]
@@ -62,6 +64,12 @@ fn the_layout_of_robot_state_stands() {
     pinned!(RobotState: 440 bytes, hash 0x0388_c646_985f_19e8,
         seq at 0, session at 8, t_ns at 16, sent_ns at 24, layout at 32, joints at 36,
         flags at 40, reserved at 44, q_measured at 48, tau at 176, temperature_c at 304);
+}
+
+#[test]
+fn the_layout_of_measured_point_stands() {
+    pinned!(MeasuredPoint: 64 bytes, hash 0x9c89_975a_d906_a735,
+        seq at 0, session at 8, t_ns at 16, sent_ns at 24, layout at 32, flags at 36, point_m at 40);
 }
 
 #[test]
@@ -117,6 +125,6 @@ fn a_message_is_read_from_bytes_in_the_order_of_its_offsets() {
 
 #[test]
 fn the_contract_stands() {
-    assert_eq!(CONTRACT_VERSION, 5);
-    assert_eq!(CONTRACT_HASH, 0x1692_dd00_d7ac_a8de, "{CONTRACT_HASH:#018x}");
+    assert_eq!(CONTRACT_VERSION, 6);
+    assert_eq!(CONTRACT_HASH, 0x83ca_2162_83bd_b9c9, "{CONTRACT_HASH:#018x}");
 }

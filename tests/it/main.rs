@@ -62,6 +62,7 @@ mod sweeps;
 mod tables;
 mod tap;
 mod top;
+mod trim;
 mod waves;
 
 use tests::pair::Programs;

@@ -164,12 +164,36 @@ fn other_columns(contents: &Contents, cycles: &[&CycleRecord]) -> Vec<(String, V
             }));
         }
     }
+    columns.extend(trim_columns(cycles));
     columns.push(column("status", &|c| word(&header.status_words, c.status)));
     columns.push(column("reason", &|c| word(&header.reason_words, c.reason)));
     columns.push(column("model_epoch", &|c| c.model_epoch.to_string()));
     columns.push(column("steps", &|c| c.steps.to_string()));
     columns.push(column("residual_m", &|c| format!("{:?}", c.residual_m)));
     columns.push(column("residual_rad", &|c| format!("{:?}", c.residual_rad)));
+    columns
+}
+
+/// What measurements of the tool asked for, and the measurements; none without an instrument.
+fn trim_columns(cycles: &[&CycleRecord]) -> Vec<(String, Vec<String>)> {
+    if cycles.iter().all(|cycle| cycle.trim_m.as_slice().is_empty()) {
+        return Vec::new();
+    }
+    let mut columns = Vec::new();
+    let of_axis: [(&str, Numbers); 2] =
+        [("trim", |c| c.trim_m.as_slice()), ("measured", |c| c.measured_m.as_slice())];
+    for (name, numbers) in of_axis {
+        for (at, axis) in ["x", "y", "z"].into_iter().enumerate() {
+            let text =
+                |c: &&CycleRecord| numbers(c).get(at).map(|m| format!("{m:?}")).unwrap_or_default();
+            columns.push((format!("{name}_{axis}_m"), cycles.iter().map(text).collect()));
+        }
+    }
+    let stamp = |c: &&CycleRecord| match c.measured_ns {
+        0 => String::new(),
+        t_ns => t_ns.to_string(),
+    };
+    columns.push(("measured_ns".to_owned(), cycles.iter().map(stamp).collect()));
     columns
 }
 

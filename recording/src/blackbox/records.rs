@@ -120,6 +120,12 @@ message! {
         model_epoch: u64,
         /// The correction that the model asks for, before its limits, rad or m.
         q_wanted: Few<JOINTS_MAX>,
+        /// What the tool's target was displaced by for the sake of measurements, base frame, m; empty without an instrument.
+        trim_m: Few<3>,
+        /// The newest point of the tool that was measured since the cycle before, by the cell's registration, base frame, m.
+        measured_m: Few<3>,
+        /// When it was measured, ns.
+        measured_ns: u64,
     }
 }
 

@@ -14,6 +14,7 @@ use crate::faults::{Fault, Faults};
 use crate::files::{FileError, read_text};
 use crate::model::presets;
 use crate::series::Frame;
+use glam::DVec3;
 use physics::JointKind;
 
 /// Name of the format.
@@ -52,6 +53,8 @@ pub struct CellConfig {
     pub wrench: Wrench,
     /// How temperatures age.
     pub temperature: Temperature,
+    /// The instrument that measures the tool, where there is one.
+    pub measured: Option<Measured>,
     /// The force stream, where there is one.
     pub force: Option<Force>,
     /// The vibration watch, where it is on.
@@ -149,6 +152,45 @@ pub struct Wrench {
 pub struct Temperature {
     /// Age from which a temperature counts as unknown, s; infinite where it never does.
     pub stale_s: f64,
+}
+
+/// What measurements of the tool are for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum MeasuredMode {
+    /// Nothing: they are not read.
+    Off,
+    /// The model's error is found and told.
+    #[default]
+    Observe,
+    /// The tool is trimmed by it.
+    Trim,
+}
+
+/// `[measured]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// What measurements are for.
+    pub mode: MeasuredMode,
+    /// From the instrument's coordinates to the robot's base.
+    pub base_from_instrument: physics::Frame,
+    /// The measured point in tool coordinates, m.
+    pub point_in_tool_m: DVec3,
+    /// Between two measurements, s.
+    pub interval_s: f64,
+    /// From a measurement to its arrival, s.
+    pub latency_s: f64,
+    /// From a command to the tool's being there, s.
+    pub reaction_s: f64,
+    /// Time constant of the trim, s; none: chosen for the delay.
+    pub time_constant_s: Option<f64>,
+    /// Standard deviation of a measurement, of each axis, m.
+    pub noise_m: f64,
+    /// A larger change from one measurement to the next is a jump of the instrument, m.
+    pub jump_m: f64,
+    /// Without measurements the trim holds for so long, s.
+    pub hold_s: f64,
+    /// The largest trim, m.
+    pub limit_m: f64,
 }
 
 /// `[force]`.

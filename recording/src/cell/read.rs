@@ -1,13 +1,15 @@
 //! Reading a cell's configuration: every key with its range and its default in one place.
 
+use glam::{DMat3, DVec3};
 use std::ops::Bound;
 use std::path::PathBuf;
 
 use super::{
-    Bounds, CellConfig, Cycle, Envelope, Force, Mode, Realtime, Recorder, SCHEMA, Task,
-    Temperature, Vibration, Wait, Wrench, WrenchSource,
+    Bounds, CellConfig, Cycle, Envelope, Force, Measured, MeasuredMode, Mode, Realtime, Recorder,
+    SCHEMA, Task, Temperature, Vibration, Wait, Wrench, WrenchSource,
 };
 use crate::faults::Faults;
+use crate::model::read::rotation;
 use crate::series::Frame;
 use crate::walk::{Document, POSITIVE, Table};
 
@@ -39,6 +41,7 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
     let task = task(root.table("task").as_ref());
     let wrench = wrench(root.table("wrench").as_ref());
     let temperature = temperature(root.table("temperature").as_ref());
+    let measured = root.table("measured").map(|table| measured(&table));
     let force = root.table("force").map(|table| force(&table, &wrench));
     let vibration = root.table("vibration").map(|table| vibration(&table, force));
     let realtime = root.table("realtime").map(|table| realtime(&table)).unwrap_or_default();
@@ -57,6 +60,7 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
         task,
         wrench,
         temperature,
+        measured,
         force,
         vibration: vibration.flatten(),
         realtime,
@@ -187,6 +191,68 @@ fn temperature(table: Option<&Table<'_, '_>>) -> Temperature {
     let stale_s = number(table, "stale_s", 0.0..=86_400.0, TEMPERATURE_STALE_S);
     close(table);
     Temperature { stale_s: if stale_s == 0.0 { f64::INFINITY } else { stale_s } }
+}
+
+/// An industrial robot follows its commands by some cycles of its controller: 4 to 40 ms.
+const REACTION_MS: f64 = 10.0;
+/// Above what the model's error changes by within an interval on a path (backlash at a reversal included), below the millimetre by which a beam that was lost comes back elsewhere.
+const JUMP_MM: f64 = 0.3;
+/// Longer than somebody walks through the beam's way; the model's error hardly changes meanwhile.
+const HOLD_MS: f64 = 500.0;
+/// What is left of a robot's error after a calibration is some tenths of a millimetre; a larger one asks for another.
+const LIMIT_MM: f64 = 1.0;
+/// Stated delays in the shortest time constant: below it the gain margin at twice the stated delay is less than 2 (`corrector/src/trim.rs`).
+const DELAYS_LEAST: f64 = 2.0;
+
+fn measured(table: &Table<'_, '_>) -> Measured {
+    table.require("rate_Hz", "measurements per second");
+    table.require("latency_ms", "the time from a measurement to its arrival");
+    table.require("noise_mm", "the standard deviation of a measurement, of each axis");
+    let modes = [
+        ("off", MeasuredMode::Off),
+        ("observe", MeasuredMode::Observe),
+        ("trim", MeasuredMode::Trim),
+    ];
+    let vector = |key| if table.has(key) { table.vector::<3>(key) } else { None };
+    let metres = |key| DVec3::from_array(vector(key).unwrap_or_default()) * 1e-3;
+    let rows = if table.has("base_from_instrument") {
+        rotation(table, "base_from_instrument")
+    } else {
+        None
+    };
+    let rotation =
+        rows.map_or(DMat3::IDENTITY, |rows| DMat3::from_cols_array_2d(&rows).transpose());
+    let or = |key, range, default: f64| table.number(key, range).unwrap_or(default);
+    let mut measured = Measured {
+        mode: table.choice("mode", &modes).unwrap_or_default(),
+        base_from_instrument: physics::Frame::new(rotation, metres("instrument_mm")),
+        point_in_tool_m: metres("point_mm"),
+        interval_s: 1.0 / or("rate_Hz", 10.0..=1000.0, 100.0),
+        latency_s: or("latency_ms", 0.0..=200.0, 0.0) * 1e-3,
+        reaction_s: or("reaction_ms", 0.0..=200.0, REACTION_MS) * 1e-3,
+        time_constant_s: None,
+        noise_m: or("noise_mm", 1e-4..=10.0, 1.0) * 1e-3,
+        jump_m: or("jump_mm", 0.01..=100.0, JUMP_MM) * 1e-3,
+        hold_s: or("hold_ms", 0.0..=60_000.0, HOLD_MS) * 1e-3,
+        limit_m: or("limit_mm", 0.01..=10.0, LIMIT_MM) * 1e-3,
+    };
+    measured.time_constant_s = time_constant(table, &measured);
+    table.close();
+    measured
+}
+
+fn time_constant(table: &Table<'_, '_>, measured: &Measured) -> Option<f64> {
+    let time_constant_ms = table.number("time_constant_ms", 1.0..=60_000.0)?;
+    let delay_s = measured.latency_s + measured.interval_s + measured.reaction_s;
+    let least_ms = DELAYS_LEAST * delay_s * 1e3;
+    if time_constant_ms < least_ms {
+        let message = format!("is {time_constant_ms}, and the delay is {} ms", delay_s * 1e3);
+        let expected = format!(
+            "{least_ms} or more: twice the sum of latency, interval and reaction, so that the gain margin stays above 2 at twice that delay"
+        );
+        table.fault("time_constant_ms", message, expected);
+    }
+    Some(time_constant_ms * 1e-3)
 }
 
 fn force(table: &Table<'_, '_>, wrench: &Wrench) -> Force {

@@ -192,3 +192,37 @@ proptest! {
         let _ = parse(&text).map_err(|faults| faults.styled());
     }
 }
+
+const MEASURED: &str = "schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.toml\"\n\
+                        [measured]\nrate_Hz = 100\nlatency_ms = 20\nnoise_mm = 0.02\n";
+
+#[test]
+fn an_instrument_is_only_watched_unless_told_otherwise_and_its_registration_moves_points_to_the_base()
+ {
+    let text = format!(
+        "{MEASURED}base_from_instrument = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]\n\
+         instrument_mm = [1000, 0, 500]\npoint_mm = [0, 0, 40]\n"
+    );
+    let measured = parse(&text).unwrap().measured.expect("an instrument");
+    assert_eq!(measured.mode, MeasuredMode::Observe);
+    let seen = measured.base_from_instrument.point(DVec3::X);
+    assert!((seen - DVec3::new(1.0, 1.0, 0.5)).length() < 1e-15, "{seen}");
+    assert_eq!(measured.point_in_tool_m, DVec3::Z * 0.04);
+    assert_eq!((measured.interval_s, measured.latency_s, measured.reaction_s), (0.01, 0.02, 0.01));
+    assert_eq!((measured.time_constant_s, measured.hold_s), (None, 0.5));
+}
+
+#[test]
+fn a_time_constant_too_short_for_the_delay_is_refused_and_so_is_what_is_no_rotation() {
+    let short = parse(&format!("{MEASURED}time_constant_ms = 79\n")).unwrap_err().to_string();
+    assert!(short.contains("time_constant_ms") && short.contains("80 or more"), "{short}");
+    assert!(parse(&format!("{MEASURED}time_constant_ms = 81\n")).is_ok());
+    let skewed = format!("{MEASURED}base_from_instrument = [[1, 0, 0], [0, 1, 0], [0, 0.1, 1]]\n");
+    assert!(parse(&skewed).unwrap_err().to_string().contains("is no rotation"));
+    let bare = "schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.toml\"\n[measured]\n";
+    let faults = parse(bare).unwrap_err().to_string();
+    assert!(
+        ["rate_Hz", "latency_ms", "noise_mm"].iter().all(|key| faults.contains(key)),
+        "{faults}"
+    );
+}

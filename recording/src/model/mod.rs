@@ -14,7 +14,7 @@ mod modes;
 #[cfg(test)]
 mod preset_tests;
 pub mod presets;
-mod read;
+pub(crate) mod read;
 #[cfg(test)]
 mod tests;
 mod write;

@@ -162,27 +162,32 @@ fn is_inertia([xx, yy, zz, ..]: &[f64; 6]) -> bool {
 fn tool(table: &Table<'_, '_>) -> Option<ToolEntry> {
     table.require("tcp_mm", "the tool centre point [x, y, z], base frame, zero configuration");
     let tcp_mm = table.vector::<3>("tcp_mm");
-    let rotation = if table.has("base_from_tool") { rotation(table) } else { Some(None) };
+    let rotation = if table.has("base_from_tool") {
+        rotation(table, "base_from_tool").map(Some)
+    } else {
+        Some(None)
+    };
     let body = body(table, false);
     table.close();
     Some(ToolEntry { tcp_mm: tcp_mm?, base_from_tool: rotation?, body })
 }
 
-fn rotation(table: &Table<'_, '_>) -> Option<Option<[[f64; 3]; 3]>> {
-    let rows = table.rows("base_from_tool")?;
+/// Three rows of a rotation.
+pub(crate) fn rotation(table: &Table<'_, '_>, key: &str) -> Option<[[f64; 3]; 3]> {
+    let rows = table.rows(key)?;
     let expected = "three rows of a right-handed rotation, orthonormal to 1e-6";
     let rows: Option<Vec<[f64; 3]>> =
         rows.into_iter().map(|row| <[f64; 3]>::try_from(row).ok()).collect();
     let rows = rows.and_then(|rows| <[[f64; 3]; 3]>::try_from(rows).ok());
     let Some(rows) = rows else {
-        table.fault("base_from_tool", "is not three rows of three numbers", expected);
+        table.fault(key, "is not three rows of three numbers", expected);
         return None;
     };
     if !is_rotation(&rows) {
-        table.fault("base_from_tool", "is no rotation", expected);
+        table.fault(key, "is no rotation", expected);
         return None;
     }
-    Some(Some(rows))
+    Some(rows)
 }
 
 fn is_rotation([x, y, z]: &[[f64; 3]; 3]) -> bool {

@@ -30,6 +30,8 @@ pub(super) struct Cell {
     wrench: Option<Wrench>,
     /// How long temperatures are valid.
     temperature: Option<Temperature>,
+    /// The instrument that measures the tool.
+    measured: Option<Measured>,
     /// The force stream.
     force: Option<Force>,
     /// The vibration monitor; needs `[force]`.
@@ -162,6 +164,54 @@ struct Temperature {
     /// Age from which a temperature counts as unknown, s; 0: never.
     #[schemars(range(min = 0.0, max = 86_400.0), extend("default" = 60.0))]
     stale_s: Option<f64>,
+}
+
+#[derive(JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Measured {
+    /// `off`: measurements are not read; `observe`: the model's error is found and reported; `trim`: the tool is trimmed by it.
+    #[schemars(extend("default" = "observe"))]
+    mode: Option<MeasuredMode>,
+    /// Measurements per second.
+    #[schemars(range(min = 10.0, max = 1000.0))]
+    rate_Hz: f64,
+    /// From a measurement to its arrival, ms.
+    #[schemars(range(min = 0.0, max = 200.0))]
+    latency_ms: f64,
+    /// From a command to the tool's being there, ms.
+    #[schemars(range(min = 0.0, max = 200.0), extend("default" = 10.0))]
+    reaction_ms: Option<f64>,
+    /// Standard deviation of a measurement, of each axis, mm.
+    #[schemars(range(min = 1e-4, max = 10.0))]
+    noise_mm: f64,
+    /// Rows of the rotation from the instrument's axes to base axes; default: identity.
+    base_from_instrument: Option<[[f64; 3]; 3]>,
+    /// The instrument's origin, base frame, mm.
+    #[schemars(extend("default" = [0.0, 0.0, 0.0]))]
+    instrument_mm: Option<[f64; 3]>,
+    /// The measured point in tool coordinates, mm.
+    #[schemars(extend("default" = [0.0, 0.0, 0.0]))]
+    point_mm: Option<[f64; 3]>,
+    /// Time constant of the trim, ms; at least twice the sum of latency, interval and reaction. Default: five times that sum.
+    #[schemars(range(min = 1.0, max = 60_000.0))]
+    time_constant_ms: Option<f64>,
+    /// A larger change of the model's error from one measurement to the next is a jump of the instrument, mm.
+    #[schemars(range(min = 0.01, max = 100.0), extend("default" = 0.3))]
+    jump_mm: Option<f64>,
+    /// Without measurements the trim holds for so long, ms; then it is ramped to zero.
+    #[schemars(range(min = 0.0, max = 60_000.0), extend("default" = 500.0))]
+    hold_ms: Option<f64>,
+    /// The largest trim, mm.
+    #[schemars(range(min = 0.01, max = 10.0), extend("default" = 1.0))]
+    limit_mm: Option<f64>,
+}
+
+#[derive(JsonSchema)]
+#[serde(rename_all = "lowercase")]
+enum MeasuredMode {
+    Off,
+    Observe,
+    Trim,
 }
 
 #[derive(JsonSchema)]

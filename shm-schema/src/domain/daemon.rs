@@ -189,7 +189,7 @@ impl Drop for Claim {
         }
         self.clear();
         // A dead client's lock file goes with ours; a living one's stays with it.
-        for role in ["cell.lock", "force.lock"] {
+        for role in ["cell.lock", "force.lock", "instrument.lock"] {
             drop(Lock::take(&self.cell.file(role), Duration::ZERO));
         }
         self.lock = None;

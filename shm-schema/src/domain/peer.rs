@@ -31,6 +31,8 @@ pub enum Role {
     Cell,
     /// Sends force blocks: one per cell.
     Force,
+    /// Sends measured points of the tool: one per cell.
+    Instrument,
     /// Looks and asks: several.
     Monitor,
 }
@@ -40,6 +42,7 @@ impl Role {
         match self {
             Self::Cell => Some(("cell", "cell.lock")),
             Self::Force => Some(("force", "force.lock")),
+            Self::Instrument => Some(("instrument", "instrument.lock")),
             Self::Monitor => None,
         }
     }

@@ -4,7 +4,7 @@
 //! /dev/shm/trued-CELL/            or $TRUED_RUNTIME_DIR/trued-CELL/    0700, the daemon's user
 //!     current                     which epoch to join, and both sides' versions
 //!     daemon.lock                 held by the daemon while it lives
-//!     cell.lock  force.lock       held by the one client of that role
+//!     cell.lock  force.lock  instrument.lock   held by the one client of that role
 //!     knock                       a client cannot get in: the daemon is asked for a new epoch
 //!     EPOCH/                      the transport's files of one epoch
 //! /dev/shm/trued.CELL.PLACE.EPOCH.*    the transport's memory of one epoch

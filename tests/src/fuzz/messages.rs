@@ -8,8 +8,8 @@ use glam::DVec3;
 use physics::{Model, Wrench};
 use recording::model::presets::preset;
 use shm_schema::{
-    Command, Corrected, Current, ForceBlock, Payload, Request, Response, RobotState, Status,
-    Verdict,
+    Command, Corrected, Current, ForceBlock, MeasuredPoint, Payload, Request, Response, RobotState,
+    Status, Verdict,
 };
 use spectrum::{Block, Watch, WatchConfig};
 use std::fmt::Debug;
@@ -96,7 +96,7 @@ pub(super) fn force(bytes: &[u8]) {
 /// Every other message as it may stand in memory, and the file that says which memory that is. The first byte says which.
 pub(super) fn all_others(bytes: &[u8]) {
     let Some((kind, rest)) = bytes.split_first() else { return };
-    match kind % 7 {
+    match kind % 8 {
         0 => each::<RobotState>(rest, |state| format!("{state:?}")),
         1 => each::<Request>(rest, |request| {
             format!("{:?} {}", request.operation(), request.path.as_str())
@@ -111,9 +111,10 @@ pub(super) fn all_others(bytes: &[u8]) {
         5 => each::<Corrected>(rest, |target| {
             format!("{:?} {:?} {:?}", target.status(), target.reason(), target.correction())
         }),
-        _ => {
+        6 => {
             let _ = Current::parse(&String::from_utf8_lossy(rest));
         }
+        _ => each::<MeasuredPoint>(rest, |point| format!("{point:?}")),
     }
 }
 

@@ -1,0 +1,99 @@
+//! Measured points of the tool on their way to the trim. An object of its own, as an instrument has a program and a rate of its own.
+//!
+//! Promise: nothing is waited for; what cannot be handed over is lost and counted.
+
+use std::time::Duration;
+
+use shm_schema::{
+    Cell, Joined, MeasuredPoint, PeerPublisher, PortError, Role, SendOutcome, monotonic_ns,
+    new_session,
+};
+
+use crate::link::{Connection, ConnectionEvent, Link, Ports};
+use crate::{Away, ConnectError, NotSent};
+
+/// Sends measured points: one instrument per cell.
+pub struct Instrument {
+    link: Link<InstrumentPorts>,
+    session: u64,
+    seq: u64,
+    lost: u64,
+}
+
+struct InstrumentPorts {
+    points: PeerPublisher<MeasuredPoint>,
+}
+
+impl Ports for InstrumentPorts {
+    const ROLE: Role = Role::Instrument;
+    fn open(joined: &Joined) -> Result<Self, PortError> {
+        Ok(Self { points: joined.publisher()? })
+    }
+}
+
+impl Instrument {
+    /// Joins the cell's daemon, within `limit`.
+    ///
+    /// # Errors
+    /// See [`ConnectError`].
+    pub fn connect(cell: &str, limit: Duration) -> Result<Self, ConnectError> {
+        Self::connect_to(&Cell::new(cell)?, limit)
+    }
+
+    /// The same for a cell in a place of its own.
+    ///
+    /// # Errors
+    /// See [`ConnectError`].
+    pub fn connect_to(cell: &Cell, limit: Duration) -> Result<Self, ConnectError> {
+        Ok(Self { link: Link::connect(cell, limit)?, session: new_session(), seq: 0, lost: 0 })
+    }
+
+    /// Sends a point in the instrument's own coordinates, m, that was measured at `t_ns` of `CLOCK_MONOTONIC`. Without a time the daemon takes the latency that
+    /// its cell states. What is not measured (the beam is broken) is not sent.
+    ///
+    /// # Errors
+    /// [`NotSent::Away`] and [`NotSent::Lost`] where it is lost.
+    pub fn send(&mut self, point_m: [f64; 3], t_ns: Option<u64>) -> Result<(), NotSent> {
+        self.seq += 1;
+        let message = MeasuredPoint {
+            seq: self.seq,
+            session: self.session,
+            t_ns: t_ns.unwrap_or(0),
+            sent_ns: monotonic_ns(),
+            flags: if t_ns.is_some() { MeasuredPoint::HAS_TIME } else { 0 },
+            point_m,
+            ..MeasuredPoint::default()
+        };
+        let outcome = match self.link.ports_to_tell() {
+            Ok(ports) => match ports.points.send(&message) {
+                SendOutcome::Delivered => Ok(()),
+                SendOutcome::NoReader | SendOutcome::Lost => Err(NotSent::Lost),
+            },
+            Err(away) => Err(NotSent::Away(away)),
+        };
+        self.lost += u64::from(outcome.is_err());
+        outcome
+    }
+
+    /// Points lost so far.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// How the connection is, as of the last call.
+    #[must_use]
+    pub fn connection(&self) -> Connection {
+        self.link.connection()
+    }
+
+    /// Why not connected; none while connected.
+    pub fn away(&mut self) -> Option<Away> {
+        self.link.away()
+    }
+
+    /// What happened to the connection since, oldest first.
+    pub fn next_event(&mut self) -> Option<ConnectionEvent> {
+        self.link.next_event()
+    }
+}

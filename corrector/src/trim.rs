@@ -1,0 +1,298 @@
+//! Trims the tool by what an instrument keeps measuring of it: a disturbance observer on top of the model.
+//!
+//! The instrument's point is compared with where the model put it at the time of the measurement, with the correction that was sent then. What is left is the model's
+//! error, whatever the trim did meanwhile: the observer's estimate `d` follows it through two equal first-order low passes, and the tool's target is displaced by `-d`, within a bound.
+//!
+//! ```text
+//! y(t) = measured(t) − model(command, correction sent)(t − reaction)     d = y / (1 + s T/2)²     trim = −share · d
+//! ```
+//!
+//! With the stated delay the trim cancels out of `y`: no loop is closed, at any gain. A delay that is not as stated closes one, `F (e^(−sτ) − e^(−sτ'))`, the internal model control of a
+//! static plant (Morari and Zafiriou, *Robust Process Control*, 1989, ch. 3). Two stated delays of time constant `T` keep a gain margin of 2 at every delay up to twice the stated one;
+//! the default [`DELAYS`] one of 3.7, and then a step is overshot by less than 5 %. The stated delay is latency, interval of the measurements and reaction of the robot together.
+//!
+//! As the estimate is that of an error and no integral, it does not wind up where the correction is bounded, in shadow mode, or while a joint ramps.
+//! Noise of standard deviation `s` at an interval `h` leaves about `s √(h / 2T)` in the trim.
+//!
+//! Promises: finite; `‖trim‖ ≤ limit`; from its bound to nothing it takes a second at least; the same sequence of inputs gives the same bits. Never: a clock, a step of the joints (the limiters hold the rest).
+
+mod gate;
+mod history;
+#[cfg(test)]
+mod tests;
+
+use crate::outcome::{TrimReason, TrimState};
+use gate::{Gate, Verdict};
+use glam::DVec3;
+use history::History;
+use libm::{expm1, sqrt};
+use physics::Frame;
+
+/// Time constant unless set, in stated delays.
+pub const DELAYS: f64 = 5.0;
+/// How long the share takes from nothing to all and back, s: so slow that a delay of 80 ms instead of 40 makes it overshoot by 4 %.
+const FADE_S: f64 = 1.0;
+/// A cycle that comes later than this begins anew, s: commands have paused.
+const PAUSE_S: f64 = 0.05;
+/// A stamp may lie ahead of the clock by so much, ns: clocks that are synchronised from elsewhere stray by less.
+const AHEAD_NS: u64 = 5_000_000;
+/// What is measured further away than this is no number of a robot cell, m.
+const FAR_M: f64 = 1e3;
+/// Noise beyond so many standard deviations is none: one in a hundred thousand in three dimensions.
+const NOISE_SIGMAS: f64 = 5.0;
+/// After so many intervals without a measurement the estimate stands.
+const FRESH_INTERVALS: f64 = 2.5;
+
+/// What a cell sets of its instrument.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrimSettings {
+    /// The trim is sent; else it is only found and told.
+    pub is_sent: bool,
+    /// From the instrument's coordinates to the robot's base.
+    pub base_from_instrument: Frame,
+    /// What is measured, in tool coordinates, m.
+    pub point_in_tool_m: DVec3,
+    /// From a measurement to its arrival, s.
+    pub latency_s: f64,
+    /// Between two measurements, s: 0.001 to 0.1.
+    pub interval_s: f64,
+    /// From a command to the tool's being there, s.
+    pub reaction_s: f64,
+    /// Time constant of the estimate, s; at least twice [`TrimSettings::delay_s`].
+    pub time_constant_s: f64,
+    /// Standard deviation of a measurement, of each axis, m.
+    pub noise_m: f64,
+    /// The most that the model's error changes from one measurement to the next, m: more is a jump of the instrument.
+    pub jump_m: f64,
+    /// Without measurements the trim holds for so long, s, then it ramps out.
+    pub hold_s: f64,
+    /// The largest trim, m.
+    pub limit_m: f64,
+}
+
+impl TrimSettings {
+    /// The whole delay that the time constant is chosen for, s.
+    #[must_use]
+    pub fn delay_s(&self) -> f64 {
+        self.latency_s + self.interval_s + self.reaction_s
+    }
+
+    /// What noise leaves in the trim, standard deviation of each axis, m.
+    #[must_use]
+    pub fn noise_left_m(&self) -> f64 {
+        self.noise_m * sqrt(self.interval_s / (2.0 * self.time_constant_s))
+    }
+}
+
+/// A measured point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointSample {
+    /// In the instrument's coordinates, m.
+    pub point_m: DVec3,
+    /// When it was measured, in the clock of the cycle, ns.
+    pub t_ns: u64,
+}
+
+/// How the trim is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrimReport {
+    /// What it does.
+    pub state: TrimState,
+    /// Why.
+    pub reason: TrimReason,
+    /// What the tool's target is displaced by, base frame, m.
+    pub trim_m: DVec3,
+    /// What is found of the model's error, base frame, m: real minus predicted.
+    pub found_m: DVec3,
+    /// Measurements that came.
+    pub measurements: u64,
+    /// Those of them that were refused.
+    pub refused: u64,
+}
+
+/// The trim of one tool.
+#[derive(Clone, Debug)]
+pub struct Trim {
+    settings: TrimSettings,
+    history: History,
+    gate: Gate,
+    /// The newest deviation that was believed, and when it came.
+    deviation_m: DVec3,
+    believed_ns: Option<u64>,
+    /// Both low passes; the second is the estimate.
+    passed_m: [DVec3; 2],
+    /// The estimate has begun.
+    has_begun: bool,
+    share: f64,
+    stepped_ns: u64,
+    stamp_ns: u64,
+    last_refusal: TrimReason,
+    report: TrimReport,
+}
+
+impl Trim {
+    /// Nothing measured yet.
+    #[must_use]
+    pub fn new(settings: TrimSettings) -> Self {
+        Self {
+            settings,
+            history: History::new(),
+            gate: Gate::new(),
+            deviation_m: DVec3::ZERO,
+            believed_ns: None,
+            passed_m: [DVec3::ZERO; 2],
+            has_begun: false,
+            share: 0.0,
+            stepped_ns: 0,
+            stamp_ns: 0,
+            last_refusal: TrimReason::None,
+            report: TrimReport::nothing(TrimState::Waiting),
+        }
+    }
+
+    /// Another model predicts from now on: what was found says nothing of it.
+    pub fn model_changed(&mut self) {
+        self.history.clear();
+        self.gate = Gate::new();
+        (self.passed_m, self.has_begun, self.share) = ([DVec3::ZERO; 2], false, 0.0);
+        self.believed_ns = None;
+    }
+
+    /// Believes the instrument again after a jump: its registration has been looked after. The trim goes on from what it is.
+    pub fn rearm(&mut self) {
+        self.gate = Gate::new();
+    }
+
+    /// Takes a measurement that came by `now_ns`.
+    pub fn take(&mut self, sample: &PointSample, now_ns: u64) {
+        self.report.measurements += 1;
+        match self.deviation(sample, now_ns) {
+            Ok(deviation_m) => match self.gate.judge(deviation_m, self.most_m()) {
+                Verdict::Believed => self.believe(deviation_m, now_ns),
+                Verdict::Starting => self.last_refusal = TrimReason::None,
+                Verdict::Refused => self.refuse(TrimReason::Jumped),
+            },
+            Err(reason) => self.refuse(reason),
+        }
+    }
+
+    fn believe(&mut self, deviation_m: DVec3, now_ns: u64) {
+        self.deviation_m = deviation_m;
+        self.believed_ns = Some(now_ns);
+        self.last_refusal = TrimReason::None;
+        if !self.has_begun {
+            (self.passed_m, self.has_begun) = ([deviation_m; 2], true);
+        }
+    }
+
+    /// What the tool's target is displaced by in the cycle at `now_ns`, base frame, m; `corrects` says whether corrections go out.
+    pub fn step(&mut self, now_ns: u64, corrects: bool) -> DVec3 {
+        let dt_s = seconds(now_ns.saturating_sub(self.stepped_ns));
+        let dt_s = if dt_s <= PAUSE_S { dt_s } else { 0.0 };
+        self.stepped_ns = now_ns;
+        let TrimSettings { is_sent, interval_s, time_constant_s, hold_s, .. } = self.settings;
+        let age_s =
+            self.believed_ns.map_or(f64::INFINITY, |at_ns| seconds(now_ns.saturating_sub(at_ns)));
+        let is_fresh = self.gate.is_steady() && age_s <= FRESH_INTERVALS * interval_s + dt_s;
+        if is_fresh {
+            let part = -expm1(-2.0 * dt_s / time_constant_s);
+            self.passed_m[0] += part * (self.deviation_m - self.passed_m[0]);
+            self.passed_m[1] += part * (self.passed_m[0] - self.passed_m[1]);
+        }
+        let is_sent = is_sent && corrects;
+        let holds = is_fresh || age_s <= hold_s;
+        let by = dt_s / FADE_S;
+        let by = if is_sent && holds { by } else { -by };
+        self.share = (self.share + by).clamp(0.0, 1.0);
+        let asked_m = -self.share * self.passed_m[1];
+        self.report.trim_m = asked_m.clamp_length_max(self.settings.limit_m);
+        self.report.found_m = self.passed_m[1];
+        let is_bounded = self.report.trim_m != asked_m;
+        self.name(is_sent, is_fresh, holds, is_bounded);
+        self.report.trim_m
+    }
+
+    /// Says where the model puts the tool with what is sent at `now_ns`; none where it cannot tell.
+    pub fn expect(&mut self, now_ns: u64, base_from_tool: Option<&Frame>) {
+        if let Some(tool) = base_from_tool {
+            self.history.keep(now_ns, tool.point(self.settings.point_in_tool_m));
+        }
+    }
+
+    /// The measured point by the registration, base frame, m.
+    #[must_use]
+    pub fn in_base(&self, sample: &PointSample) -> DVec3 {
+        self.settings.base_from_instrument.point(sample.point_m)
+    }
+
+    /// How it is since the last step.
+    #[must_use]
+    pub fn report(&self) -> &TrimReport {
+        &self.report
+    }
+
+    /// From where the model put the point at that time to where it was measured.
+    fn deviation(&mut self, sample: &PointSample, now_ns: u64) -> Result<DVec3, TrimReason> {
+        let TrimSettings { latency_s, interval_s, reaction_s, .. } = self.settings;
+        let PointSample { point_m, t_ns } = *sample;
+        // A vector with no number in it has no length below any bound.
+        if !(point_m.length() <= FAR_M) {
+            return Err(TrimReason::NotFinite);
+        }
+        if t_ns > now_ns.saturating_add(AHEAD_NS) {
+            return Err(TrimReason::Ahead);
+        }
+        if t_ns <= self.stamp_ns {
+            return Err(TrimReason::OutOfOrder);
+        }
+        self.stamp_ns = t_ns;
+        if seconds(now_ns.saturating_sub(t_ns)) > 2.0 * (latency_s + interval_s) {
+            return Err(TrimReason::Late);
+        }
+        let in_force_ns = t_ns.saturating_sub((reaction_s * 1e9) as u64);
+        let expected_m = self.history.at(in_force_ns).ok_or(TrimReason::NotPredicted)?;
+        Ok(self.in_base(sample) - expected_m)
+    }
+
+    fn refuse(&mut self, reason: TrimReason) {
+        self.report.refused += 1;
+        self.last_refusal = reason;
+    }
+
+    /// How far a measurement may be from those before, m.
+    fn most_m(&self) -> f64 {
+        self.settings.jump_m + NOISE_SIGMAS * self.settings.noise_m
+    }
+
+    fn name(&mut self, is_sent: bool, is_fresh: bool, holds: bool, is_bounded: bool) {
+        let missing = match self.last_refusal {
+            _ if self.gate.has_jumped() => TrimReason::Jumped,
+            TrimReason::None => TrimReason::NoMeasurement,
+            refusal => refusal,
+        };
+        let bounded = if is_bounded { TrimReason::Bounded } else { TrimReason::None };
+        let (state, reason) = match (is_fresh, is_sent) {
+            (true, true) => (TrimState::Trimming, bounded),
+            (true, false) if self.share > 0.0 => (TrimState::Ramping, TrimReason::None),
+            (true, false) => (TrimState::Observing, TrimReason::None),
+            (false, true) if holds => (TrimState::Holding, missing),
+            (false, _) if self.share > 0.0 => (TrimState::Ramping, missing),
+            (false, _) => (TrimState::Waiting, missing),
+        };
+        (self.report.state, self.report.reason) = (state, reason);
+    }
+}
+
+impl TrimReport {
+    /// Nothing measured, nothing found.
+    #[must_use]
+    pub fn nothing(state: TrimState) -> Self {
+        let zero = DVec3::ZERO;
+        let reason = TrimReason::None;
+        Self { state, reason, trim_m: zero, found_m: zero, measurements: 0, refused: 0 }
+    }
+}
+
+fn seconds(ns: u64) -> f64 {
+    ns as f64 * 1e-9
+}

@@ -1,0 +1,119 @@
+//! Where the model put the measured point at past times, so that a late measurement is compared with what was in force when it was made.
+//!
+//! A ring of [`KEPT`] points, at least [`SPACING_NS`] apart: it reaches back a second at least, at any rate of commands. Between two points it is linear, and beyond
+//! the newest for as long as it is from the one before: what is measured now lies between the last command and the next.
+//! Never: a point before the first, later than that, or across a gap of more than [`GAP_NS`].
+
+use glam::DVec3;
+
+/// Points kept.
+const KEPT: usize = 1024;
+/// Points that follow each other faster are thinned, ns: between points 1 ms apart a straight line is off by 0.1 µm per m/s² of acceleration.
+const SPACING_NS: u64 = 1_000_000;
+/// Points further apart do not lead to each other, ns: commands have paused, and nothing is known of what the robot did between.
+const GAP_NS: u64 = 50_000_000;
+
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    t_ns: u64,
+    at_m: DVec3,
+}
+
+/// The points, newest last.
+#[derive(Clone, Debug)]
+pub(super) struct History {
+    points: [Point; KEPT],
+    /// Where the next one goes.
+    next: usize,
+    count: usize,
+}
+
+impl History {
+    pub(super) fn new() -> Self {
+        Self { points: [Point { t_ns: 0, at_m: DVec3::ZERO }; KEPT], next: 0, count: 0 }
+    }
+
+    /// Forgets all of it.
+    pub(super) fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// Keeps a point; one that is not later than the newest begins the ring anew.
+    pub(super) fn keep(&mut self, t_ns: u64, at_m: DVec3) {
+        match self.back(0) {
+            Some(newest) if t_ns <= newest.t_ns => self.clear(),
+            Some(newest) if t_ns - newest.t_ns < SPACING_NS => return,
+            _ => {}
+        }
+        if let Some(place) = self.points.get_mut(self.next) {
+            *place = Point { t_ns, at_m };
+        }
+        self.next = (self.next + 1) % KEPT;
+        self.count = (self.count + 1).min(KEPT);
+    }
+
+    /// The point at that time, base frame, m.
+    pub(super) fn at(&self, t_ns: u64) -> Option<DVec3> {
+        let mut later = self.back(0)?;
+        for age in 1..self.count {
+            let earlier = self.back(age)?;
+            if earlier.t_ns <= t_ns {
+                let (since_ns, apart_ns) = (t_ns - earlier.t_ns, later.t_ns - earlier.t_ns);
+                let share = since_ns as f64 / apart_ns as f64;
+                let reaches = apart_ns <= GAP_NS && since_ns <= 2 * apart_ns;
+                return reaches.then(|| earlier.at_m.lerp(later.at_m, share));
+            }
+            later = earlier;
+        }
+        None
+    }
+
+    /// The point kept so many before the newest.
+    fn back(&self, age: usize) -> Option<Point> {
+        let index = (self.next + KEPT).checked_sub(1 + age)? % KEPT;
+        self.points.get(index).filter(|_| age < self.count).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    fn line(every_ns: u64, count: u64) -> History {
+        let mut history = History::new();
+        (1..=count).for_each(|k| history.keep(k * every_ns, DVec3::X * (k * every_ns) as f64));
+        history
+    }
+
+    #[test]
+    fn a_past_point_is_interpolated_and_one_outside_is_not_made_up() {
+        let history = line(4 * MS, 100);
+        assert_eq!(history.at(10 * MS), Some(DVec3::X * 10e6));
+        assert_eq!(history.at(3 * MS), None, "before the first");
+        assert_eq!(history.at(400 * MS), Some(DVec3::X * 400e6));
+        assert_eq!(history.at(402 * MS), Some(DVec3::X * 402e6), "until the next command");
+        assert_eq!(history.at(405 * MS), None, "the next command is late");
+    }
+
+    #[test]
+    fn at_any_rate_of_commands_it_reaches_back_a_second_and_no_further_than_its_room() {
+        for every_ns in [MS / 10, MS, 4 * MS] {
+            let last_ns = 8_000 * MS;
+            let history = line(every_ns, last_ns / every_ns);
+            let at = history.at(last_ns - 1_000 * MS).expect("a second ago");
+            assert!((at.x - 7e9).abs() < 1.0, "{at}");
+            assert_eq!(history.at(MS / 20), None);
+        }
+    }
+
+    #[test]
+    fn nothing_is_said_of_the_time_in_which_commands_paused() {
+        let mut history = line(MS, 10);
+        history.keep(100 * MS, DVec3::ZERO);
+        assert_eq!((history.at(50 * MS), history.at(5 * MS).is_some()), (None, true));
+        history.keep(90 * MS, DVec3::Y);
+        assert_eq!(history.at(5 * MS), None, "time went back: begun anew");
+    }
+}

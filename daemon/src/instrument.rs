@@ -1,0 +1,68 @@
+//! The instrument that measures the tool: its points on their way into the trim, and what the trim says on its way out.
+//!
+//! In the cycle. Promises: no allocation; an unstamped point is as old as the cell states. Never: an equation.
+
+use crate::exchange::{MeasuredInBase, TrimCounters};
+use corrector::{PointSample, Trim};
+use glam::DVec3;
+use physics::Frame;
+use shm_schema::MeasuredPoint;
+
+/// The instrument of a cell.
+#[derive(Debug)]
+pub struct Instrument {
+    trim: Trim,
+    latency_ns: u64,
+    /// The newest point of this cycle, for the black box.
+    newest: Option<MeasuredInBase>,
+}
+
+impl Instrument {
+    /// One that trims like that; a point without a stamp was measured `latency_ns` before it was sent.
+    #[must_use]
+    pub fn new(trim: Trim, latency_ns: u64) -> Self {
+        Self { trim, latency_ns, newest: None }
+    }
+
+    /// Begins a cycle: nothing has come yet.
+    pub fn begin(&mut self) {
+        self.newest = None;
+    }
+
+    /// Takes a point that was found at `now_ns`.
+    pub fn take(&mut self, message: &MeasuredPoint, now_ns: u64) {
+        let stamped = message.has(MeasuredPoint::HAS_TIME);
+        let assumed_ns = message.sent_ns.saturating_sub(self.latency_ns);
+        let t_ns = if stamped { message.t_ns } else { assumed_ns };
+        let sample = PointSample { point_m: DVec3::from_array(message.point_m), t_ns };
+        self.trim.take(&sample, now_ns);
+        self.newest = Some(MeasuredInBase { point_m: self.trim.in_base(&sample).to_array(), t_ns });
+    }
+
+    /// What the tool is to be displaced by, base frame, m; `corrects` says whether corrections go out.
+    pub fn trim_m(&mut self, now_ns: u64, corrects: bool) -> DVec3 {
+        self.trim.step(now_ns, corrects)
+    }
+
+    /// Says where the model puts the tool with what was sent at `now_ns`.
+    pub fn expect(&mut self, now_ns: u64, base_from_tool: Option<&Frame>, counters: &TrimCounters) {
+        self.trim.expect(now_ns, base_from_tool);
+        counters.show(self.trim.report());
+    }
+
+    /// Another model predicts from now on.
+    pub fn model_changed(&mut self) {
+        self.trim.model_changed();
+    }
+
+    /// The registration has been looked after.
+    pub fn rearm(&mut self) {
+        self.trim.rearm();
+    }
+
+    /// The trim in force, m, and the newest point of this cycle, for the black box.
+    #[must_use]
+    pub fn record(&self) -> ([f64; 3], Option<MeasuredInBase>) {
+        (self.trim.report().trim_m.to_array(), self.newest)
+    }
+}
