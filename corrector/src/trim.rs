@@ -235,8 +235,7 @@ impl Trim {
     fn deviation(&mut self, sample: &PointSample, now_ns: u64) -> Result<DVec3, TrimReason> {
         let TrimSettings { latency_s, interval_s, reaction_s, .. } = self.settings;
         let PointSample { point_m, t_ns } = *sample;
-        // A vector with no number in it has no length below any bound.
-        if !(point_m.length() <= FAR_M) {
+        if !point_m.is_finite() || point_m.length() > FAR_M {
             return Err(TrimReason::NotFinite);
         }
         if t_ns > now_ns.saturating_add(AHEAD_NS) {

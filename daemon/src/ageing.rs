@@ -6,13 +6,18 @@
 use corrector::Ageing;
 use glam::DVec3;
 use physics::{Inputs, JOINTS_MAX, Memories, Model};
-use shm_schema::{Answer, Request, Status, monotonic_ns};
+use shm_schema::{Answer, Request, Status, TrimState, monotonic_ns};
 
 /// What measurements have said of the model in use.
 #[derive(Debug, Default)]
 pub struct Age {
     ageing: Ageing,
+    /// Where the trim was asked last, rad or m.
+    watched_at: Option<[f64; JOINTS_MAX]>,
 }
+
+/// A pose is another one once a joint is so far from where it was, rad or m: the model's error is then about another.
+const APART: f64 = 0.2;
 
 impl Age {
     /// Takes a measurement of the tool of `model`.
@@ -35,6 +40,21 @@ impl Age {
         }
         let words = self.words(monotonic_ns()).unwrap_or_else(|| "the model holds".to_owned());
         (Answer::Done, format!("{:.3} mm from what the model says; {words}", 1e3 * off.length()))
+    }
+
+    /// Takes what the trim by measurements finds of the model's error, once in each pose: what is found there again says nothing new. `sigma_m` is the standard
+    /// uncertainty of each axis, model and instrument together.
+    pub fn watch(&mut self, status: &Status, sigma_m: f64) {
+        let believed = [TrimState::Observing, TrimState::Trimming];
+        let is_near = self.watched_at.is_some_and(|at| {
+            at.iter().zip(status.q_command).all(|(at, q)| (q - at).abs() < APART)
+        });
+        if is_near || !status.trim_state().is_ok_and(|state| believed.contains(&state)) {
+            return;
+        }
+        if self.ageing.take(DVec3::from_array(status.trim_found_m), sigma_m, status.t_ns) {
+            self.watched_at = Some(status.q_command);
+        }
     }
 
     /// Writes what is known into a status.
@@ -81,6 +101,30 @@ fn span(ns: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn found(state: TrimState, k: u32, found_m: f64) -> Status {
+        let mut status = Status { trim_state: state.code(), ..Status::default() };
+        status.q_command[0] = 0.3 * f64::from(k);
+        status.trim_found_m = [found_m, 0.0, 0.0];
+        status.t_ns = u64::from(k) * 1_000_000_000;
+        status
+    }
+
+    #[test]
+    fn what_the_trim_finds_counts_once_in_each_pose_and_tells_that_the_model_has_aged() {
+        let sigma_m = 1e-4;
+        let mut age = Age::default();
+        for _ in 0..1000 {
+            age.watch(&found(TrimState::Trimming, 1, 3e-4), sigma_m);
+        }
+        assert_eq!(age.ageing.count(), 1, "the same pose");
+        age.watch(&found(TrimState::Holding, 2, 3e-4), sigma_m);
+        assert_eq!(age.ageing.count(), 1, "nothing is measured");
+        for k in 2..30 {
+            age.watch(&found(TrimState::Observing, k, 3e-4), sigma_m);
+        }
+        assert!(age.words(40_000_000_000).is_some_and(|words| words.contains("no longer holds")));
+    }
 
     #[test]
     fn spans_are_said_in_the_unit_that_a_person_would_use() {

@@ -48,6 +48,8 @@ pub struct Supervisor {
     constants: status::Constants,
     process: Process,
     age: Age,
+    /// How well the model was proven, m; none: what the trim finds is not held against it.
+    model_sigma_m: Option<f64>,
     change_log: ChangeLog,
     states: States,
     requests: RequestLog,
@@ -77,6 +79,7 @@ impl Supervisor {
             constants: status::Constants::new(config, &model, bounds, monotonic_ns()),
             process: Process::new(config, &model),
             age: Age::default(),
+            model_sigma_m: config.measured.and_then(|measured| measured.model_sigma_m),
             change_log: ChangeLog::default(),
             states: States::default(),
             requests: RequestLog::default(),
@@ -124,6 +127,9 @@ impl Supervisor {
         let process = self.process.state();
         let message = self.constants.status(exchange, &process, &self.age, monotonic_ns());
         self.status.send(&message);
+        if let Some(sigma_m) = self.model_sigma_m {
+            self.age.watch(&message, sigma_m);
+        }
         self.said = message.message;
         if let Some(state) = self.states.take(&message) {
             exchange.note_state(state);

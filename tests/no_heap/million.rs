@@ -5,11 +5,15 @@ use corrector::{Corrector, Mode, Settings};
 use daemon::cycle::Cycle;
 use daemon::exchange::{Exchange, LoadedModel};
 use daemon::robot::{Link, Robot};
-use daemon::senses::{Senses, WrenchSource};
+use daemon::setup;
 use envelope::Limits;
 use physics::Model;
+use recording::cell::CellConfig;
 use recording::model::presets::preset;
-use shm_schema::{Command, Corrected, DaemonPorts, JOINTS_MAX, PortError, RobotState, SendOutcome};
+use shm_schema::{
+    Command, Corrected, DaemonPorts, JOINTS_MAX, MeasuredPoint, PortError, RobotState, SendOutcome,
+    Status,
+};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use tests::cell_loop::{JOINTS, TICK_NS, path};
@@ -23,6 +27,7 @@ struct Even {
     now_ns: u64,
     seq: u64,
     sent: u64,
+    measured: u64,
     models: [Option<Box<LoadedModel>>; 2],
 }
 
@@ -63,6 +68,17 @@ impl Link for Even {
 
     fn take_state(&mut self) -> Option<RobotState> {
         None
+    }
+
+    fn take_measured(&mut self) -> Option<MeasuredPoint> {
+        let seq = self.seq / 4;
+        if seq == self.measured {
+            return None;
+        }
+        self.measured = seq;
+        let point_m = [1.0, 0.1, if seq.is_multiple_of(13) { f64::NAN } else { 1.2 }];
+        let (t_ns, flags) = (self.now_ns - 2 * TICK_NS, MeasuredPoint::HAS_TIME);
+        Some(MeasuredPoint { seq, t_ns, flags, point_m, ..MeasuredPoint::default() })
     }
 
     fn send(&mut self, _: &Corrected) -> SendOutcome {
@@ -108,12 +124,18 @@ fn a_million_cycles_take_nothing_from_the_heap() {
     let exchange = Arc::new(Exchange::new(Mode::Full, true));
     let loaded = |physics, epoch| Box::new(LoadedModel { physics, epoch });
     let models = [Some(loaded(Model::nominal(physics.arm), 2)), Some(loaded(physics, 3))];
-    let link = Even { exchange: Arc::clone(&exchange), now_ns: 1 << 40, seq: 0, sent: 0, models };
+    let (exchange_of_link, now_ns) = (Arc::clone(&exchange), 1 << 40);
+    let link = Even { exchange: exchange_of_link, now_ns, seq: 0, sent: 0, measured: 0, models };
+    let text = format!(
+        "schema = \"trued.cell/1\"\ncell = \"cell\"\nmodel = \"{MODEL}\"\n[measured]\nmode = \"trim\"\n\
+         rate_Hz = 250\nlatency_ms = 2\nnoise_mm = 0.02\njump_mm = 100\n"
+    );
+    let config = CellConfig::parse("cell.toml", &text).unwrap();
     let mut cycle = Cycle {
         robot: Robot::over(link),
         corrector: Corrector::new(settings),
         model: loaded(physics, 1),
-        senses: Senses::new(WrenchSource::None),
+        senses: setup::senses(&config, false),
         stale_ns: settings.stale_ns,
         period_ns: settings.period_ns,
         lockstep: false,
@@ -123,6 +145,9 @@ fn a_million_cycles_take_nothing_from_the_heap() {
     let [cycles, rejected, stale] = [&counters.cycles, &counters.rejected, &counters.stale]
         .map(|counter| counter.load(Relaxed));
     assert!(cycles >= CYCLES && rejected > 1000 && stale > 100, "{cycles}, {rejected}, {stale}");
+    let mut status = Status::default();
+    counters.trim.put(&mut status);
+    assert!(status.trim_measurements > 200_000 && status.trim_refused > 1000, "{status:?}");
     assert!(counters.model_epoch.load(Relaxed) > 1, "models were swapped");
     assert_eq!((heap.count_total, heap.bytes_total), (0, 0), "{heap:?}");
 }

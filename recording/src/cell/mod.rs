@@ -191,6 +191,8 @@ pub struct Measured {
     pub hold_s: f64,
     /// The largest trim, m.
     pub limit_m: f64,
+    /// How well the model was proven, standard uncertainty of each axis, m, where it is to be watched by what the trim finds.
+    pub model_sigma_m: Option<f64>,
 }
 
 /// `[force]`.

@@ -235,6 +235,7 @@ fn measured(table: &Table<'_, '_>) -> Measured {
         jump_m: or("jump_mm", 0.01..=100.0, JUMP_MM) * 1e-3,
         hold_s: or("hold_ms", 0.0..=60_000.0, HOLD_MS) * 1e-3,
         limit_m: or("limit_mm", 0.01..=10.0, LIMIT_MM) * 1e-3,
+        model_sigma_m: table.number("model_mm", 1e-3..=100.0).map(|mm| mm * 1e-3),
     };
     measured.time_constant_s = time_constant(table, &measured);
     table.close();

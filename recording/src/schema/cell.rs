@@ -204,6 +204,9 @@ struct Measured {
     /// The largest trim, mm.
     #[schemars(range(min = 0.01, max = 10.0), extend("default" = 1.0))]
     limit_mm: Option<f64>,
+    /// How well the model was proven, standard uncertainty of each axis, mm; what the trim finds is then watched for ageing of the model.
+    #[schemars(range(min = 0.001, max = 100.0))]
+    model_mm: Option<f64>,
 }
 
 #[derive(JsonSchema)]
