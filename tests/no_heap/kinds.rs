@@ -94,6 +94,7 @@ fn world(k: u64) -> World {
         ambient_celsius: 25.0,
         joint_celsius: [35.0; physics::JOINTS_MAX],
         spindle_rpm: 12_000.0,
+        ..World::default()
     }
 }
 
