@@ -256,7 +256,7 @@ fn the_error_along_a_path_is_halved_at_least() {
         }
     }
     let share = (with / without).sqrt();
-    println!("path error {:.2} of what it is without the trim", share);
+    println!("path error {share:.2} of what it is without the trim");
     assert!(share < 0.5, "{share}");
 }
 
