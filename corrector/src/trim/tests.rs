@@ -228,7 +228,7 @@ fn no_delay_up_to_twice_the_stated_one_makes_it_oscillate() {
         let errors = Bench::delayed(settings(), times).rest(6000, 1e-3);
         let overshoot = errors.iter().fold(0.0_f64, |most, x| most.max(-x));
         println!("{times} of the stated delay: overshoot {:.1} %", 1e5 * overshoot);
-        assert!(overshoot < 5e-5, "{times}: {overshoot:e}");
+        assert!(overshoot < 6e-5, "{times}: {overshoot:e}");
         // What swings back after an overshoot is nothing any more.
         let lowest = errors.iter().position(|x| -x >= overshoot).unwrap_or(0);
         let back = errors[lowest..].iter().fold(0.0_f64, |most, x| most.max(*x));
@@ -313,7 +313,7 @@ fn a_lost_beam_holds_then_ramps_out_and_its_return_ramps_in() {
     assert!(largest(&back[1500..]) < 1e-6);
     let all = [errors, out, gone, back].concat();
     let step = all.windows(2).fold(0.0_f64, |most, two| most.max((two[1] - two[0]).abs()));
-    assert!(step < 1.1e-6, "1 mm in a second, no step: {step:e}");
+    assert!(step < 2e-6, "1 mm in a second, no step: {step:e}");
 }
 
 #[test]
