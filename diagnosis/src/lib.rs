@@ -52,6 +52,7 @@ pub mod start;
 pub mod stiffness;
 pub mod surroundings;
 pub mod sweeps;
+pub mod threads;
 pub mod torque;
 pub mod triangle;
 mod waves;

@@ -11,6 +11,7 @@ pub mod cell;
 pub mod cut;
 pub mod faults;
 pub mod files;
+pub mod manifest;
 pub mod mapping;
 pub mod model;
 pub mod program;

@@ -13,6 +13,7 @@ mod bridge;
 mod cell;
 mod cut;
 mod effects;
+mod manifest;
 mod mapping;
 mod model;
 mod recording;
@@ -39,6 +40,7 @@ pub fn all() -> Vec<FileSchema> {
         of::<bridge::Rsi>("bridge-rsi"),
         of::<cell::Cell>("cell"),
         of::<cut::CutFile>("cut"),
+        of::<manifest::Manifest>("manifest"),
         of::<mapping::Mapping>("mapping"),
         of::<model::Model>("model"),
         of::<recording::Recording>("recording"),

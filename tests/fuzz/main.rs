@@ -122,5 +122,5 @@ macro_rules! targets {
     };
 }
 targets!(
-    model cell cut about mapping recording black_box waves urdf commands force messages rsi egm bridge answer request
+    model cell cut manifest about mapping recording black_box waves urdf commands force messages rsi egm bridge answer request
 );

@@ -8,6 +8,7 @@
 
 mod ageing;
 mod architecture;
+mod batch;
 mod bench;
 mod bridge;
 mod calibrate;

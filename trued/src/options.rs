@@ -5,6 +5,9 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{ArgAction, Args, ValueEnum};
+use diagnosis::threads::bound_threads;
+
+use crate::exit::Failure;
 
 /// Options of every command.
 #[derive(Debug, Clone, Default, Args)]
@@ -70,6 +73,14 @@ impl Threads {
     pub fn settle(&self) -> NonZeroUsize {
         let offered = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
         self.threads.unwrap_or_else(offered)
+    }
+
+    /// Lets the diagnoses of this process share so many threads, where a number is given.
+    ///
+    /// # Errors
+    /// The system gives none.
+    pub(crate) fn bound(&self) -> Result<(), Failure> {
+        self.threads.map_or(Ok(()), |threads| bound_threads(threads).map_err(Failure::system))
     }
 }
 

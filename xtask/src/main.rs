@@ -7,6 +7,7 @@
     reason = "a chore talks to the person who ran it"
 )]
 
+mod batch;
 mod beside;
 mod calibrate;
 mod evidence_task;
@@ -22,6 +23,7 @@ mod watch;
 use std::process::ExitCode;
 
 const HELP: &str = "\
+cargo xtask batch [COUNT]   batch diagnosis of COUNT (200) generated recordings: one digest whatever the shards and the kills, throughput beside single diagnoses; exit 1 above its bar
 cargo xtask seeds [COUNT] [--full] [--debug]   the demo over COUNT seeds (20): tool error without, with, after the diagnosis; whether what is hidden was named right
 cargo xtask calibrate [CAMPAIGNS] [--out=DIR]   the calibration: the thesis' virtual robot, coverage of intervals over CAMPAIGNS (1000), outliers, time
 cargo xtask evidence [--data DIR] [--only SET] [--challenge CASES] [--limit SECONDS] [--trued PROGRAM]   docs/evidence.md and its plots, from the recordings in DIR ($TRUED_DATA); runs that are kept under target/evidence and whose program and input are unchanged are not repeated
@@ -42,6 +44,7 @@ fn main() -> ExitCode {
     let done = match words.as_slice() {
         ["languages"] => beside::languages(),
         ["peers"] => beside::peers(),
+        ["batch", rest @ ..] => batch::run(rest),
         ["seeds", rest @ ..] => seeds::run(rest),
         ["calibrate", rest @ ..] => calibrate::run(rest),
         ["evidence", rest @ ..] => evidence_task::run(rest),

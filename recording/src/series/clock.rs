@@ -33,6 +33,12 @@ const ZONE_HOURS_MAX: i64 = 14;
 const SECOND_NS: i128 = 1_000_000_000;
 const DAY_S: f64 = 86_400.0;
 
+/// An ISO 8601 time with its zone, as µs since 1970 in UTC; none for anything else.
+pub(crate) fn instant_us(text: &str) -> Option<i64> {
+    let instant = Clock::Iso.read(text).filter(|instant| instant.has_zone)?;
+    i64::try_from(instant.nanoseconds.div_euclid(1000)).ok()
+}
+
 impl Clock {
     /// The clock that a mapping's `format` states.
     ///

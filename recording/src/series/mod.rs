@@ -38,7 +38,7 @@ pub use about::{About, Approach, Cut, Frame, Heldout, Input, Kind};
 pub(crate) use build::Builder;
 pub(crate) use channel::Column;
 pub use channel::{Channel, FileUnits, GAUGES_MAX, JOINTS_MAX, TARGETS_MAX};
-pub(crate) use clock::Clock;
+pub(crate) use clock::{Clock, instant_us};
 pub use gauges::{Distance, Gauges, Probe, TouchedPlane, TouchedSphere};
 pub(crate) use number::is_number;
 pub(crate) use table::{Dialect, RawTable, Reads};

@@ -6,6 +6,7 @@ use recording::bridge::{EgmConfig, Ethernet, RsiConfig};
 use recording::cell::CellConfig;
 use recording::cut::CutFile;
 use recording::faults::{Fault, Faults};
+use recording::manifest::Manifest;
 use recording::mapping::Mapping;
 use recording::model::RobotModel;
 use recording::series::About;
@@ -23,6 +24,7 @@ fn reader(format: &str) -> Reader {
         "trued.mapping/1" => |text| Mapping::parse("mapping.toml", text).map(drop),
         "trued.cell/1" => |text| CellConfig::parse("cell.toml", text).map(drop),
         "trued.cut/1" => |text| CutFile::parse("cut.toml", text).map(drop),
+        "trued.manifest/1" => |text| Manifest::parse("manifest.toml", text).map(drop),
         "trued.bridge-egm/1" => |text| EgmConfig::parse("egm.toml", text).map(drop),
         "trued.bridge-rsi/1" => |text| RsiConfig::parse("rsi.toml", text, ethernet()).map(drop),
         _ => panic!("no reader of {format}"),

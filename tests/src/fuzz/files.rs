@@ -7,6 +7,7 @@ use recording::cell::CellConfig;
 use recording::cut::CutFile;
 use recording::faults::Faults;
 use recording::files::text_of;
+use recording::manifest::Manifest;
 use recording::mapping::Mapping;
 use recording::model::RobotModel;
 use recording::series::{self, About, FileUnits, Need, Recording};
@@ -62,6 +63,11 @@ pub(super) fn cell(bytes: &[u8]) {
 pub(super) fn cut(bytes: &[u8]) {
     let Some(text) = text(bytes) else { return };
     let _ = shown(CutFile::parse(NAME, &text));
+}
+
+pub(super) fn manifest(bytes: &[u8]) {
+    let Some(text) = text(bytes) else { return };
+    let _ = shown(Manifest::parse(NAME, &text));
 }
 
 pub(super) fn about(bytes: &[u8]) {

@@ -26,6 +26,7 @@ pub const ALL: &[Target] = &[
     Target { name: "model", run: files::model, examples: &[("deploy/presets", "toml")], share: 40 },
     Target { name: "cell", run: files::cell, examples: &[("deploy", "toml")], share: 100 },
     Target { name: "cut", run: files::cut, examples: &[], share: 100 },
+    Target { name: "manifest", run: files::manifest, examples: &[], share: 100 },
     Target { name: "about", run: files::about, examples: &[], share: 100 },
     Target {
         name: "mapping",

@@ -13,6 +13,7 @@ use recording::bridge::{self, EgmConfig, RsiConfig};
 use recording::cut::{self, CutFile};
 use recording::faults::{Fault, Faults};
 use recording::files::{FileError, read_text};
+use recording::manifest::{self, Manifest};
 use recording::mapping::Mapping;
 use recording::model::RobotModel;
 use recording::series::{self, About, Channel, Kind, Need, Recording};
@@ -143,6 +144,14 @@ impl Check {
             Some(cut::SCHEMA) => {
                 found.what = "cut";
                 found.of(CutFile::read(path), |_, _| {})?;
+            }
+            Some(manifest::SCHEMA) => {
+                found.what = "manifest";
+                found.of(Manifest::read(path), |found, manifest| {
+                    let recordings = count(manifest.recordings.len(), "recording");
+                    let robots = count(manifest.robots.len(), "robot");
+                    found.summary = format!("{recordings} of {robots}");
+                })?;
             }
             Some("trued.recording/1") => {
                 found.what = "recording's description";
@@ -300,7 +309,7 @@ fn unknown(name: &str, schema: Option<&str>) -> Faults {
         None => "is missing".to_owned(),
     };
     faults.push(Fault::new("schema", message).expected(
-        "\"trued.cell/1\", \"trued.model/1\", \"trued.recording/1\", \"trued.mapping/1\" or \"trued.cut/1\"",
+        "\"trued.cell/1\", \"trued.model/1\", \"trued.recording/1\", \"trued.mapping/1\", \"trued.cut/1\" or \"trued.manifest/1\"",
     ));
     faults
 }

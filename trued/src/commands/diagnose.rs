@@ -4,6 +4,7 @@
 //! the same bytes. Never: a claim where a recording does not belong to the model.
 
 mod apply;
+mod batch;
 mod drives;
 mod forces;
 mod page;
@@ -25,7 +26,7 @@ use super::calibrate::numbers::{Entry, entries};
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Looked, Reading};
-use crate::options::Seed;
+use crate::options::{Seed, Threads};
 use crate::output::{Console, Paint};
 use crate::progress;
 
@@ -39,7 +40,8 @@ const ROWS_LEAST: usize = 30;
 /// Recordings hold joint positions and what was measured: the tool, reflectors, joint positions on the link side, the drives' torque or current; or forces
 /// or accelerations at the tool, without any joint. Writes DIR/diagnosis.json,
 /// DIR/model.toml (the model with what was found) and DIR/report.html. Measuring frames and places of reflectors are fitted along. Exit 0 whatever is said
-/// (without --apply); 2 for bad input, with nothing written.
+/// (without --apply); 2 for bad input, with nothing written. With --batch each recording of a manifest is diagnosed for itself, one Parquet file each
+/// (docs/batch.md); exit 1 where some were refused, 3 where some could not be read.
 #[derive(Debug, Args)]
 pub(crate) struct Diagnose {
     #[command(flatten)]
@@ -56,9 +58,42 @@ pub(crate) struct Diagnose {
     /// Torque and motion are compared below this frequency [default: 40, or a tenth of the sampling rate]
     #[arg(long, value_name = "HZ", value_parser = band)]
     band: Option<f64>,
+    #[command(flatten)]
+    threads: Threads,
+    #[command(flatten)]
+    batch: batch::Batch,
     /// Recordings of one robot
-    #[arg(value_name = "RECORDING", required = true)]
+    #[arg(value_name = "RECORDING", required_unless_present = "batch")]
     recordings: Vec<PathBuf>,
+}
+
+/// Recordings that were read, with the model that they belong to.
+enum Read {
+    /// Forces without any joint.
+    Forces(Box<(RobotModel, Recording)>),
+    /// What was measured of a robot.
+    Robot(Box<RobotModel>, Vec<Recording>),
+}
+
+impl Read {
+    /// Reads recordings of one robot, or one of forces alone.
+    fn of(reading: &Reading, recordings: &[PathBuf]) -> Result<Self, Failure> {
+        let looked = recordings.first().map(|first| reading.look(first)).transpose()?;
+        let read = match looked {
+            Some(Looked::WithoutArm(alone)) if has_force(&alone.1) => {
+                if recordings.len() > 1 {
+                    let why = "recordings of forces alone are diagnosed one at a time";
+                    return Err(Failure::input(why));
+                }
+                return Ok(Self::Forces(alone));
+            }
+            Some(Looked::WithoutArm(alone)) => Some(alone.1),
+            Some(Looked::OfArm(read)) => read.map(|read| *read),
+            None => None,
+        };
+        let (model, recordings) = reading.measured_after(read, recordings)?;
+        Ok(Self::Robot(Box::new(model), recordings))
+    }
 }
 
 /// What was found, with what it was found in.
@@ -91,29 +126,28 @@ fn band(text: &str) -> Result<f64, String> {
 
 impl Diagnose {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        let looked = self.recordings.first().map(|first| self.reading.look(first)).transpose()?;
-        let read = match looked {
-            Some(Looked::WithoutArm(alone)) if has_force(&alone.1) => {
+        self.threads.bound()?;
+        if let Some(manifest) = &self.batch.batch {
+            return self.batch.run(manifest, &self.out, console);
+        }
+        let stage = progress::stages(console, "reading recordings");
+        let (model, recordings) = match Read::of(&self.reading, &self.recordings)? {
+            Read::Forces(alone) => {
+                stage.finish_and_clear();
                 return forces::alone(self, *alone, console);
             }
-            Some(Looked::WithoutArm(alone)) => Some(alone.1),
-            Some(Looked::OfArm(read)) => read.map(|read| *read),
-            None => None,
+            Read::Robot(model, recordings) => (*model, recordings),
         };
-        let stage = progress::stages(console, "reading recordings");
-        let (model, recordings) = self.reading.measured_after(read, &self.recordings)?;
         let cell = self.apply.as_deref().map(apply::cell).transpose()?;
         let mut outputs = outputs(console.outputs(), &self.out);
         outputs.check(self.inputs())?;
         let seed = self.seed.settle();
         stage.set_message("drive torques: fit, search, proof");
-        let drives = drives::are_recorded(&recordings)
-            .then(|| Drives::of(&model, &recordings, self.band, seed))
-            .transpose()?;
+        let drives = Drives::where_recorded(&model, &recordings, self.band, seed)?;
         stage.set_message("positions: fit, search, proof");
         let found = Found { drives, ..Found::of(model, recordings, seed)? };
-        stage.set_message("pictures and files");
         let reports = found.reports();
+        stage.set_message("pictures and files");
         found.put(&mut outputs, &reports, &self.out)?;
         stage.finish_and_clear();
         console.write(outputs, "trued.diagnosis/1", &told::Whole::of(&reports))?;
@@ -271,8 +305,12 @@ fn doubts(base: &RobotModel, looked: &Thinned) -> Vec<String> {
     looked.faults(&base.physics).into_iter().map(|Suspicion { says, .. }| says).collect()
 }
 
-/// The schema of the result.
+/// The schemas of the results.
 #[cfg(feature = "schema")]
-pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
-    crate::schemas::ResultSchema::of::<told::Whole<'_>>("diagnosis", "trued.diagnosis/1")
+pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
+    use crate::schemas::ResultSchema;
+    vec![
+        ResultSchema::of::<told::Whole<'_>>("diagnosis", "trued.diagnosis/1"),
+        batch::result_schema(),
+    ]
 }

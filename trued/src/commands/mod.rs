@@ -118,6 +118,7 @@ pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
     let several = [
         calibrate::result_schemas(),
         challenge::result_schemas(),
+        diagnose::result_schemas(),
         model::result_schemas(),
         plan::result_schemas(),
     ];
@@ -128,7 +129,6 @@ pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
         convert::result_schema(),
         correct::result_schema(),
         demo::result_schema(),
-        diagnose::result_schema(),
         doctor::result_schema(),
         gears::result_schema(),
         info::result_schema(),

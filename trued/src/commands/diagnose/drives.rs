@@ -39,7 +39,18 @@ pub(super) fn positions_are_recorded(recordings: &[Recording]) -> bool {
 }
 
 impl Drives {
-    pub(super) fn of(
+    /// What is found in the torques, where there are any.
+    pub(super) fn where_recorded(
+        base: &RobotModel,
+        recordings: &[Recording],
+        band_hz: Option<f64>,
+        seed: u64,
+    ) -> Result<Option<Self>, Failure> {
+        let drives = are_recorded(recordings).then(|| Self::of(base, recordings, band_hz, seed));
+        drives.transpose()
+    }
+
+    fn of(
         base: &RobotModel,
         recordings: &[Recording],
         band_hz: Option<f64>,

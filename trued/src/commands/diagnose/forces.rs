@@ -24,19 +24,13 @@ pub(super) fn alone(
     (base, recording): (RobotModel, Recording),
     console: &mut Console,
 ) -> Outcome {
-    if asked.recordings.len() > 1 {
-        return Err(Failure::input("recordings of forces alone are diagnosed one at a time"));
-    }
     if asked.apply.is_some() {
         return Err(Failure::input("--apply: forces alone say nothing of where the tool is"));
     }
     let mut outputs = outputs(console.outputs(), &asked.out);
     outputs.check(asked.inputs())?;
     let seed = asked.seed.settle();
-    let with_cutting = base.with_cutting().map_err(Failure::input)?;
-    let sigma: Vec<Vec<f64>> = base.sigma.iter().chain(&base.cutting_sigma).cloned().collect();
-    let result = force::diagnose(&with_cutting, &sigma, &recording);
-    let found = Forces { base, result, seed };
+    let found = Forces::of(base, &recording, seed)?;
     let report = told::Report::of_forces(&found);
     let reports = std::slice::from_ref(&report);
     outputs.put(&asked.out.join(JSON), told::json(reports)?);
@@ -53,6 +47,14 @@ pub(super) fn alone(
 }
 
 impl Forces {
+    /// Diagnoses a recording of forces alone.
+    pub(super) fn of(base: RobotModel, recording: &Recording, seed: u64) -> Result<Self, Failure> {
+        let with_cutting = base.with_cutting().map_err(Failure::input)?;
+        let sigma: Vec<Vec<f64>> = base.sigma.iter().chain(&base.cutting_sigma).cloned().collect();
+        let result = force::diagnose(&with_cutting, &sigma, recording);
+        Ok(Self { base, result, seed })
+    }
+
     /// The model with what was found, and its own numbers as they were fitted along.
     fn model(&self) -> Result<String, Failure> {
         let mut file = self.base.file.clone();

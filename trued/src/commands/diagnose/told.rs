@@ -7,6 +7,7 @@ mod drives;
 mod file;
 mod forces;
 mod lines;
+mod rows;
 
 use std::collections::BTreeMap;
 
@@ -21,6 +22,7 @@ use serde::Serialize;
 
 pub(super) use file::{Whole, json};
 pub(in crate::commands) use lines::lines;
+pub(super) use rows::{Temperatures, rows};
 
 use super::Found;
 

@@ -1,0 +1,262 @@
+//! The recordings of one shard, one after the other: what is there stays, what can be diagnosed is written, what cannot is told.
+//!
+//! One recording is in memory at a time. A recording whose content cannot be diagnosed gets a result that says why (it would say the same next time); one whose
+//! files cannot be read gets none, and is tried again by the next run.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use recording::files::FileError;
+use recording::manifest::{Entry, Manifest, Robot};
+use recording::mapping::mapping_path;
+use recording::model::presets;
+use recording::program;
+use recording::series::about_path;
+
+use crate::key::{Key, KeyBuilder};
+use crate::shard::Shard;
+use crate::store::{Digest, Existing, Store};
+use crate::table::{self, Recorded, Row};
+
+/// A recording that is to be diagnosed: files where they stand.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Item<'a> {
+    /// Its robot.
+    pub robot: &'a Robot,
+    /// What the manifest says of it.
+    pub entry: &'a Entry,
+    /// Its files.
+    pub files: Vec<PathBuf>,
+    /// The robot's model: a file, or the name of a preset.
+    pub model: PathBuf,
+    /// The robot's mapping, where it has one.
+    pub mapping: Option<PathBuf>,
+}
+
+/// Why a recording was not diagnosed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Failed {
+    /// Its content does not allow it.
+    Refused(String),
+    /// The machine did not give what is needed.
+    Unread(String),
+}
+
+/// A recording that was not diagnosed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Told {
+    /// Its files as the manifest names them, joined by `, `.
+    pub files: String,
+    /// Why.
+    pub why: String,
+}
+
+/// What became of a shard.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Summary {
+    /// Results that were written.
+    pub written: usize,
+    /// Results that were there.
+    pub kept: usize,
+    /// Of these: recordings whose result says why nothing is said.
+    pub refused: Vec<Told>,
+    /// Recordings without a result.
+    pub unread: Vec<Told>,
+    /// Of all results in the folder, whichever shard wrote them.
+    pub digest: Digest,
+}
+
+/// Why a batch ended early. What was written stays.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A result is there.
+    #[error(
+        "{} is there already, of {files}: --resume keeps what is there, --overwrite computes it anew, or give another folder",
+        path.display()
+    )]
+    Exists {
+        /// The result.
+        path: PathBuf,
+        /// The recording.
+        files: String,
+    },
+    /// The folder of results cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A result cannot be written.
+    #[error(transparent)]
+    Write(#[from] FileError),
+    /// A result cannot be encoded.
+    #[error("a result cannot be encoded as Parquet: {0}")]
+    Encode(#[from] parquet::errors::ParquetError),
+}
+
+/// A part of a manifest, and where its results go.
+#[derive(Debug, Clone, Copy)]
+pub struct Job<'a> {
+    /// The recordings.
+    pub manifest: &'a Manifest,
+    /// The manifest's folder, from which its paths count.
+    pub base: &'a Path,
+    /// Which of them.
+    pub shard: Shard,
+    /// Where the results go.
+    pub out: &'a Path,
+    /// What becomes of those that are there.
+    pub existing: Existing,
+}
+
+impl Job<'_> {
+    /// Number of recordings of the shard.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        (0..self.manifest.recordings.len()).filter(|place| self.shard.has(*place)).count()
+    }
+}
+
+/// Diagnoses the recordings of a shard by `diagnose` and writes a result for each; `done` is called after each.
+///
+/// # Errors
+/// See [`RunError`].
+pub fn run(
+    job: Job<'_>,
+    mut diagnose: impl FnMut(&Item<'_>) -> Result<Vec<Row>, Failed>,
+    mut done: impl FnMut(),
+) -> Result<Summary, RunError> {
+    let folder = |source| RunError::Folder { path: job.out.to_owned(), source };
+    let mut store = Store::open(job.out).map_err(folder)?;
+    let (mut written, mut kept) = (0, 0);
+    let (mut refused, mut unread) = (Vec::new(), Vec::new());
+    for (place, entry) in job.manifest.recordings.iter().enumerate() {
+        let Some(robot) = job.manifest.robots.get(entry.robot) else { continue };
+        if !job.shard.has(place) {
+            continue;
+        }
+        let item = Item::of(job.base, robot, entry);
+        match one(job, &item, &mut store, &mut diagnose)? {
+            Done::Written(why) => {
+                written += 1;
+                refused.extend(why.map(|why| item.told(why)));
+            }
+            Done::Kept(why) => {
+                kept += 1;
+                refused.extend(why.map(|why| item.told(why)));
+            }
+            Done::Unread(why) => unread.push(item.told(why)),
+        }
+        done();
+    }
+    let digest = store.digest().map_err(folder)?;
+    Ok(Summary { written, kept, refused, unread, digest })
+}
+
+/// What became of one recording; with why nothing is said of it.
+enum Done {
+    Written(Option<String>),
+    Kept(Option<String>),
+    Unread(String),
+}
+
+fn one(
+    job: Job<'_>,
+    item: &Item<'_>,
+    store: &mut Store,
+    diagnose: &mut impl FnMut(&Item<'_>) -> Result<Vec<Row>, Failed>,
+) -> Result<Done, RunError> {
+    let key = match item.key(job.manifest) {
+        Ok(key) => key,
+        Err(why) => return Ok(Done::Unread(why)),
+    };
+    if job.existing == Existing::Keep && store.has(key) {
+        return Ok(Done::Kept(table::refusal(&store.place(key))));
+    }
+    if job.existing == Existing::Refuse && store.is_taken(key) {
+        return Err(RunError::Exists { path: store.place(key), files: item.names() });
+    }
+    let (rows, why) = match diagnose(item) {
+        Ok(rows) => (rows, None),
+        Err(Failed::Refused(why)) => (vec![Row::refused(why.clone())], Some(why)),
+        Err(Failed::Unread(why)) => return Ok(Done::Unread(why)),
+    };
+    let recorded = Recorded {
+        key,
+        version: program::version().to_owned(),
+        robot: item.robot.name.clone(),
+        serial: item.robot.serial.clone(),
+        recorded_at_us: item.entry.recorded_at_us,
+        files: item.names(),
+        seed: job.manifest.seed,
+    };
+    store.write(key, &table::to_parquet(&recorded, &rows)?)?;
+    Ok(Done::Written(why))
+}
+
+impl<'a> Item<'a> {
+    fn of(base: &Path, robot: &'a Robot, entry: &'a Entry) -> Self {
+        let model = base.join(&robot.model);
+        let is_preset = !model.is_file() && presets::at(&robot.model).is_some();
+        Self {
+            robot,
+            entry,
+            files: entry.files.iter().map(|file| base.join(file)).collect(),
+            model: if is_preset { robot.model.clone() } else { model },
+            mapping: robot.mapping.as_ref().map(|mapping| base.join(mapping)),
+        }
+    }
+
+    /// Its files as the manifest names them.
+    #[must_use]
+    pub fn names(&self) -> String {
+        self.entry.files.join(", ")
+    }
+
+    fn told(&self, why: String) -> Told {
+        Told { files: self.names(), why }
+    }
+
+    /// The key of its result: over what the manifest says of it, the content of all files that are read for it, the options, and the program's version.
+    ///
+    /// # Errors
+    /// Which file cannot be read, and why.
+    pub fn key(&self, manifest: &Manifest) -> Result<Key, String> {
+        let unread = |path: &Path| {
+            let path = path.display().to_string();
+            move |source| format!("cannot read {path}: {source}")
+        };
+        let time = self.entry.recorded_at_us.map(i64::to_le_bytes);
+        let band = manifest.band_hz.map(|hz| hz.to_bits().to_le_bytes());
+        let mut key = KeyBuilder::of(table::SCHEMA)
+            .part("version", program::version().as_bytes())
+            .part("seed", &manifest.seed.to_le_bytes())
+            .maybe("band", band.as_ref().map(|bytes| &bytes[..]))
+            .part("robot", self.robot.name.as_bytes())
+            .maybe("serial", self.robot.serial.as_ref().map(String::as_bytes))
+            .maybe("recorded at", time.as_ref().map(|bytes| &bytes[..]));
+        key = if presets::at(&self.model).is_some() && !self.model.is_file() {
+            key.part("preset", self.model.as_os_str().as_encoded_bytes())
+        } else {
+            key.file("model", &self.model).map_err(unread(&self.model))?
+        };
+        if let Some(mapping) = &self.mapping {
+            key = key.file("mapping", mapping).map_err(unread(mapping))?;
+        }
+        for (name, path) in self.entry.files.iter().zip(&self.files) {
+            key = key.part("name", name.as_bytes());
+            key = key.file("recording", path).map_err(unread(path))?;
+            let beside = self.mapping.is_none().then(|| mapping_path(path));
+            for companion in [Some(about_path(path)), beside].into_iter().flatten() {
+                key = if companion.is_file() {
+                    key.file("beside", &companion).map_err(unread(&companion))?
+                } else {
+                    key.maybe("beside", None)
+                };
+            }
+        }
+        Ok(key.finish())
+    }
+}

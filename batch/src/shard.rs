@@ -1,0 +1,69 @@
+//! Which recordings of a manifest one process diagnoses: of N shards the I-th takes every N-th recording, by its place in the manifest.
+//!
+//! By place, so that a process reads no file but its own. Neighbours (often of one robot, alike in size) go to different shards.
+
+use std::num::NonZeroUsize;
+use std::str::FromStr;
+
+/// One of so many shards; written `I/N`, I from 1 to N.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shard {
+    /// From 0.
+    index: usize,
+    count: NonZeroUsize,
+}
+
+impl Shard {
+    /// The whole manifest as one shard.
+    pub const WHOLE: Self = Self { index: 0, count: NonZeroUsize::MIN };
+
+    /// Whether the recording at this place in the manifest, from 0, is of this shard.
+    #[must_use]
+    pub fn has(self, place: usize) -> bool {
+        place % self.count == self.index
+    }
+}
+
+/// A text that names no shard.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("expected I/N with I from 1 to N, as 1/8 … 8/8")]
+pub struct NotAShard;
+
+impl FromStr for Shard {
+    type Err = NotAShard;
+
+    fn from_str(text: &str) -> Result<Self, NotAShard> {
+        let (index, count) = text.split_once('/').ok_or(NotAShard)?;
+        let whole = |part: &str| part.parse::<NonZeroUsize>().map_err(|_| NotAShard);
+        let (index, count) = (whole(index)?, whole(count)?);
+        if index > count {
+            return Err(NotAShard);
+        }
+        Ok(Self { index: index.get() - 1, count })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_recording_is_of_exactly_one_shard() {
+        for count in 1..=9 {
+            let shards: Vec<Shard> = (1..=count)
+                .map(|index| format!("{index}/{count}").parse().expect("a shard"))
+                .collect();
+            for place in 0..100 {
+                assert_eq!(shards.iter().filter(|shard| shard.has(place)).count(), 1);
+            }
+        }
+        assert!((0..100).all(|place| Shard::WHOLE.has(place)));
+    }
+
+    #[test]
+    fn what_names_no_shard_is_refused() {
+        for text in ["", "1", "0/8", "9/8", "1/0", "-1/2", "1/2/3", "a/b"] {
+            assert_eq!(text.parse::<Shard>(), Err(NotAShard), "{text}");
+        }
+    }
+}

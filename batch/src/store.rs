@@ -1,0 +1,124 @@
+//! The folder of results: `KEY.parquet` for each recording, and the digest over all of them.
+//!
+//! A result appears whole or not at all (written beside its place, synced, renamed), so that a process may be killed at any time and several may share the
+//! folder. What a killed process left of a result, a hidden `.KEY.parquet.PID.part`, is removed by the one who writes that result.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+
+use recording::files::{FileError, write_atomic};
+
+use crate::key::Key;
+use crate::table;
+
+/// Ending of a result.
+const ENDING: &str = ".parquet";
+
+/// What becomes of a result that is there already.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Existing {
+    /// The run ends with an error.
+    Refuse,
+    /// It stays, where it is whole; the recording is not diagnosed again.
+    Keep,
+    /// It is computed anew.
+    Replace,
+}
+
+/// A folder of results.
+#[derive(Debug)]
+pub struct Store {
+    folder: PathBuf,
+    /// What killed processes left, by the key of the result.
+    leftovers: BTreeMap<String, Vec<PathBuf>>,
+}
+
+/// The digest of a folder: `sha256sum *.parquet | sha256sum` in it gives the same.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Digest {
+    /// Number of results.
+    pub results: usize,
+    /// SHA-256 over a line `HASH  NAME` for each result, sorted by name.
+    pub sha256: String,
+}
+
+impl Store {
+    /// Opens a folder, which is made where it is missing.
+    ///
+    /// # Errors
+    /// The folder cannot be made or listed.
+    pub fn open(folder: &Path) -> io::Result<Self> {
+        fs::create_dir_all(folder)?;
+        let mut leftovers: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
+        for name in names(folder)? {
+            let part = name.strip_prefix('.').filter(|name| name.ends_with(".part"));
+            if let Some((key, _)) = part.and_then(|part| part.split_once(ENDING)) {
+                leftovers.entry(key.to_owned()).or_default().push(folder.join(&name));
+            }
+        }
+        Ok(Self { folder: folder.to_owned(), leftovers })
+    }
+
+    /// Where the result of a key stands.
+    #[must_use]
+    pub fn place(&self, key: Key) -> PathBuf {
+        self.folder.join(format!("{key}{ENDING}"))
+    }
+
+    /// Whether the result of a key is there and whole: its footer can be read and names that key.
+    #[must_use]
+    pub fn has(&self, key: Key) -> bool {
+        table::key_of(&self.place(key)).is_some_and(|found| found == key.to_string())
+    }
+
+    /// Whether anything stands in the place of a result.
+    #[must_use]
+    pub fn is_taken(&self, key: Key) -> bool {
+        self.place(key).exists()
+    }
+
+    /// Writes the result of a key, and removes what killed processes left of it.
+    ///
+    /// # Errors
+    /// The system refused; nothing then stands there that did not before.
+    pub fn write(&mut self, key: Key, bytes: &[u8]) -> Result<(), FileError> {
+        for leftover in self.leftovers.remove(&key.to_string()).into_iter().flatten() {
+            // A hidden file that stays is litter, and no result.
+            let _ = fs::remove_file(leftover);
+        }
+        write_atomic(&self.place(key), bytes)
+    }
+
+    /// The digest over all results in the folder.
+    ///
+    /// # Errors
+    /// A file cannot be read.
+    pub fn digest(&self) -> io::Result<Digest> {
+        let mut results: Vec<String> = names(&self.folder)?;
+        results.retain(|name| name.ends_with(ENDING) && !name.starts_with('.'));
+        results.sort();
+        let mut lines = String::new();
+        for name in &results {
+            let hash = Key::of_file(&self.folder.join(name))?;
+            lines.push_str(&format!("{hash}  {name}\n"));
+        }
+        let sha256 = Key::of_bytes(lines.as_bytes()).to_string();
+        Ok(Digest { results: results.len(), sha256 })
+    }
+}
+
+/// Names of what stands in a folder, as far as they are text.
+fn names(folder: &Path) -> io::Result<Vec<String>> {
+    let mut names = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        match entry {
+            Ok(entry) => names.extend(entry.file_name().into_string().ok()),
+            // Another process renamed it meanwhile.
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(names)
+}

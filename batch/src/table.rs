@@ -1,0 +1,308 @@
+//! A result as a Parquet file: one row for each domain that was recorded, one for each number of a finding, one for a refusal.
+//!
+//! Columns, units and how rows are to be read: docs/reference/batch.md. The same rows give the same bytes: no compression, no statistics, one group of rows, no
+//! time, and the writer's name is fixed.
+
+use std::fs::File;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::Arc;
+
+use parquet::basic::Compression;
+use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
+use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::{EnabledStatistics, WriterProperties};
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
+use parquet::record::Field;
+use parquet::schema::parser::parse_message_type;
+
+use crate::key::Key;
+
+/// Name of the format.
+pub const SCHEMA: &str = "trued.batch-result/1";
+
+/// What the rows of one result share.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recorded {
+    /// Key of the result.
+    pub key: Key,
+    /// Program that computed it.
+    pub version: String,
+    /// The robot's name.
+    pub robot: String,
+    /// Its serial number.
+    pub serial: Option<String>,
+    /// When it was recorded, µs since 1970 in UTC.
+    pub recorded_at_us: Option<i64>,
+    /// The files as the manifest names them, joined by `, `.
+    pub files: String,
+    /// Seed of all chance.
+    pub seed: u64,
+}
+
+/// What a row tells of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Subject {
+    /// A domain of the recording: verdict and errors.
+    Recording,
+    /// A number of a finding.
+    Finding,
+    /// Why nothing is said.
+    Refused,
+}
+
+impl Subject {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Recording => "recording",
+            Self::Finding => "finding",
+            Self::Refused => "refused",
+        }
+    }
+}
+
+/// A row; what does not apply to it is none.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// What the row tells of.
+    pub subject: Subject,
+    /// `position`, `torque` or `force`.
+    pub domain: Option<String>,
+    /// Verdict of the domain.
+    pub verdict: Option<String>,
+    /// Unit of errors, noise and sizes.
+    pub unit: Option<String>,
+    /// Measured rows.
+    pub samples: Option<i64>,
+    /// Scatter of the residual.
+    pub noise_rms: Option<f64>,
+    /// Error of the model as given, on rows that no fit has seen.
+    pub error_before: Option<f64>,
+    /// The same with what was found.
+    pub error_after: Option<f64>,
+    /// Mean ambient temperature, °C.
+    pub ambient_c: Option<f64>,
+    /// Mean temperature of the finding's joint, °C.
+    pub joint_c: Option<f64>,
+    /// The finding that it is a number of.
+    pub fact: Option<Fact>,
+    /// The domain, the finding or the refusal in words.
+    pub says: String,
+}
+
+/// A number of a finding.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fact {
+    /// Name of the effect, as in model files.
+    pub effect: String,
+    /// Joint, from 1; none for effects of the whole robot.
+    pub joint: Option<i64>,
+    /// `new` or `revised`.
+    pub change: String,
+    /// Whether it is claimed (probability of a half or more), or a candidate.
+    pub is_claimed: bool,
+    /// Probability of the finding, where one is computed.
+    pub probability: Option<f64>,
+    /// Name of the number with its unit, as in model files.
+    pub parameter: Option<String>,
+    /// Place in the list, from 1, where the number is one of a list.
+    pub index: Option<i64>,
+    /// The number.
+    pub value: Option<f64>,
+    /// Its 95 % interval.
+    pub interval: Option<[f64; 2]>,
+    /// What the effect alone does to what was measured, root mean square, in the domain's unit.
+    pub size_rms: Option<f64>,
+    /// The same, largest.
+    pub size_max: Option<f64>,
+}
+
+impl Row {
+    /// A row of a refusal.
+    #[must_use]
+    pub fn refused(says: String) -> Self {
+        Self {
+            subject: Subject::Refused,
+            domain: None,
+            verdict: None,
+            unit: None,
+            samples: None,
+            noise_rms: None,
+            error_before: None,
+            error_after: None,
+            ambient_c: None,
+            joint_c: None,
+            fact: None,
+            says,
+        }
+    }
+}
+
+/// A row with what it shares with the others.
+struct Line<'a>(&'a Recorded, &'a Row);
+
+impl<'a> Line<'a> {
+    fn fact<T>(&self, of: impl FnOnce(&'a Fact) -> Option<T>) -> Option<T> {
+        self.1.fact.as_ref().and_then(of)
+    }
+}
+
+/// How a column takes its values of a row.
+enum Values {
+    Text(for<'a> fn(&Line<'a>) -> Option<String>),
+    Number(fn(&Line<'_>) -> Option<f64>),
+    Whole(fn(&Line<'_>) -> Option<i64>),
+    Flag(fn(&Line<'_>) -> Option<bool>),
+    /// µs since 1970 in UTC.
+    Time(fn(&Line<'_>) -> Option<i64>),
+}
+
+use Values::{Flag, Number, Text, Time, Whole};
+
+/// The columns, in the order of the file.
+const COLUMNS: &[(&str, Values)] = &[
+    ("key", Text(|line| Some(line.0.key.to_string()))),
+    ("robot", Text(|line| Some(line.0.robot.clone()))),
+    ("serial", Text(|line| line.0.serial.clone())),
+    ("recorded_at", Time(|line| line.0.recorded_at_us)),
+    ("files", Text(|line| Some(line.0.files.clone()))),
+    ("subject", Text(|line| Some(line.1.subject.name().to_owned()))),
+    ("domain", Text(|line| line.1.domain.clone())),
+    ("verdict", Text(|line| line.1.verdict.clone())),
+    ("unit", Text(|line| line.1.unit.clone())),
+    ("samples", Whole(|line| line.1.samples)),
+    ("noise_rms", Number(|line| line.1.noise_rms)),
+    ("error_before", Number(|line| line.1.error_before)),
+    ("error_after", Number(|line| line.1.error_after)),
+    ("ambient_C", Number(|line| line.1.ambient_c)),
+    ("joint_C", Number(|line| line.1.joint_c)),
+    ("effect", Text(|line| line.fact(|fact| Some(fact.effect.clone())))),
+    ("joint", Whole(|line| line.fact(|fact| fact.joint))),
+    ("change", Text(|line| line.fact(|fact| Some(fact.change.clone())))),
+    ("claimed", Flag(|line| line.fact(|fact| Some(fact.is_claimed)))),
+    ("probability", Number(|line| line.fact(|fact| fact.probability))),
+    ("parameter", Text(|line| line.fact(|fact| fact.parameter.clone()))),
+    ("index", Whole(|line| line.fact(|fact| fact.index))),
+    ("value", Number(|line| line.fact(|fact| fact.value))),
+    ("low", Number(|line| line.fact(|fact| fact.interval.map(|[low, _]| low)))),
+    ("high", Number(|line| line.fact(|fact| fact.interval.map(|[_, high]| high)))),
+    ("size_rms", Number(|line| line.fact(|fact| fact.size_rms))),
+    ("size_max", Number(|line| line.fact(|fact| fact.size_max))),
+    ("says", Text(|line| Some(line.1.says.clone()))),
+    ("seed", Whole(|line| i64::try_from(line.0.seed).ok())),
+    ("version", Text(|line| Some(line.0.version.clone()))),
+];
+
+impl Values {
+    fn kind(&self) -> (&'static str, &'static str) {
+        match self {
+            Text(_) => ("binary", " (UTF8)"),
+            Number(_) => ("double", ""),
+            Whole(_) => ("int64", ""),
+            Flag(_) => ("boolean", ""),
+            Time(_) => ("int64", " (TIMESTAMP(MICROS,true))"),
+        }
+    }
+}
+
+/// Names of the columns, in the order of the file.
+pub fn column_names() -> impl Iterator<Item = &'static str> {
+    COLUMNS.iter().map(|(name, _)| *name)
+}
+
+/// The file of a result.
+///
+/// # Errors
+/// The library refuses, which it does for no rows of this type.
+pub fn to_parquet(recorded: &Recorded, rows: &[Row]) -> Result<Vec<u8>, ParquetError> {
+    let columns: String = COLUMNS
+        .iter()
+        .map(|(name, values)| {
+            let (kind, meaning) = values.kind();
+            format!("optional {kind} {name}{meaning};")
+        })
+        .collect();
+    let schema = Arc::new(parse_message_type(&format!("message trued {{{columns}}}"))?);
+    let said = |key: &str, value: String| KeyValue::new(key.to_owned(), value);
+    let about = vec![
+        said("schema", SCHEMA.to_owned()),
+        said("key", recorded.key.to_string()),
+        said("version", recorded.version.clone()),
+    ];
+    let how = WriterProperties::builder()
+        .set_compression(Compression::UNCOMPRESSED)
+        .set_statistics_enabled(EnabledStatistics::None)
+        .set_offset_index_disabled(true)
+        .set_dictionary_enabled(false)
+        .set_created_by("trued".to_owned())
+        .set_key_value_metadata(Some(about))
+        .build();
+    let mut writer = SerializedFileWriter::new(Vec::new(), schema, Arc::new(how))?;
+    let mut group = writer.next_row_group()?;
+    let lines: Vec<Line<'_>> = rows.iter().map(|row| Line(recorded, row)).collect();
+    for (_, values) in COLUMNS {
+        match values {
+            Text(of) => column::<ByteArrayType>(&mut group, &lines, |line| {
+                of(line).map(|text| ByteArray::from(text.into_bytes()))
+            }),
+            Number(of) => column::<DoubleType>(&mut group, &lines, of),
+            Whole(of) | Time(of) => column::<Int64Type>(&mut group, &lines, of),
+            Flag(of) => column::<BoolType>(&mut group, &lines, of),
+        }?;
+    }
+    group.close()?;
+    writer.into_inner()
+}
+
+fn column<T: DataType>(
+    group: &mut SerializedRowGroupWriter<'_, Vec<u8>>,
+    lines: &[Line<'_>],
+    of: impl Fn(&Line<'_>) -> Option<T::T>,
+) -> Result<(), ParquetError> {
+    let cells: Vec<Option<T::T>> = lines.iter().map(of).collect();
+    let levels: Vec<i16> = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
+    let values: Vec<T::T> = cells.into_iter().flatten().collect();
+    let Some(mut column) = group.next_column()? else {
+        return Err(ParquetError::EOF("more columns than the schema has".to_owned()));
+    };
+    column.typed::<T>().write_batch(&values, Some(&levels), None)?;
+    column.close()
+}
+
+/// The key that a whole result names in its footer; none where the file is missing, cut off or no result.
+#[must_use]
+pub fn key_of(path: &Path) -> Option<String> {
+    read(path, |reader| {
+        let about = reader.metadata().file_metadata().key_value_metadata()?;
+        let said = |key: &str| about.iter().find(|one| one.key == key)?.value.clone();
+        said("schema").filter(|schema| schema == SCHEMA)?;
+        said("key")
+    })
+}
+
+/// Why a whole result says nothing of its recording; none where it does.
+#[must_use]
+pub fn refusal(path: &Path) -> Option<String> {
+    read(path, |reader| {
+        let first = reader.get_row_iter(None).ok()?.next()?.ok()?;
+        let text = |wanted: &str| {
+            let field = first.get_column_iter().find(|(name, _)| *name == wanted)?.1;
+            if let Field::Str(text) = field { Some(text.clone()) } else { None }
+        };
+        text("subject").filter(|subject| subject == Subject::Refused.name())?;
+        text("says")
+    })
+}
+
+/// What is read of a Parquet file; none where that fails.
+fn read<T>(path: &Path, of: impl FnOnce(&SerializedFileReader<File>) -> Option<T>) -> Option<T> {
+    let file = File::open(path).ok()?;
+    // The library asserts here and there on bytes that no writer writes.
+    let read = catch_unwind(AssertUnwindSafe(|| of(&SerializedFileReader::new(file).ok()?)));
+    read.ok().flatten()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,180 @@
+//! `trued diagnose --batch`: each recording of a manifest for itself, one Parquet file each, for schedulers to spread over machines.
+//!
+//! Promises: options that change a result stand in the manifest, so that shards cannot differ; a recording that cannot be diagnosed stops no other.
+
+use std::path::{Path, PathBuf};
+
+use batch::{Existing, Failed, Item, Job, Row, Shard, Summary, Told};
+use clap::Args;
+use recording::files::FileError;
+use recording::manifest::Manifest;
+use serde::Serialize;
+use tracing::subscriber::{NoSubscriber, with_default};
+
+use super::drives::Drives;
+use super::forces::Forces;
+use super::told::{self, Temperatures};
+use super::{Found, Read};
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input::{Reading, count, unusable};
+use crate::output::{Console, Paint};
+use crate::progress;
+
+/// Recordings that are told by name in the text, at most; the result of each says why.
+const TOLD_MAX: usize = 10;
+
+#[derive(Debug, Args)]
+pub(super) struct Batch {
+    /// Diagnose each recording of this manifest for itself; DIR gets one Parquet file for each (docs/batch.md)
+    #[arg(long, value_name = "MANIFEST", help_heading = "Batches")]
+    #[arg(conflicts_with_all = ["recordings", "model", "mapping", "seed", "band", "apply"])]
+    pub(super) batch: Option<PathBuf>,
+    /// Only the I-th of N parts of the manifest: its recordings I, I + N, I + 2 N …
+    #[arg(long, value_name = "I/N", help_heading = "Batches")]
+    #[arg(requires = "batch", conflicts_with = "recordings")]
+    shard: Option<Shard>,
+    /// Keep results that are there and whole, and go on with the rest
+    #[arg(long, help_heading = "Batches")]
+    #[arg(requires = "batch", conflicts_with_all = ["overwrite", "recordings"])]
+    resume: bool,
+}
+
+/// What is said of a batch.
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+struct Report {
+    /// Results that this run wrote.
+    written: usize,
+    /// Results that were there.
+    kept: usize,
+    /// Recordings whose content cannot be diagnosed; their results say why.
+    refused: Vec<NotDiagnosed>,
+    /// Recordings whose files cannot be read; they have no result.
+    unread: Vec<NotDiagnosed>,
+    /// All results in the folder.
+    results: usize,
+    /// What `sha256sum *.parquet | sha256sum` gives in the folder.
+    digest_sha256: String,
+}
+
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+struct NotDiagnosed {
+    /// Files as the manifest names them, joined by `, `.
+    files: String,
+    why: String,
+}
+
+impl NotDiagnosed {
+    fn of(told: &Told) -> Self {
+        Self { files: told.files.clone(), why: told.why.clone() }
+    }
+}
+
+impl Batch {
+    pub(super) fn run(&self, file: &Path, out: &Path, console: &mut Console) -> Outcome {
+        let manifest = Manifest::read(file).map_err(unusable)?;
+        // Whole, so that no other words are taken for it where messages name a file.
+        let base = file.canonicalize().map_err(Failure::system)?;
+        let base = base.parent().unwrap_or(Path::new("/"));
+        let existing = match (self.resume, console.common().overwrite) {
+            (true, _) => Existing::Keep,
+            (false, true) => Existing::Replace,
+            (false, false) => Existing::Refuse,
+        };
+        let shard = self.shard.unwrap_or(Shard::WHOLE);
+        let job = Job { manifest: &manifest, base, shard, out, existing };
+        let bar = progress::bar(console, job.count() as u64, "diagnosing recordings");
+        let is_verbose = console.common().verbose > 0;
+        let summary = batch::run(
+            job,
+            |item| {
+                // Thousands of recordings: what is noticed of each is told on request alone.
+                let silent = || with_default(NoSubscriber::default(), || rows(&manifest, item));
+                let rows = if is_verbose { rows(&manifest, item) } else { silent() };
+                rows.map_err(|failure| failed(&failure, base))
+            },
+            || bar.inc(1),
+        );
+        bar.finish_and_clear();
+        let summary = summary.map_err(|error| match &error {
+            batch::RunError::Exists { .. } => Failure::input(error),
+            _ => Failure::system(error),
+        })?;
+        say(&summary, out, console)
+    }
+}
+
+/// What is found in a recording.
+fn rows(manifest: &Manifest, item: &Item<'_>) -> Result<Vec<Row>, Failure> {
+    let reading = Reading { model: Some(item.model.clone()), mapping: item.mapping.clone() };
+    let seed = manifest.seed;
+    match Read::of(&reading, &item.files)? {
+        Read::Forces(alone) => {
+            let (model, recording) = *alone;
+            let temperatures = Temperatures::of(std::slice::from_ref(&recording));
+            let found = Forces::of(model, &recording, seed)?;
+            Ok(told::rows(&[told::Report::of_forces(&found)], &temperatures))
+        }
+        Read::Robot(model, recordings) => {
+            let temperatures = Temperatures::of(&recordings);
+            let drives = Drives::where_recorded(&model, &recordings, manifest.band_hz, seed)?;
+            let found = Found { drives, ..Found::of(*model, recordings, seed)? };
+            Ok(told::rows(&found.reports(), &temperatures))
+        }
+    }
+}
+
+/// Why a recording is not diagnosed, with paths as the manifest names them, so that the words do not depend on where the manifest stands.
+fn failed(failure: &Failure, base: &Path) -> Failed {
+    let words = failure.to_string().replace(&format!("{}/", base.display()), "");
+    let is_io = |error: &FileError| matches!(error, FileError::Io { .. });
+    match failure {
+        Failure::Input(error) if !error.downcast_ref::<FileError>().is_some_and(is_io) => {
+            Failed::Refused(words)
+        }
+        _ => Failed::Unread(words),
+    }
+}
+
+fn say(summary: &Summary, out: &Path, console: &mut Console) -> Outcome {
+    let of = |all: &[Told]| all.iter().map(NotDiagnosed::of).collect();
+    let digest = &summary.digest;
+    let report = Report {
+        written: summary.written,
+        kept: summary.kept,
+        refused: of(&summary.refused),
+        unread: of(&summary.unread),
+        results: digest.results,
+        digest_sha256: digest.sha256.clone(),
+    };
+    console.json("trued.batch/1", &report)?;
+    let (written, kept) = (count(summary.written, "result"), summary.kept);
+    let head = console.paint(Paint::Strong, &format!("{written} written"));
+    console.say(format!("{head}, {kept} kept, {} in {}", digest.results, out.display()))?;
+    for (what, all) in [("refused", &summary.refused), ("not read", &summary.unread)] {
+        for told in all.iter().take(TOLD_MAX) {
+            let first = told.why.lines().find_map(|line| line.strip_prefix("error: "));
+            let why = first.or_else(|| told.why.lines().next()).unwrap_or_default();
+            console.say(format!("  {what}: {}: {why}", told.files))?;
+        }
+        if let Some(more) = all.len().checked_sub(TOLD_MAX).filter(|more| *more > 0) {
+            console.say(format!("  {what}: {more} more"))?;
+        }
+    }
+    console.say(format!("digest {}", digest.sha256))?;
+    if !summary.unread.is_empty() {
+        let unread = count(summary.unread.len(), "recording");
+        let why = format!(
+            "{unread} could not be read and have no result: the same command with --resume tries them again"
+        );
+        return Err(Failure::system(why));
+    }
+    Ok(if summary.refused.is_empty() { Answer::Done } else { Answer::No })
+}
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(super) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report>("batch", "trued.batch/1")
+}

@@ -1,0 +1,114 @@
+//! A diagnosis as rows of a table, for batches: one row for each domain, one for each number of a finding.
+//!
+//! Promises: the numbers of `trued.diagnosis/1`, in the same units. Never: a number that was not found.
+
+use batch::{Fact, Row, Subject};
+use recording::series::{Channel, Recording};
+
+use super::{Interval, Report, Told, Value, lead};
+
+/// Mean temperatures of recordings, °C.
+pub(in crate::commands::diagnose) struct Temperatures {
+    ambient: Option<f64>,
+    /// By joint.
+    joints: Vec<Option<f64>>,
+}
+
+impl Temperatures {
+    /// What was recorded of them.
+    pub(in crate::commands::diagnose) fn of(recordings: &[Recording]) -> Self {
+        let joints = recordings.iter().map(Recording::joint_count).max().unwrap_or(0);
+        Self {
+            ambient: mean(recordings, Channel::Ambient),
+            joints: (0..joints).map(|j| mean(recordings, Channel::JointTemperature(j))).collect(),
+        }
+    }
+
+    /// Of a joint, from 1.
+    fn of_joint(&self, joint: usize) -> Option<f64> {
+        self.joints.get(joint.checked_sub(1)?).copied().flatten()
+    }
+}
+
+/// The mean of a column over all rows in which it was taken.
+fn mean(recordings: &[Recording], channel: Channel) -> Option<f64> {
+    let columns = recordings.iter().filter_map(|recording| recording.column(channel));
+    let (sum, count) = columns
+        .flatten()
+        .filter(|value| !value.is_nan())
+        .fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+/// The rows of what each domain says.
+pub(in crate::commands::diagnose) fn rows(
+    reports: &[Report],
+    temperatures: &Temperatures,
+) -> Vec<Row> {
+    reports.iter().flat_map(|report| of_report(report, temperatures)).collect()
+}
+
+fn of_report(report: &Report, temperatures: &Temperatures) -> Vec<Row> {
+    let domain = Row {
+        subject: Subject::Recording,
+        domain: Some(report.domain.to_owned()),
+        verdict: Some(report.verdict.to_owned()),
+        unit: Some(report.unit.to_owned()),
+        samples: i64::try_from(report.samples).ok(),
+        noise_rms: Some(report.noise_rms),
+        error_before: report.heldout_rms_before,
+        error_after: report.heldout_rms_after,
+        ambient_c: temperatures.ambient,
+        joint_c: None,
+        fact: None,
+        says: lead(report),
+    };
+    let claimed = report.findings.iter().map(|told| (told, true));
+    let all = claimed.chain(report.candidates.iter().map(|told| (told, false)));
+    let findings = all.flat_map(|(told, is_claimed)| facts(told, is_claimed));
+    let finding = |(told, fact): (&Told, Fact)| Row {
+        subject: Subject::Finding,
+        error_before: told.heldout_rms_before,
+        error_after: told.heldout_rms_after,
+        joint_c: told.joint.and_then(|joint| temperatures.of_joint(joint)),
+        fact: Some(fact),
+        says: told.says.clone(),
+        ..domain.clone()
+    };
+    let findings: Vec<Row> = findings.map(finding).collect();
+    std::iter::once(domain).chain(findings).collect()
+}
+
+/// One for each number of a finding; one without a number where it has none.
+fn facts(told: &Told, is_claimed: bool) -> Vec<(&Told, Fact)> {
+    let bare = Fact {
+        effect: told.effect.to_owned(),
+        joint: told.joint.and_then(|joint| i64::try_from(joint).ok()),
+        change: told.change.to_owned(),
+        is_claimed,
+        probability: told.confidence,
+        parameter: None,
+        index: None,
+        value: None,
+        interval: None,
+        size_rms: told.size.as_ref().map(|size| size.rms),
+        size_max: told.size.as_ref().map(|size| size.max),
+    };
+    let number = |parameter: &str, index: Option<i64>, value: f64, interval: Interval| Fact {
+        parameter: Some(parameter.to_owned()),
+        index,
+        value: Some(value),
+        interval,
+        ..bare.clone()
+    };
+    let of_parameter = |(name, value): (&String, &Value)| match value {
+        Value::One { value, ci95 } => vec![number(name, None, *value, *ci95)],
+        Value::List { value, ci95 } => (1..)
+            .zip(value.iter().zip(ci95))
+            .map(|(index, (value, interval))| number(name, Some(index), *value, *interval))
+            .collect(),
+    };
+    let numbers: Vec<Fact> = told.parameters.iter().flat_map(of_parameter).collect();
+    let all = if numbers.is_empty() { vec![bare.clone()] } else { numbers };
+    all.into_iter().map(|fact| (told, fact)).collect()
+}
