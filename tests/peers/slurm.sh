@@ -13,6 +13,10 @@ done
 ground=$(mktemp -d)
 pids=()
 finish() {
+    if [ -n "${job:-}" ] && squeue --noheader --job "$job" 2>/dev/null | grep -q .; then
+        # Ended early: its tasks go before the daemons that know them.
+        scancel "$job" && sleep 4
+    fi
     for pid in "${pids[@]}"; do kill "$pid" 2>/dev/null || true; done
     wait 2>/dev/null || true
     rm -rf "$ground"
@@ -46,6 +50,7 @@ TaskPlugin=task/none
 JobAcctGatherType=jobacct_gather/none
 AccountingStorageType=accounting_storage/none
 MpiDefault=none
+KillWait=1
 SelectType=select/cons_tres
 SelectTypeParameters=CR_Core
 ReturnToService=2
@@ -62,7 +67,6 @@ slurmd -D -f "$SLURM_CONF" -N "$host" >"$ground/slurmd.out" 2>&1 &
 pids+=($!)
 told() { tail -n 3 "$ground"/*.out "$ground"/*.log 2>/dev/null; exit 77; }
 for _ in $(seq 60); do
-    # shellcheck disable=SC2009
     sinfo --noheader --format %T 2>/dev/null | grep -q idle && break
     sleep 0.5
 done
