@@ -6,7 +6,8 @@ use std::time::Duration;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use trued_client::{
-    Measured, NotSent, ProcessState, RecorderAction, RobotState, Setpoint, WrenchFrame, monotonic_ns,
+    Measured, NotSent, ProcessState, RecorderAction, RobotState, Setpoint, WrenchFrame,
+    monotonic_ns,
 };
 
 use crate::errors::{Kind, raised};
