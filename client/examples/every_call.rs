@@ -10,9 +10,9 @@ use std::path::Path;
 use std::time::Duration;
 
 use trued_client::{
-    Answer, Client, CorrectionStatus, ForceSamples, ForceSource, Mode, Monitor, ProcessState,
-    RecorderAction, RecorderState, RobotState, Samples, Setpoint, Verdict, VibrationState,
-    WrenchFrame, monotonic_ns,
+    Answer, Client, CorrectionStatus, ForceSamples, ForceSource, Instrument, Mode, Monitor,
+    ProcessState, RecorderAction, RecorderState, RobotState, Samples, Setpoint, Verdict,
+    VibrationState, WrenchFrame, monotonic_ns,
 };
 
 const JOINTS: usize = 6;
@@ -31,7 +31,8 @@ fn main() -> Done {
     correct(&mut client, targets)?;
     listen(&mut force, &mut monitor)?;
     ask(&mut client, &mut monitor)?;
-    steer(&mut client, &mut monitor)
+    steer(&mut client, &mut monitor)?;
+    measure(&cell, &mut client)
 }
 
 /// The path: numbers that every language writes with the same bits.
@@ -155,6 +156,17 @@ fn steer(client: &mut Client, monitor: &mut Monitor) -> Done {
     done &= is(client, Mode::Full, RecorderState::Recording);
     let refused = answer.answer() == Ok(Answer::Refused);
     println!("steered {}\nmark_refused {}", u32::from(done), u32::from(refused));
+    Ok(())
+}
+
+/// Sends measured points of the tool. The cell has no `[measured]`: they are taken, and nothing is trimmed.
+fn measure(cell: &str, client: &mut Client) -> Done {
+    let mut instrument = Instrument::connect(cell, LIMIT)?;
+    let sent = [None, Some(monotonic_ns())].map(|t_ns| instrument.send([1.0, 0.5, 0.25], t_ns));
+    let count = sent.iter().filter(|sent| sent.is_ok()).count();
+    let status = client.status().ok_or("no status")?;
+    println!("points_sent {count}\npoints_lost {}", instrument.lost());
+    println!("trim_state {}\ntrim_points {}", status.trim_state, status.trim_measurements);
     Ok(())
 }
 

@@ -194,6 +194,27 @@ static void steer(trued_client *client, trued_monitor *monitor) {
     printf("steered %d\nmark_refused %d\n", done && unknown == TRUED_ERROR_ARGUMENT, unrecorded == TRUED_ERROR_REFUSED);
 }
 
+/* Sends measured points of the tool. The cell has no [measured]: they are taken, and nothing is trimmed. */
+static void measure(const char *cell, trued_client *client) {
+    const double point_m[3] = {1.0, 0.5, 0.25};
+    trued_instrument *instrument;
+    must("connect", trued_instrument_connect(cell, NULL, 10 * SECOND, &instrument));
+    must("point", trued_instrument_send(instrument, point_m, 0));
+    must("point", trued_instrument_send(instrument, point_m, trued_monotonic_ns()));
+    uint64_t lost = 7;
+    must("lost", trued_instrument_lost(instrument, &lost));
+    trued_connection connection = TRUED_INIT(trued_connection);
+    must("connection", trued_instrument_connection(instrument, &connection));
+    if (trued_instrument_next_event(instrument, &connection) < 0 || !connection.is_connected) {
+        exit(1);
+    }
+    trued_status status = TRUED_INIT(trued_status);
+    must("status", trued_client_status(client, &status));
+    printf("points_sent 2\npoints_lost %llu\n", (unsigned long long)lost);
+    printf("trim_state %u\ntrim_points %llu\n", status.trim_state, (unsigned long long)status.trim_measurements);
+    must("close", trued_instrument_close(instrument));
+}
+
 /* Asks for everything that may be asked for. */
 static void ask(trued_client *client, trued_monitor *monitor) {
     trued_status before = TRUED_INIT(trued_status);
@@ -233,6 +254,7 @@ int main(int argc, char **argv) {
     listen(force, monitor);
     ask(client, monitor);
     steer(client, monitor);
+    measure(cell, client);
     must("close", trued_force_close(force));
     must("close", trued_monitor_close(monitor));
     must("close", trued_client_close(client));

@@ -172,6 +172,17 @@ static void steer(trued::client &client, trued::monitor &monitor) {
     std::printf("steered %d\nmark_refused %d\n", done, refused);
 }
 
+// Sends measured points of the tool. The cell has no [measured]: they are taken, and nothing is trimmed.
+static void measure(const char *cell, trued::client &client) {
+    trued::instrument instrument(cell, 10s);
+    const std::array<double, 3> point_m{1.0, 0.5, 0.25};
+    unsigned sent = instrument.send(point_m) == trued::code::ok;
+    sent += instrument.send(point_m, trued::monotonic_ns()) == trued::code::ok;
+    const auto status = client.status().value();
+    std::printf("points_sent %u\npoints_lost %llu\n", sent, static_cast<unsigned long long>(instrument.lost()));
+    std::printf("trim_state %u\ntrim_points %llu\n", status.trim_state, static_cast<unsigned long long>(status.trim_measurements));
+}
+
 int main(int argc, char **argv) try {
     const char *cell = argc > 1 ? argv[1] : "cell-1";
     trued::client client(cell, 10s);
@@ -181,6 +192,7 @@ int main(int argc, char **argv) try {
     listen(force, monitor);
     ask(client, monitor);
     steer(client, monitor);
+    measure(cell, client);
 } catch (const std::exception &e) {
     std::fprintf(stderr, "%s\n", e.what());
     return 1;

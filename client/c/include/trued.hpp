@@ -246,6 +246,13 @@ struct monitor_calls {
     static constexpr auto process_state = &::trued_monitor_process_state;
     static constexpr auto measured = &::trued_monitor_measured;
 };
+struct instrument_calls {
+    using raw = trued_instrument;
+    static constexpr auto connect = &::trued_instrument_connect;
+    static constexpr auto close = &::trued_instrument_close;
+    static constexpr auto connection = &::trued_instrument_connection;
+    static constexpr auto next_event = &::trued_instrument_next_event;
+};
 struct force_calls {
     using raw = trued_force;
     static constexpr auto connect = &::trued_force_connect;
@@ -428,6 +435,24 @@ public:
     std::uint64_t lost() {
         std::uint64_t count = 0;
         detail::check(::trued_force_lost(raw(), &count));
+        return count;
+    }
+};
+
+// Sends measured points of the tool: one instrument per cell.
+class instrument : public detail::linked<detail::instrument_calls> {
+public:
+    explicit instrument(const std::string &cell, nanoseconds limit, const char *runtime_dir = nullptr)
+        : linked(cell, limit, runtime_dir) {}
+
+    // A point in the instrument's own coordinates, m, measured at `t_ns` of CLOCK_MONOTONIC; 0: the daemon takes the latency that its cell states.
+    // What is not handed over is lost, counted, and told by the code.
+    code send(const std::array<double, 3> &point_m, std::uint64_t t_ns = 0) {
+        return detail::gone_on(::trued_instrument_send(raw(), point_m.data(), t_ns));
+    }
+    std::uint64_t lost() {
+        std::uint64_t count = 0;
+        detail::check(::trued_instrument_lost(raw(), &count));
         return count;
     }
 };

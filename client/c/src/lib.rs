@@ -16,6 +16,7 @@ mod client_ask;
 mod code;
 mod force;
 mod handle;
+mod instrument;
 mod lists;
 mod monitor;
 mod reply;
@@ -27,6 +28,7 @@ pub use client::*;
 pub use client_ask::*;
 pub use code::{trued_code, trued_code_name, trued_last_error};
 pub use force::*;
+pub use instrument::*;
 pub use lists::*;
 pub use monitor::*;
 pub use structs::*;
@@ -34,7 +36,7 @@ pub use structs::*;
 use core::ffi::c_char;
 
 /// The version of what is declared here: major in the upper 16 bits, minor in the lower ones.
-pub const TRUED_ABI_VERSION: u32 = 0x0001_0000;
+pub const TRUED_ABI_VERSION: u32 = 0x0001_0001;
 
 /// The version of the library that is loaded. Another major than TRUED_ABI_VERSION's does not fit; a smaller minor lacks
 /// something that this header has.

@@ -146,6 +146,48 @@ pub enum trued_recorder_state {
     Stopped = 4,
 }
 
+/// What the trim by measurements does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum trued_trim_state {
+    /// The cell has no instrument, or it is switched off.
+    Off = 0,
+    /// No measurement is believed yet, or none comes any more: nothing is trimmed.
+    Waiting = 1,
+    /// The model's error is found and told; nothing is trimmed.
+    Observing = 2,
+    /// The tool is trimmed.
+    Trimming = 3,
+    /// Measurements are missing; the trim stands.
+    Holding = 4,
+    /// The trim is on its way to zero.
+    Ramping = 5,
+}
+
+/// Why the trim is so.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum trued_trim_reason {
+    /// Nothing to say.
+    None = 0,
+    /// No measurement comes.
+    NoMeasurement = 1,
+    /// A measurement holds a number that is none, or is further away than any robot.
+    NotFinite = 2,
+    /// It is not later than its forerunner.
+    OutOfOrder = 3,
+    /// It is older than twice what the cell states.
+    Late = 4,
+    /// Its stamp lies ahead of the clock.
+    Ahead = 5,
+    /// The model does not say where the tool was then: no command, a refused one, or an effect beyond its law.
+    NotPredicted = 6,
+    /// The instrument has jumped: its registration is to be looked after.
+    Jumped = 7,
+    /// The trim is at its bound.
+    Bounded = 8,
+}
+
 /// What a recorder is asked to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]

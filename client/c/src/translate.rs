@@ -243,6 +243,12 @@ pub(crate) fn status(from: &Status) -> trued_status {
         robot_serial: words(from.robot_serial.as_str()),
         q_command: from.q_command,
         correction: from.correction,
+        trim_state: from.trim_state,
+        trim_reason: from.trim_reason,
+        trim_m: from.trim_m,
+        trim_found_m: from.trim_found_m,
+        trim_measurements: from.trim_measurements,
+        trim_refused: from.trim_refused,
     }
 }
 

@@ -161,6 +161,18 @@ def steer(client: trued.Client, monitor: trued.Monitor) -> None:
     print(f"steered {int(done)}\nmark_refused {int(refused)}")
 
 
+def measure(cell: str, client: trued.Client) -> None:
+    """Sends measured points of the tool. The cell has no [measured]: they are taken, and nothing is trimmed."""
+    with trued.Instrument(cell, timeout=10.0) as instrument:
+        instrument.send(np.array([1.0, 0.5, 0.25]))
+        instrument.send((1.0, 0.5, 0.25), trued.monotonic_ns())
+        assert instrument.connection().is_connected
+        status = client.status()
+        assert status is not None, "connected with a status"
+        print(f"points_sent 2\npoints_lost {instrument.lost()}")
+        print(f"trim_state {int(status.trim_state != 'off')}\ntrim_points {status.trim_measurements}")
+
+
 def main(cell: str = "cell-1", targets: str = "10000") -> None:
     with (
         trued.Client(cell, timeout=10.0) as client,
@@ -171,6 +183,7 @@ def main(cell: str = "cell-1", targets: str = "10000") -> None:
         listen(force, monitor)
         ask(client, monitor)
         steer(client, monitor)
+        measure(cell, client)
 
 
 if __name__ == "__main__":

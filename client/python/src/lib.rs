@@ -7,6 +7,7 @@ mod client;
 mod errors;
 mod force;
 mod held;
+mod instrument;
 mod monitor;
 mod told;
 
@@ -30,6 +31,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<client::Client>()?;
     module.add_class::<monitor::Monitor>()?;
     module.add_class::<force::ForceSource>()?;
+    module.add_class::<instrument::Instrument>()?;
     module.add_class::<told::Target>()?;
     module.add_class::<told::Corrected>()?;
     module.add_class::<told::Status>()?;

@@ -148,6 +148,12 @@ pub(crate) struct Status {
     robot_serial: String,
     q_command: Array,
     correction: Array,
+    trim_state: String,
+    trim_reason: String,
+    trim_m: (f64, f64, f64),
+    trim_found_m: (f64, f64, f64),
+    trim_measurements: u64,
+    trim_refused: u64,
 }
 
 impl Status {
@@ -207,6 +213,12 @@ impl Status {
             robot_serial: from.robot_serial.to_string(),
             q_command: all(&from.q_command),
             correction: all(&from.correction),
+            trim_state: word::<trued_client::TrimState>(from.trim_state),
+            trim_reason: word::<trued_client::TrimReason>(from.trim_reason),
+            trim_m: from.trim_m.into(),
+            trim_found_m: from.trim_found_m.into(),
+            trim_measurements: from.trim_measurements,
+            trim_refused: from.trim_refused,
         }
     }
 }

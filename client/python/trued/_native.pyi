@@ -14,6 +14,7 @@ __all__ = [
     "Connection",
     "Corrected",
     "ForceSource",
+    "Instrument",
     "Monitor",
     "Status",
     "Target",
@@ -115,6 +116,12 @@ class Status:
     robot_serial: Final[str]
     q_command: Final[NDArray[np.float64]]
     correction: Final[NDArray[np.float64]]
+    trim_state: Final[str]
+    trim_reason: Final[str]
+    trim_m: Final[tuple[float, float, float]]
+    trim_found_m: Final[tuple[float, float, float]]
+    trim_measurements: Final[int]
+    trim_refused: Final[int]
 
 @final
 class Vibration:
@@ -382,6 +389,38 @@ class ForceSource:
 
     def lost(self) -> int:
         """Blocks lost so far."""
+
+    def connection(self) -> Connection:
+        """How the connection is."""
+
+    def next_event(self) -> Connection | None:
+        """What happened to the connection, oldest first."""
+
+    def close(self) -> None:
+        """Leaves the daemon, within about a second; once more is no error."""
+
+    def __enter__(self) -> Self: ...
+    def __exit__(
+        self,
+        kind: type[BaseException] | None = ...,
+        error: BaseException | None = ...,
+        traceback: TracebackType | None = ...,
+    ) -> None: ...
+
+@final
+class Instrument:
+    """Sends measured points of the tool: one instrument per cell."""
+
+    def __new__(cls, cell: str, timeout: float = 2.0, *, runtime_dir: str | None = None) -> Self: ...
+    def send(
+        self,
+        point_m: tuple[float, float, float] | list[float] | NDArray[np.float64],
+        t_ns: int | None = None,
+    ) -> None:
+        """Sends a point in the instrument's own coordinates, three numbers, m; without a time the daemon takes the latency that its cell states."""
+
+    def lost(self) -> int:
+        """Points lost so far."""
 
     def connection(self) -> Connection:
         """How the connection is."""

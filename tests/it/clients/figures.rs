@@ -36,6 +36,10 @@ fn rust(targets: &str) -> BTreeMap<String, String> {
         ("reload_refused", "1"),
         ("steered", "1"),
         ("mark_refused", "1"),
+        ("points_sent", "2"),
+        ("points_lost", "0"),
+        ("trim_state", "0"),
+        ("trim_points", "0"),
     ] {
         assert_eq!(said.get(name).map(String::as_str), Some(value), "{name}");
     }

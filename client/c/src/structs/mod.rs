@@ -47,3 +47,8 @@ pub struct trued_monitor {
 pub struct trued_force {
     _opaque: (),
 }
+
+/// Sends measured points of the tool: one instrument per cell.
+pub struct trued_instrument {
+    _opaque: (),
+}

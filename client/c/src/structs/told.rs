@@ -178,6 +178,18 @@ pub struct trued_status {
     pub q_command: [f64; TRUED_JOINTS_MAX],
     /// The correction that the daemon allowed for it, rad or m.
     pub correction: [f64; TRUED_JOINTS_MAX],
+    /// A trued_trim_state.
+    pub trim_state: u32,
+    /// A trued_trim_reason.
+    pub trim_reason: u32,
+    /// What the tool's target is displaced by, base frame, m.
+    pub trim_m: [f64; 3],
+    /// What the instrument finds of the model's error, base frame, m: real minus predicted.
+    pub trim_found_m: [f64; 3],
+    /// Measured points that came.
+    pub trim_measurements: u64,
+    /// Those of them that were refused.
+    pub trim_refused: u64,
 }
 
 /// One verdict on one line of the force spectrum. Numbers that are not known are NaN.
@@ -279,7 +291,7 @@ type Name = [c_char; TRUED_NAME_MAX];
 grows! {
     trued_target 144 = [u32; 4], Joints;
     trued_corrected 600 = [u32; 6], [u64; 6], [Joints; 4], [f64; 2];
-    trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words, u64, [u32; 2], [Name; 3], [Joints; 2];
+    trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words, u64, [u32; 2], [Name; 3], [Joints; 2], [u32; 2], [[f64; 3]; 2], [u64; 2];
     trued_vibration 680 = [u32; 12], [u64; 4], [f64; 10], Words;
     trued_connection 544 = [u32; 4], u64, Words;
     trued_answer 536 = [u32; 2], u64, Words;
