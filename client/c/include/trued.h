@@ -29,7 +29,7 @@
 
 
 // The version of what is declared here: major in the upper 16 bits, minor in the lower ones.
-#define TRUED_ABI_VERSION 65536
+#define TRUED_ABI_VERSION 65537
 
 // Longest wait that may be asked for, ns: an hour.
 #define TRUED_LIMIT_NS_MAX 3600000000000
@@ -358,6 +358,66 @@ typedef uint32_t trued_recorder_action;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
+// What the trim by measurements does.
+enum trued_trim_state
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // The cell has no instrument, or it is switched off.
+  TRUED_TRIM_STATE_OFF = 0,
+  // No measurement is believed yet, or none comes any more: nothing is trimmed.
+  TRUED_TRIM_STATE_WAITING = 1,
+  // The model's error is found and told; nothing is trimmed.
+  TRUED_TRIM_STATE_OBSERVING = 2,
+  // The tool is trimmed.
+  TRUED_TRIM_STATE_TRIMMING = 3,
+  // Measurements are missing; the trim stands.
+  TRUED_TRIM_STATE_HOLDING = 4,
+  // The trim is on its way to zero.
+  TRUED_TRIM_STATE_RAMPING = 5,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum trued_trim_state trued_trim_state;
+#else
+typedef uint32_t trued_trim_state;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// Why the trim is so.
+enum trued_trim_reason
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // Nothing to say.
+  TRUED_TRIM_REASON_NONE = 0,
+  // No measurement comes.
+  TRUED_TRIM_REASON_NO_MEASUREMENT = 1,
+  // A measurement holds a number that is none, or is further away than any robot.
+  TRUED_TRIM_REASON_NOT_FINITE = 2,
+  // It is not later than its forerunner.
+  TRUED_TRIM_REASON_OUT_OF_ORDER = 3,
+  // It is older than twice what the cell states.
+  TRUED_TRIM_REASON_LATE = 4,
+  // Its stamp lies ahead of the clock.
+  TRUED_TRIM_REASON_AHEAD = 5,
+  // The model does not say where the tool was then: no command, a refused one, or an effect beyond its law.
+  TRUED_TRIM_REASON_NOT_PREDICTED = 6,
+  // The instrument has jumped: its registration is to be looked after.
+  TRUED_TRIM_REASON_JUMPED = 7,
+  // The trim is at its bound.
+  TRUED_TRIM_REASON_BOUNDED = 8,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum trued_trim_reason trued_trim_reason;
+#else
+typedef uint32_t trued_trim_reason;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
 // How far a ringing has come.
 enum trued_vibration_state
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -552,6 +612,9 @@ typedef struct trued_client trued_client;
 
 // Sends force blocks: one source per cell.
 typedef struct trued_force trued_force;
+
+// Sends measured points of the tool: one instrument per cell.
+typedef struct trued_instrument trued_instrument;
 
 // Looks at a cell, and asks its daemon: any number of processes may.
 typedef struct trued_monitor trued_monitor;
@@ -764,6 +827,18 @@ typedef struct trued_status {
   double q_command[TRUED_JOINTS_MAX];
   // The correction that the daemon allowed for it, rad or m.
   double correction[TRUED_JOINTS_MAX];
+  // A trued_trim_state.
+  uint32_t trim_state;
+  // A trued_trim_reason.
+  uint32_t trim_reason;
+  // What the tool's target is displaced by, base frame, m.
+  double trim_m[3];
+  // What the instrument finds of the model's error, base frame, m: real minus predicted.
+  double trim_found_m[3];
+  // Measured points that came.
+  uint64_t trim_measurements;
+  // Those of them that were refused.
+  uint64_t trim_refused;
 } trued_status;
 
 // One verdict on one line of the force spectrum. Numbers that are not known are NaN.
@@ -1070,6 +1145,30 @@ trued_code trued_force_connection(struct trued_force *force, struct trued_connec
 
 // The next event of the connection not yet taken, oldest first; TRUED_NOTHING where there is none.
 trued_code trued_force_next_event(struct trued_force *force, struct trued_connection *event);
+
+// Joins the daemon of `cell`, as trued_client_connect() does.
+trued_code trued_instrument_connect(const char *cell,
+                                    const char *runtime_dir,
+                                    uint64_t limit_ns,
+                                    struct trued_instrument **instrument);
+
+// Leaves the daemon and frees the handle, within about a second. NULL is no error.
+trued_code trued_instrument_close(struct trued_instrument *instrument);
+
+// Sends a point in the instrument's own coordinates, three numbers, m, that was measured at `t_ns` of CLOCK_MONOTONIC; 0: the daemon takes the latency
+// that its cell states. What is not measured (the beam is broken) is not sent. What cannot be handed over is lost and counted; nothing is waited for.
+trued_code trued_instrument_send(struct trued_instrument *instrument,
+                                 const double *point_m,
+                                 uint64_t t_ns);
+
+// Points lost so far.
+trued_code trued_instrument_lost(struct trued_instrument *instrument, uint64_t *lost);
+
+// How the connection is.
+trued_code trued_instrument_connection(struct trued_instrument *instrument, struct trued_connection *connection);
+
+// The next event of the connection not yet taken, oldest first; TRUED_NOTHING where there is none.
+trued_code trued_instrument_next_event(struct trued_instrument *instrument, struct trued_connection *event);
 
 // Joins the daemon of `cell`, as trued_client_connect() does.
 trued_code trued_monitor_connect(const char *cell,
