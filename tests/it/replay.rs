@@ -97,6 +97,23 @@ fn what_was_corrected_can_be_corrected_again() {
     assert_eq!(place.read("one.csv"), place.read("two.csv"));
 }
 
+/// Of the poses that stand there already: what their rows leave decides, whatever limited them.
+fn what_is_left_is_held_against_a_tolerance(place: &Place) {
+    let asked = ["correct", "--model", THESIS, "--overwrite", "--out", "t.csv", "--json", "t.json"];
+    let within = |mm: &str| {
+        let done = place.run(&[&asked[..], &["--tolerance-mm", mm, "poses.csv"]].concat());
+        let said = place.json("t.json")["tolerance"].clone();
+        assert_eq!(said["met"], done.code == Some(0), "{done:#?}");
+        assert!(done.out.contains("tolerance"), "{}", done.out);
+        (done.code, said["largest_mm"].as_f64().expect("known"), said["rows_beyond"].as_u64())
+    };
+    let (code, largest_mm, beyond) = within("1000");
+    assert_eq!((code, beyond), (Some(0), Some(0)));
+    assert!(largest_mm > 1e-6, "some pose is limited: {largest_mm}");
+    let (code, _, beyond) = within(&(0.5 * largest_mm).to_string());
+    assert!(code == Some(1) && beyond.is_some_and(|rows| rows > 0), "{code:?} {beyond:?}");
+}
+
 #[test]
 fn poses_are_settled_solutions_with_their_whole_wrench_and_direction() {
     let place = Place::new();
@@ -120,6 +137,7 @@ fn poses_are_settled_solutions_with_their_whole_wrench_and_direction() {
     let accept = "--accept-limited";
     place.succeed(&["correct", "--model", THESIS, "--out", "alone.csv", accept, "poses.csv"]);
     assert_eq!(place.read("out.csv"), place.read("alone.csv"));
+    what_is_left_is_held_against_a_tolerance(&place);
     let model = presets::preset(THESIS).unwrap().model().unwrap().physics;
     let out = place.read("out.csv");
     let mut solved = 0;

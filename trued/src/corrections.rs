@@ -96,6 +96,20 @@ struct Left {
     mrad_row: usize,
 }
 
+/// The tool errors that are left against the error that is allowed.
+#[derive(Debug, Clone, Copy, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub(crate) struct Tolerance {
+    /// What is allowed of the tool's position.
+    pub(crate) tolerance_mm: f64,
+    /// The largest that is left, where it is known of any row.
+    pub(crate) largest_mm: Option<f64>,
+    /// Rows that leave more, or of which it is not known.
+    pub(crate) rows_beyond: usize,
+    /// Whether there is no such row.
+    pub(crate) met: bool,
+}
+
 impl Corrections {
     /// No answers yet.
     pub(crate) fn of(model: &RobotModel) -> Self {
@@ -178,6 +192,14 @@ impl Corrections {
     /// Rows whose tool error is not corrected in full.
     pub(crate) fn not_exact_rows(&self) -> usize {
         self.figures.not_exact_rows
+    }
+
+    /// What is left against what is allowed, mm.
+    pub(crate) fn within(&self, tolerance_mm: f64) -> Tolerance {
+        let beyond = |left_m: &&f64| left_m.is_nan() || **left_m * 1e3 > tolerance_mm;
+        let rows_beyond = self.left_m.iter().filter(beyond).count();
+        let largest_mm = self.figures.largest_left.map(|left| left.mm);
+        Tolerance { tolerance_mm, largest_mm, rows_beyond, met: rows_beyond == 0 }
     }
 
     /// The figures, with the hash of the table.
@@ -266,6 +288,20 @@ impl Figures {
             text += &format!(", not known for {}", count(self.unknown_rows, "row"));
         }
         text
+    }
+}
+
+impl Tolerance {
+    /// The verdict.
+    pub(crate) fn told(&self) -> String {
+        let Self { tolerance_mm, rows_beyond, met, .. } = self;
+        if *met {
+            return format!("tolerance           {tolerance_mm} mm met by every row");
+        }
+        let rows = count(*rows_beyond, "row");
+        format!(
+            "tolerance           {tolerance_mm} mm not met: {rows} leave more, or what they leave is not known; column `left_mm`"
+        )
     }
 }
 

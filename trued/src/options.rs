@@ -84,6 +84,19 @@ impl Threads {
     }
 }
 
+/// Reads `--tolerance-mm`, mm: above 0.
+///
+/// # Errors
+/// What is wrong with it, in words.
+pub(crate) fn tolerance_mm(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(format!("{text} is out of range, expected a length above 0 mm"))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -29,7 +29,7 @@ use self::alone::Alone;
 use self::found::Found;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Reading, count};
-use crate::options::Seed;
+use crate::options::{Seed, tolerance_mm};
 use crate::output::{Console, Paint};
 use crate::progress;
 
@@ -70,7 +70,7 @@ pub(crate) struct Calibrate {
     #[arg(long)]
     accept_worse: bool,
     /// The tool error that is allowed, mm: exit 1 where 5 of 100 held-out errors or more exceed it; the model is written all the same
-    #[arg(long, value_name = "MM", value_parser = tolerance, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MM", value_parser = tolerance_mm, allow_negative_numbers = true)]
     tolerance_mm: Option<f64>,
     #[command(flatten)]
     seed: Seed,
@@ -103,15 +103,6 @@ struct Tolerance {
     p95_mm: f64,
     /// Whether that is no more.
     met: bool,
-}
-
-fn tolerance(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
-    if value.is_finite() && value > 0.0 {
-        Ok(value)
-    } else {
-        Err(format!("{text} is out of range, expected a length above 0 mm"))
-    }
 }
 
 #[derive(Serialize)]

@@ -15,11 +15,12 @@ use recording::files::FileError;
 use serde::Serialize;
 use shm_schema::UnknownCode;
 
-use crate::corrections::{Corrections, Figures};
+use crate::corrections::{Corrections, Figures, Tolerance};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::in_time::InTime;
 use crate::input::{Input, Reading, unusable};
 use crate::lockstep::{self, Cycle};
+use crate::options::tolerance_mm;
 use crate::output::Console;
 use crate::setpoints::{Setpoints, has_wrench};
 use dynamic::Dynamic;
@@ -29,7 +30,7 @@ use dynamic::Dynamic;
 /// Takes the commanded joints (temperatures, wrench, directions) of a recording row by row through the same corrector as
 /// the daemon's. With kind = "poses" in the TOML beside it each row is the settled solution; a path keeps the envelope's
 /// rate and jerk. The table has the recording's columns, the corrected joints `c1_deg` … (`c1_mm`), the status, what is left (`left_mm`, `left_mrad`) and what
-/// limited it. Exit 1 where something is left, unless --accept-limited.
+/// limited it. Exit 1 where something is left, unless --accept-limited; with --tolerance-mm where more than that is left.
 ///
 /// With --dynamic delay, lags and flexible modes of the joints are compensated too: commands come earlier and do not excite the modes. The path gets rows at both ends
 /// in which the arm stands still, and even time stamps.
@@ -46,6 +47,9 @@ pub(crate) struct Correct {
     /// Exit 0 also where rows are limited, held or rejected, so that something is left of their tool error
     #[arg(long)]
     accept_limited: bool,
+    /// The tool error that may be left, mm: exit 1 where a row leaves more, or where that is not known, whatever limited the others
+    #[arg(long, value_name = "MM", value_parser = tolerance_mm, allow_negative_numbers = true, conflicts_with = "accept_limited")]
+    tolerance_mm: Option<f64>,
     /// Compensate delay, lag and flexible modes of the model too; the path is known ahead, so that commands come in time
     #[arg(long)]
     dynamic: bool,
@@ -66,6 +70,8 @@ struct Report<'a> {
     #[serde(flatten)]
     figures: &'a Figures,
     corrections: String,
+    /// What is left against what is allowed; none without --tolerance-mm.
+    tolerance: Option<Tolerance>,
     /// What was compensated in time; none without --dynamic.
     dynamic: Option<dynamic::Report>,
 }
@@ -93,27 +99,33 @@ impl Correct {
         let figures = corrections.figures(&csv);
         let corrections_file = out.display().to_string();
         outputs.put(&out, csv.as_slice());
-        let report = Report { figures: &figures, corrections: corrections_file, dynamic };
+        let tolerance = self.tolerance_mm.map(|allowed_mm| corrections.within(allowed_mm));
+        let report =
+            Report { figures: &figures, corrections: corrections_file, tolerance, dynamic };
         console.write(outputs, "trued.correct/1", &report)?;
         console.say(figures.told())?;
         if let Some(dynamic) = &report.dynamic {
             console.say(dynamic.told())?;
         }
         console.say(format!("corrected path      {}", out.display()))?;
-        let left = corrections.not_exact_rows();
-        let limited = report.dynamic.as_ref().map_or(0, dynamic::Report::limited_rows);
-        if left == 0 && limited == 0 {
-            return Ok(Answer::Done);
+        if let Some(tolerance) = &report.tolerance {
+            console.say(tolerance.told())?;
         }
+        let left = corrections.not_exact_rows();
         if left > 0 {
             console.say(format!(
                 "not corrected in full: {left} rows; columns `left_mm`, `left_mrad`, `limited_by`"
             ))?;
         }
-        if few_joints {
+        let limited = report.dynamic.as_ref().map_or(0, dynamic::Report::limited_rows);
+        if few_joints && left + limited > 0 {
             console.say(FEWER_JOINTS)?;
         }
-        Ok(if self.accept_limited { Answer::Done } else { Answer::No })
+        let is_done = match &report.tolerance {
+            Some(tolerance) => tolerance.met && limited == 0,
+            None => left + limited == 0 || self.accept_limited,
+        };
+        Ok(if is_done { Answer::Done } else { Answer::No })
     }
 }
 
