@@ -215,6 +215,19 @@ impl<'a> Item<'a> {
         self.entry.files.join(", ")
     }
 
+    /// Words in which each path stands as the manifest names it.
+    #[must_use]
+    pub fn as_named(&self, words: &str) -> String {
+        let files = self.files.iter().zip(self.entry.files.iter().map(String::as_str));
+        let model = self.robot.model.to_str().map(|name| (&self.model, name));
+        let mapping = self.mapping.as_ref().zip(self.robot.mapping.as_ref());
+        let mapping = mapping.and_then(|(path, name)| Some((path, name.to_str()?)));
+        let named = files.chain(model).chain(mapping);
+        named.fold(words.to_owned(), |words, (path, name)| {
+            words.replace(&path.display().to_string(), name)
+        })
+    }
+
     fn told(&self, why: String) -> Told {
         Told { files: self.names(), why }
     }
@@ -235,6 +248,7 @@ impl<'a> Item<'a> {
             .part("seed", &manifest.seed.to_le_bytes())
             .maybe("band", band.as_ref().map(|bytes| &bytes[..]))
             .part("robot", self.robot.name.as_bytes())
+            .part("model's name", self.robot.model.as_os_str().as_encoded_bytes())
             .maybe("serial", self.robot.serial.as_ref().map(String::as_bytes))
             .maybe("recorded at", time.as_ref().map(|bytes| &bytes[..]));
         key = if presets::at(&self.model).is_some() && !self.model.is_file() {
@@ -242,7 +256,8 @@ impl<'a> Item<'a> {
         } else {
             key.file("model", &self.model).map_err(unread(&self.model))?
         };
-        if let Some(mapping) = &self.mapping {
+        if let (Some(mapping), Some(name)) = (&self.mapping, &self.robot.mapping) {
+            key = key.part("mapping's name", name.as_os_str().as_encoded_bytes());
             key = key.file("mapping", mapping).map_err(unread(mapping))?;
         }
         for (name, path) in self.entry.files.iter().zip(&self.files) {

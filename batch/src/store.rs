@@ -35,7 +35,7 @@ pub struct Store {
     leftovers: BTreeMap<String, Vec<PathBuf>>,
 }
 
-/// The digest of a folder: `sha256sum *.parquet | sha256sum` in it gives the same.
+/// The digest of a folder: `sha256sum *.parquet | sha256sum` in it gives the same, where nothing but results stands in it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Digest {
     /// Number of results.
@@ -97,7 +97,7 @@ impl Store {
     /// A file cannot be read.
     pub fn digest(&self) -> io::Result<Digest> {
         let mut results: Vec<String> = names(&self.folder)?;
-        results.retain(|name| name.ends_with(ENDING) && !name.starts_with('.'));
+        results.retain(|name| is_result(name));
         results.sort();
         let mut lines = String::new();
         for name in &results {
@@ -107,6 +107,12 @@ impl Store {
         let sha256 = Key::of_bytes(lines.as_bytes()).to_string();
         Ok(Digest { results: results.len(), sha256 })
     }
+}
+
+/// Whether that is the name of a result: a key, and the ending.
+fn is_result(name: &str) -> bool {
+    let is_digit = |c: char| c.is_ascii_digit() || ('a'..='f').contains(&c);
+    name.strip_suffix(ENDING).is_some_and(|key| key.len() == 64 && key.chars().all(is_digit))
 }
 
 /// Names of what stands in a folder, as far as they are text.

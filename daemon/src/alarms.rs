@@ -1,15 +1,14 @@
-//! Which moments keep the recording: an event of the vibration watch that becomes an alarm, and a fault of the daemon.
+//! Which moments keep the recording: events of the vibration watch that become an alarm.
 //!
-//! Each is told once, when it begins. Called by the recorder for all that it takes from its rings, whether it writes it or not.
+//! Each is told once, when it begins. Called by the recorder for all verdicts that it takes from its ring, whether it writes them or not.
 
-use shm_schema::{Health, Verdict, VibrationState};
+use shm_schema::{Verdict, VibrationState};
 
 /// What has been told already.
 #[derive(Debug, Default)]
 pub struct Alarms {
     /// Events of the vibration watch that alarm now.
     events: Vec<u64>,
-    is_in_fault: bool,
 }
 
 impl Alarms {
@@ -25,14 +24,6 @@ impl Alarms {
         }
         self.events.push(verdict.event);
         Some(format!("vibration at {:.1} Hz", verdict.frequency_hz))
-    }
-
-    /// Whether a fault begins with this state of the daemon; `says` are its words.
-    pub fn health(&mut self, health: &str, says: &str) -> Option<String> {
-        let is_in_fault = health == Health::Fault.name();
-        let begins = is_in_fault && !self.is_in_fault;
-        self.is_in_fault = is_in_fault;
-        begins.then(|| format!("fault: {says}"))
     }
 }
 
@@ -54,15 +45,5 @@ mod tests {
         assert!(alarms.vibration(&verdict(2, VibrationState::Confirmed)).is_some(), "another");
         assert_eq!(alarms.vibration(&verdict(1, VibrationState::Over)), None);
         assert!(alarms.vibration(&verdict(1, VibrationState::Alarm)).is_some(), "again");
-    }
-
-    #[test]
-    fn a_fault_is_told_when_it_begins() {
-        let mut alarms = Alarms::default();
-        assert_eq!(alarms.health("running", ""), None);
-        assert!(alarms.health("fault", "no model").is_some());
-        assert_eq!(alarms.health("fault", "no model"), None);
-        assert_eq!(alarms.health("running", ""), None);
-        assert!(alarms.health("fault", "no model").is_some(), "again");
     }
 }

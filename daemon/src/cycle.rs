@@ -40,6 +40,9 @@ pub struct Cycle<L = Ports> {
 impl<L: Link> Cycle<L> {
     /// Runs until the exchange says stop.
     pub fn run(&mut self, exchange: &Exchange) {
+        if let Some(instrument) = &self.senses.instrument {
+            instrument.show(&exchange.counters.trim);
+        }
         // Silence is counted once, when it begins.
         let mut stale_from_ns = None;
         while exchange.runs() {
@@ -167,9 +170,11 @@ impl<L: Link> Cycle<L> {
         self.corrector.set_mode(exchange.mode());
         if exchange.rearm.swap(false, Relaxed) {
             self.corrector.rearm_wrench();
-            if let Some(instrument) = &mut self.senses.instrument {
-                instrument.rearm();
-            }
+        }
+        if exchange.believe_instrument.swap(false, Relaxed)
+            && let Some(instrument) = &mut self.senses.instrument
+        {
+            instrument.rearm();
         }
         if let Some(ports) = exchange.new_ports[0].pop() {
             // Refused ports leave the old ones in use: the client then knocks again.

@@ -143,6 +143,8 @@ pub struct Exchange {
     pub bypassed: AtomicBool,
     /// Supervisor to cycle: a wrench gate that closed for its loop gain may try again.
     pub rearm: AtomicBool,
+    /// Supervisor to cycle: an instrument that jumped is to be believed again.
+    pub believe_instrument: AtomicBool,
     mode: AtomicU32,
     recorder: AtomicU32,
     records: bool,
@@ -295,6 +297,7 @@ impl Exchange {
             positions: Positions::default(),
             bypassed: AtomicBool::new(false),
             rearm: AtomicBool::new(false),
+            believe_instrument: AtomicBool::new(false),
             mode: AtomicU32::new(mode_code(mode)),
             recorder: AtomicU32::new(RecorderState::Off.code()),
             records,

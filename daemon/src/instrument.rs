@@ -47,6 +47,11 @@ impl Instrument {
     /// Says where the model puts the tool with what was sent at `now_ns`.
     pub fn expect(&mut self, now_ns: u64, base_from_tool: Option<&Frame>, counters: &TrimCounters) {
         self.trim.expect(now_ns, base_from_tool);
+        self.show(counters);
+    }
+
+    /// Shows how the trim is.
+    pub fn show(&self, counters: &TrimCounters) {
         counters.show(self.trim.report());
     }
 

@@ -7,6 +7,7 @@ use crate::{notebook, shelf};
 use recording::blackbox::{Repair, is_closed, repair};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
 use tracing::{info, warn};
 
 /// Repairs this cell's recordings in that folder, but for the `current` one.
@@ -32,16 +33,21 @@ pub fn unclosed(dir: &Path, cell: &str, current: &Path) {
     }
 }
 
-/// The same in a thread of its own.
-pub fn start(dir: PathBuf, cell: String, current: PathBuf) {
+/// The same in a thread of its own; none where the system refuses one.
+#[must_use]
+pub fn start(dir: PathBuf, cell: String, current: PathBuf) -> Option<JoinHandle<()>> {
     let book = notebook::of_this_thread();
     let body = move || {
         book.iter().for_each(notebook::open);
         unclosed(&dir, &cell, &current);
     };
-    if let Err(why) = std::thread::Builder::new().name("repair".to_owned()).spawn(body) {
-        warn!(%why, "no thread to repair recordings; `trued info FILE --repair` does it");
-    }
+    std::thread::Builder::new()
+        .name("repair".to_owned())
+        .spawn(body)
+        .inspect_err(|why| {
+            warn!(%why, "no thread to repair recordings; `trued info FILE --repair` does it");
+        })
+        .ok()
 }
 
 #[cfg(test)]

@@ -18,8 +18,9 @@ use shm_schema::{
     monotonic_ns,
 };
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering::Relaxed;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tracing::{info, warn};
 
@@ -40,8 +41,10 @@ pub struct Recorder {
     header: Header,
     joints: usize,
     file: Option<BlackBox>,
-    /// When the present file was begun.
-    begun: Instant,
+    /// A recording that is to be kept once it is not being repaired any more.
+    keep_earlier: Option<PathBuf>,
+    /// The repair of recordings that were not closed.
+    mending: Option<JoinHandle<()>>,
     /// Whether there is to be a file: somebody may have asked to stop.
     is_on: bool,
     alarms: Alarms,
@@ -61,7 +64,8 @@ impl Recorder {
         Self {
             joints,
             file: None,
-            begun: now,
+            keep_earlier: None,
+            mending: None,
             is_on: settings.starts_recording,
             alarms: Alarms::default(),
             keep_until: None,
@@ -77,6 +81,10 @@ impl Recorder {
     pub fn run(&mut self, exchange: &Exchange) {
         if !self.is_on {
             exchange.set_recorder(RecorderState::Stopped);
+            let (dir, cell) = (self.settings.dir.clone(), self.header.cell.clone());
+            // Nothing is written now: there is no present file.
+            self.mending = mend::start(dir, cell, PathBuf::new());
+            self.may_mend = false;
         }
         while exchange.runs() {
             self.turn(exchange);
@@ -108,6 +116,7 @@ impl Recorder {
         if let Some(action) = exchange.recorder_asked.pop() {
             self.answer(exchange, action);
         }
+        self.keep_what_came_before();
     }
 
     /// Does what somebody asks for.
@@ -125,18 +134,17 @@ impl Recorder {
             }
             RecorderAction::Stop => {
                 self.is_on = false;
-                match &self.file {
-                    Some(file) => done(format!("stopped; {} is closed", file.path().display())),
-                    None => done("nothing is recorded".to_owned()),
-                }
+                let path = self.file.as_ref().map(|file| file.path().display().to_string());
+                self.finish();
+                exchange.set_recorder(RecorderState::Stopped);
+                done(path.map_or_else(
+                    || "nothing is recorded".to_owned(),
+                    |path| format!("stopped; {path} is closed"),
+                ))
             }
             RecorderAction::Keep => self.keep("asked for"),
         };
         exchange.recorder_answered.force_push(answer);
-        if !self.is_on {
-            self.finish();
-            exchange.set_recorder(RecorderState::Stopped);
-        }
     }
 
     /// Keeps the present recording, what came just before it, and what will follow.
@@ -144,10 +152,9 @@ impl Recorder {
         let Settings { dir, kept_files_max, .. } = &self.settings;
         let Some(file) = &mut self.file else { return refused("nothing is recorded now") };
         let all = shelf::recordings(dir, &self.header.cell);
-        let is_recent = self.begun.elapsed() < BEFORE_ALARM;
+        let mut count = all.iter().filter(|path| shelf::is_kept(path)).count();
         let earlier = shelf::before(dir, &self.header.cell, file.path());
         if !shelf::is_kept(file.path()) {
-            let count = all.iter().filter(|path| shelf::is_kept(path)).count();
             if count >= *kept_files_max {
                 return refused(&format!(
                     "{count} recordings are kept already (recorder.kept_files_max); move some of {} elsewhere",
@@ -159,13 +166,35 @@ impl Recorder {
                 return refused(&fault.to_string());
             }
             info!(file = %kept.display(), why, "this recording is kept");
+            count += 1;
         }
         self.keep_until = Some(Instant::now() + AFTER_ALARM);
         let says = format!("{} is kept", file.path().display());
-        if let Some(earlier) = earlier.filter(|path| is_recent && !shelf::is_kept(path)) {
-            keep_closed(&earlier);
+        let is_wanted = |path: &PathBuf| !shelf::is_kept(path) && ended_lately(path);
+        if count < *kept_files_max {
+            self.keep_earlier = earlier.filter(is_wanted);
+            self.keep_what_came_before();
         }
         RecorderAnswer { answer: Answer::Done, says }
+    }
+
+    /// Keeps the recording before the present one, once it is not being repaired any more.
+    fn keep_what_came_before(&mut self) {
+        if self.mending.as_ref().is_some_and(|mending| !mending.is_finished()) {
+            return;
+        }
+        if let Some(path) = self.keep_earlier.take() {
+            keep_closed(&path);
+        }
+    }
+
+    /// Keeps the recording that begins just after one that is kept. One alone: short files would use up the number that is allowed.
+    fn keep_what_follows(&mut self) {
+        let RecorderAnswer { answer, says } = self.keep("it follows one that is kept");
+        self.keep_until = None;
+        if answer != Answer::Done {
+            warn!(says, "what follows a kept recording is not kept");
+        }
     }
 
     /// Keeps the recording in which an alarm began.
@@ -197,13 +226,11 @@ impl Recorder {
                 let cell = &self.header.cell;
                 shelf::remove_oldest(dir, cell, *keep_files, file.path());
                 if std::mem::take(&mut self.may_mend) {
-                    mend::start(dir.clone(), cell.clone(), file.path().to_owned());
+                    self.mending = mend::start(dir.clone(), cell.clone(), file.path().to_owned());
                 }
-                (self.file, self.begun, self.retry_at) = (Some(file), Instant::now(), None);
-                if let Some(until) = self.keep_until.filter(|until| Instant::now() < *until) {
-                    self.alarm("it follows one that is kept");
-                    // Kept for what came before, it does not make the next one kept for longer.
-                    self.keep_until = Some(until);
+                (self.file, self.retry_at) = (Some(file), None);
+                if self.keep_until.take().is_some_and(|until| Instant::now() < until) {
+                    self.keep_what_follows();
                 }
             }
             Err(fault) => {
@@ -280,20 +307,12 @@ impl Recorder {
 
     /// Writes what was said. Without a file it waits in its rings, so that the next file tells what happened meanwhile.
     fn drain_words(&mut self, exchange: &Exchange) -> Result<(), BlackBoxError> {
-        while self.file.is_some()
-            && let Some(state) = exchange.states.pop()
-        {
-            if let Some(why) = self.alarms.health(&state.health, &state.says) {
-                self.alarm(&why);
-            }
-            if let Some(file) = &mut self.file {
-                file.write_status(&state)?;
-            }
+        let Some(file) = &mut self.file else { return Ok(()) };
+        while let Some(state) = exchange.states.pop() {
+            file.write_status(&state)?;
         }
-        if let Some(file) = &mut self.file {
-            while let Some(line) = exchange.lines.pop() {
-                file.write_log(&line)?;
-            }
+        while let Some(line) = exchange.lines.pop() {
+            file.write_log(&line)?;
         }
         Ok(())
     }
@@ -314,6 +333,13 @@ impl Recorder {
 
 fn refused(says: &str) -> RecorderAnswer {
     RecorderAnswer { answer: Answer::Refused, says: says.to_owned() }
+}
+
+/// Whether a recording ended less than [`BEFORE_ALARM`] ago.
+fn ended_lately(path: &Path) -> bool {
+    let changed = fs::metadata(path).and_then(|file| file.modified());
+    // A clock that was set back since makes it end in the future: lately, too.
+    changed.is_ok_and(|at| at.elapsed().unwrap_or_default() < BEFORE_ALARM)
 }
 
 /// Keeps a recording that is not written any more.
@@ -412,7 +438,6 @@ fn force_record(block: &shm_schema::ForceBlock) -> ForceRecord {
 mod tests {
     use super::*;
     use shm_schema::{Verdict, VibrationState};
-    use std::path::PathBuf;
 
     /// A recorder that begins a file at each turn.
     fn of_short_files(name: &str) -> (PathBuf, Recorder) {
@@ -424,7 +449,7 @@ mod tests {
             keep_files: 2,
             starts_recording: true,
             keeps_alarms: true,
-            kept_files_max: 3,
+            kept_files_max: 4,
         };
         (dir, Recorder::new(settings, Header { cell: "a".to_owned(), ..Header::default() }))
     }
@@ -447,10 +472,14 @@ mod tests {
         for _ in 0..4 {
             recorder.turn(&exchange);
         }
-        assert_eq!(kept(), 3, "as many as are allowed");
+        assert_eq!(kept(), 3, "one that follows, no more");
         let all = shelf::recordings(&dir, "a").len();
         assert_eq!(all, 5, "the others are removed as ever");
+        assert_eq!(recorder.keep("asked for").answer, Answer::Done);
+        assert_eq!(kept(), 4, "as many as are allowed: without the one before it");
+        recorder.turn(&exchange);
         assert_eq!(recorder.keep("asked for").answer, Answer::Refused);
+        assert_eq!(kept(), 4);
         fs::remove_dir_all(&dir).unwrap();
     }
 

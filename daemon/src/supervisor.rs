@@ -27,7 +27,9 @@ use tracing::{info, warn};
 pub const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// Looks between two messages on `/status`.
 const STATUS_EVERY: u32 = 2;
-/// How long a model may take to be adopted, threads to change over to a new epoch, the recorder to answer.
+/// How long a recording may take to be closed: what its disk still holds back is written then.
+const CLOSING_MAX: Duration = Duration::from_secs(3);
+/// How long a model may take to be adopted, or threads to change over to a new epoch.
 const PATIENCE: Duration = Duration::from_millis(500);
 /// Whoever knocks, or tears the cell's files, again and again does not move its clients more often than this.
 const RENEW_AGAIN_AFTER: Duration = Duration::from_millis(250);
@@ -222,7 +224,7 @@ impl Desk<'_> {
         let state = exchange.recorder(monotonic_ns());
         if state != RecorderState::Recording {
             let words = format!(
-                "nothing is recorded now (recorder: {state}); see [recorder] in the configuration"
+                "nothing is recorded now (recorder: {state}); `trued record start` begins, where the configuration has a table [recorder]"
             );
             return (Answer::Refused, words);
         }
@@ -273,12 +275,15 @@ impl Desk<'_> {
     }
 
     fn arm(&mut self, exchange: &Exchange, on: bool) -> (Answer, String) {
+        // Whatever the configuration says of corrections: the registration of an instrument was looked after.
+        exchange.believe_instrument.store(on, Relaxed);
         let (mode, words) = match (on, self.constants.armed_mode) {
             (false, _) => (Mode::Shadow, "shadow: commands go out as they come"),
             (true, Some(mode)) => (mode, "armed: corrections go out"),
             (true, None) => {
                 let words = "this cell is configured to look on: set mode = \"limited\" or \"full\" \
-                             in its configuration and restart the daemon, or mode_max, and ask for a mode";
+                             in its configuration and restart the daemon, or mode_max, and ask for a mode; \
+                             an instrument that jumped is believed again all the same";
                 return (Answer::Refused, words.to_owned());
             }
         };
@@ -348,7 +353,7 @@ fn record(exchange: &Exchange, code: u32) -> (Answer, String) {
     while exchange.recorder_answered.pop().is_some() {}
     exchange.recorder_asked.force_push(action);
     let since = Instant::now();
-    while since.elapsed() < PATIENCE {
+    while since.elapsed() < CLOSING_MAX {
         if let Some(RecorderAnswer { answer, says }) = exchange.recorder_answered.pop() {
             return (answer, brief(&says));
         }

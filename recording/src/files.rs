@@ -3,6 +3,7 @@
 //! Contract: a file under its final name is never half written, whatever fails or dies between.
 
 use std::fs::{self, File};
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -78,9 +79,11 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let name = path.file_name().ok_or_else(|| error(io::ErrorKind::InvalidFilename.into()))?;
     let mut hidden = std::ffi::OsString::from(".");
     hidden.push(name);
-    hidden.push(format!(".{}.part", std::process::id()));
+    // Processes of several machines or containers may share the folder: their numbers may be alike.
+    let chance = RandomState::new().build_hasher().finish();
+    hidden.push(format!(".{}-{chance:016x}.part", std::process::id()));
     let part = path.with_file_name(hidden);
-    let written = File::create(&part)
+    let written = File::create_new(&part)
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
         .and_then(|()| fs::rename(&part, path));
     written.map_err(|source| {

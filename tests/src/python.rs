@@ -1,11 +1,13 @@
 //! A Python environment of its own, with packages from the registry.
 
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::clients::has;
 
-/// The interpreter of the environment in `home`, with these packages; made where it is not there.
+/// The interpreter of the environment in `home`, with these packages; made where it is not there. Tests that run at the same time share it: one installs, the others
+/// wait, and nothing is installed again, since that would take files away from an interpreter that runs.
 ///
 /// # Errors
 /// In words, what this machine lacks.
@@ -14,10 +16,19 @@ pub fn environment(home: &Path, packages: &[&str]) -> Result<PathBuf, String> {
         return Err("no `python3`".to_owned());
     }
     let python = home.join("bin/python");
+    let refused = |why: std::io::Error| format!("{}: {why}", home.display());
+    fs::create_dir_all(home.parent().unwrap_or(home)).map_err(refused)?;
+    let lock = File::create(home.with_extension("lock")).map_err(refused)?;
+    lock.lock().map_err(refused)?;
+    let installed = home.join("installed");
+    if fs::read_to_string(&installed).is_ok_and(|found| found == packages.join("\n")) {
+        return Ok(python);
+    }
     if !python.exists() {
         tried(Command::new("python3").args(["-m", "venv"]).arg(home), "no `venv`")?;
     }
     tried(pip(&python).args(packages), "what is needed cannot be installed")?;
+    fs::write(&installed, packages.join("\n")).map_err(refused)?;
     Ok(python)
 }
 

@@ -173,6 +173,22 @@ impl Console {
         self.write(self.outputs(), schema, body)
     }
 
+    /// The same of a command that reads files, none of which it may replace.
+    ///
+    /// # Errors
+    ///
+    /// As [`Console::write`]; the file of `--json` is an input.
+    pub fn json_of<'a>(
+        &mut self,
+        inputs: impl IntoIterator<Item = &'a PathBuf>,
+        schema: &str,
+        body: &impl Serialize,
+    ) -> Result<(), Failure> {
+        let mut outputs = self.outputs();
+        outputs.check(inputs)?;
+        self.write(outputs, schema, body)
+    }
+
     /// The text in colour, where the stream of the result has any.
     #[must_use]
     pub fn paint(&self, paint: Paint, text: &str) -> String {

@@ -42,6 +42,12 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
     let wrench = wrench(root.table("wrench").as_ref());
     let temperature = temperature(root.table("temperature").as_ref());
     let measured = root.table("measured").map(|table| measured(&table));
+    if measured.is_some_and(|measured| measured.mode != MeasuredMode::Off)
+        && cycle.period_s > MEASURED_PERIOD_MAX_S
+    {
+        let message = format!("has cycles of {} ms, too slow for a trim", cycle.period_s * 1e3);
+        root.fault("measured", message, "cycle.period_ms of 40 or less, or mode = \"off\"");
+    }
     let force = root.table("force").map(|table| force(&table, &wrench));
     let vibration = root.table("vibration").map(|table| vibration(&table, force));
     let realtime = root.table("realtime").map(|table| realtime(&table)).unwrap_or_default();
@@ -203,6 +209,8 @@ const HOLD_MS: f64 = 500.0;
 const LIMIT_MM: f64 = 1.0;
 /// Stated delays in the shortest time constant: below it the gain margin at twice the stated delay is less than 2 (`corrector/src/trim.rs`).
 const DELAYS_LEAST: f64 = 2.0;
+/// Longest cycle with a trim, s: the prediction of the tool is interpolated between cycles, and one that comes after 50 ms counts as a pause.
+const MEASURED_PERIOD_MAX_S: f64 = 0.04;
 
 fn measured(table: &Table<'_, '_>) -> Measured {
     table.require("rate_Hz", "measurements per second");

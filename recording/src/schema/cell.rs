@@ -306,7 +306,7 @@ struct Recorder {
     /// Whether recording begins with the daemon; else with `trued record start`.
     #[schemars(extend("default" = true))]
     start: Option<bool>,
-    /// Whether an alarm of the vibration watch or a fault of the daemon keeps the recording.
+    /// Whether an alarm of the vibration watch keeps the recording.
     #[schemars(extend("default" = true))]
     keep_alarms: Option<bool>,
     /// Number of kept files from which on no further one is kept.

@@ -1,5 +1,6 @@
 //! A Python environment of its own for a peer, with packages from the registry.
 
+use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -25,10 +26,19 @@ pub(crate) fn answer(python: &Path, script: &str, lines: String) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// The interpreter of the environment `name` with these packages; in words, what this machine lacks.
+/// The interpreter of the environment `name` with these packages; in words, what this machine lacks. Tests that run at the same time share it: one installs, the
+/// others wait, and nothing is installed again, since that would take files away from an interpreter that runs.
 pub(crate) fn environment(name: &str, packages: &[&str]) -> Result<PathBuf, String> {
     let home = scratch().join(name);
     let python = home.join("bin/python");
+    fs::create_dir_all(scratch()).map_err(|why| why.to_string())?;
+    let lock =
+        File::create(scratch().join(format!("{name}.lock"))).map_err(|why| why.to_string())?;
+    lock.lock().map_err(|why| why.to_string())?;
+    let installed = home.join("installed");
+    if fs::read_to_string(&installed).is_ok_and(|found| found == packages.join("\n")) {
+        return Ok(python);
+    }
     let run = |command: &mut Command| match command.output() {
         Ok(output) if output.status.success() => Ok(()),
         Ok(output) => Err(String::from_utf8_lossy(&output.stderr).into_owned()),
@@ -39,5 +49,6 @@ pub(crate) fn environment(name: &str, packages: &[&str]) -> Result<PathBuf, Stri
     }
     let pip = ["-m", "pip", "--disable-pip-version-check", "install", "--quiet"];
     run(Command::new(&python).args(pip).args(packages))?;
+    fs::write(&installed, packages.join("\n")).map_err(|why| why.to_string())?;
     Ok(python)
 }

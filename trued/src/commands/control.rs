@@ -4,13 +4,13 @@
 //! wait without a limit.
 
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use recording::cell::CellConfig;
 use serde::Serialize;
 use shm_schema::Cell;
-use trued_client::{Monitor, RecorderAction, RecorderState, Response};
+use trued_client::{Monitor, RecorderAction, Response};
 
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::unusable;
@@ -19,8 +19,6 @@ use crate::output::Console;
 /// How long the daemon may take to be found, and to answer.
 const FOUND_WITHIN: Duration = Duration::from_secs(2);
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
-/// How long a recording may take to be closed: what its disk still holds back is written then.
-const CLOSED_WITHIN: Duration = Duration::from_secs(30);
 
 /// Most bytes of a marker's text: what a request has room for.
 const MARK_BYTES_MAX: usize = shm_schema::PATH_BYTES_MAX;
@@ -134,9 +132,9 @@ pub(crate) struct Mark {
 
 /// Start or stop the recording of a running cell, or keep it
 ///
-/// `start`: a new file begins. `stop`: the file is closed; nothing is written until the next start, and the command ends when the file is whole.
-/// `keep`: the present recording, the one before it if that ended less than a minute ago, and one that begins within the next half minute are never
-/// removed; their names end in `.kept.mcap`. Exit 1 where the cell has no recorder, where nothing is recorded, or where
+/// `start`: a file begins, where none is written. `stop`: the file is closed when the command ends; nothing is written until the next start.
+/// `keep`: the present recording, the one before it if that ended less than a minute ago, and the next one if it begins within half a minute are never
+/// removed; their names end in `.kept.mcap`. Exit 1 where the cell has no recorder, where nothing is recorded that could be kept, or where
 /// `recorder.kept_files_max` recordings are kept already. A restart of the daemon brings the configured state back.
 #[derive(Debug, Args)]
 pub(crate) struct Record {
@@ -223,25 +221,8 @@ impl Record {
         };
         let (cell, mut monitor) = self.which.join()?;
         let response = monitor.record(action, ANSWER_WITHIN).map_err(Failure::system)?;
-        let outcome = tell(console, &cell, "record", &response)?;
-        if action == RecorderAction::Stop && outcome == Answer::Done {
-            await_closed(&mut monitor)?;
-        }
-        Ok(outcome)
+        tell(console, &cell, "record", &response)
     }
-}
-
-/// Waits until the recorder has closed its file: a disk may take its time.
-fn await_closed(monitor: &mut Monitor) -> Result<(), Failure> {
-    let since = Instant::now();
-    while since.elapsed() < CLOSED_WITHIN {
-        let recorder = monitor.status().map(|status| status.recorder);
-        if recorder == Some(RecorderState::Stopped.code()) {
-            return Ok(());
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    Err(Failure::system("the recording is not closed yet; `trued status` says when it is"))
 }
 
 #[derive(Serialize)]

@@ -83,7 +83,7 @@ impl InfoOf {
         }
         let info = blackbox::info(&self.input).map_err(Failure::input)?;
         let report = report(&info);
-        console.json("trued.info/1", &report)?;
+        console.json_of([&self.input], "trued.info/1", &report)?;
         self.say(console, &info, &report)
     }
 

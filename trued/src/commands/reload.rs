@@ -49,7 +49,11 @@ impl Reload {
         let config = CellConfig::read(&self.config).map_err(unusable)?;
         let swap = Swap::ask_for(&config.cell, self.model.as_deref(), self.other_robot)?;
         let (answer, message) = (swap.answer.name(), swap.message.as_str());
-        console.json("trued.reload/1", &Report { cell: &config.cell, answer, message })?;
+        console.json_of(
+            [&self.config].into_iter().chain(&self.model),
+            "trued.reload/1",
+            &Report { cell: &config.cell, answer, message },
+        )?;
         swap.tell(console)
     }
 }

@@ -9,12 +9,14 @@ use clap::Args;
 use recording::files::FileError;
 use recording::manifest::Manifest;
 use serde::Serialize;
+use tracing::info;
 use tracing::subscriber::{NoSubscriber, with_default};
 
 use super::drives::Drives;
 use super::forces::Forces;
 use super::told::{self, Temperatures};
 use super::{Found, Read};
+use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Reading, count, unusable};
 use crate::output::{Console, Paint};
@@ -77,6 +79,8 @@ impl Batch {
         // Whole, so that no other words are taken for it where messages name a file.
         let base = file.canonicalize().map_err(Failure::system)?;
         let base = base.parent().unwrap_or(Path::new("/"));
+        let mut outputs = console.outputs();
+        outputs.check(&inputs(file, &manifest, base))?;
         let existing = match (self.resume, console.common().overwrite) {
             (true, _) => Existing::Keep,
             (false, true) => Existing::Replace,
@@ -90,9 +94,10 @@ impl Batch {
             job,
             |item| {
                 // Thousands of recordings: what is noticed of each is told on request alone.
+                info!(recording = item.names(), robot = item.robot.name, "diagnosing");
                 let silent = || with_default(NoSubscriber::default(), || rows(&manifest, item));
                 let rows = if is_verbose { rows(&manifest, item) } else { silent() };
-                rows.map_err(|failure| failed(&failure, base))
+                rows.map_err(|failure| failed(&failure, item))
             },
             || bar.inc(1),
         );
@@ -101,8 +106,20 @@ impl Batch {
             batch::RunError::Exists { .. } => Failure::input(error),
             _ => Failure::system(error),
         })?;
-        say(&summary, out, console)
+        say(&summary, out, outputs, console)
     }
+}
+
+/// Every file that a manifest names, and itself.
+fn inputs(file: &Path, manifest: &Manifest, base: &Path) -> Vec<PathBuf> {
+    let models = manifest.robots.iter().map(|robot| base.join(&robot.model));
+    let mappings = manifest.robots.iter().filter_map(|robot| robot.mapping.as_ref());
+    let files = manifest.recordings.iter().flat_map(|recording| &recording.files);
+    let beside = files.map(|file| base.join(file));
+    let mut all: Vec<PathBuf> =
+        models.chain(mappings.map(|m| base.join(m))).chain(beside).collect();
+    all.push(file.to_owned());
+    all
 }
 
 /// What is found in a recording.
@@ -126,8 +143,8 @@ fn rows(manifest: &Manifest, item: &Item<'_>) -> Result<Vec<Row>, Failure> {
 }
 
 /// Why a recording is not diagnosed, with paths as the manifest names them, so that the words do not depend on where the manifest stands.
-fn failed(failure: &Failure, base: &Path) -> Failed {
-    let words = failure.to_string().replace(&format!("{}/", base.display()), "");
+fn failed(failure: &Failure, item: &Item<'_>) -> Failed {
+    let words = item.as_named(&failure.to_string());
     let is_io = |error: &FileError| matches!(error, FileError::Io { .. });
     match failure {
         Failure::Input(error) if !error.downcast_ref::<FileError>().is_some_and(is_io) => {
@@ -137,7 +154,7 @@ fn failed(failure: &Failure, base: &Path) -> Failed {
     }
 }
 
-fn say(summary: &Summary, out: &Path, console: &mut Console) -> Outcome {
+fn say(summary: &Summary, out: &Path, outputs: Outputs, console: &mut Console) -> Outcome {
     let of = |all: &[Told]| all.iter().map(NotDiagnosed::of).collect();
     let digest = &summary.digest;
     let report = Report {
@@ -148,7 +165,7 @@ fn say(summary: &Summary, out: &Path, console: &mut Console) -> Outcome {
         results: digest.results,
         digest_sha256: digest.sha256.clone(),
     };
-    console.json("trued.batch/1", &report)?;
+    console.write(outputs, "trued.batch/1", &report)?;
     let (written, kept) = (count(summary.written, "result"), summary.kept);
     let head = console.paint(Paint::Strong, &format!("{written} written"));
     console.say(format!("{head}, {kept} kept, {} in {}", digest.results, out.display()))?;

@@ -2,6 +2,7 @@
 
 use crate::table::beside;
 use live::report::Report;
+use shm_schema::{TrimReason, TrimState};
 
 /// Columns of the names on the left.
 const INDENT: usize = 10;
@@ -62,8 +63,32 @@ pub(super) fn lines(report: &Report) -> Vec<String> {
     let vibration = &report.vibration;
     let line = vibration.line.as_ref().map_or(String::new(), |line| format!("; {line}"));
     put("vibration", &format!("{}{line}", vibration.watch));
+    if let Some(trim) = trim(report) {
+        put("trim", &trim);
+    }
     put("recorder", &format!("{}; dropped {}", report.recorder, report.recorder_dropped));
     lines
+}
+
+/// How the trim by an instrument is; none in a cell without one.
+fn trim(report: &Report) -> Option<String> {
+    let trim = &report.trim;
+    if trim.state == TrimState::Off.name() {
+        return None;
+    }
+    let length = |mm: [f64; 3]| mm.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let reason = match trim.reason {
+        reason if reason == TrimReason::None.name() => String::new(),
+        reason => format!(" ({reason})"),
+    };
+    Some(format!(
+        "{}{reason}; by {:.3} mm, found {:.3} mm; measurements {}, refused {}",
+        trim.state,
+        length(trim.trim_mm),
+        length(trim.found_mm),
+        trim.measurements,
+        trim.refused
+    ))
 }
 
 fn robot(report: &Report) -> String {
