@@ -70,7 +70,7 @@ impl Model {
                 console.verbatim(&text)?;
                 Ok(Answer::Done)
             }
-            What::Show { model, toml: false } => show::run(console, &input::model(model)?),
+            What::Show { model, toml: false } => show::run(console, model, &input::model(model)?),
             What::Import(import) => import.run(console),
             What::Export(export) => export.run(console),
         }

@@ -1,6 +1,7 @@
 //! A model as a person wants to see it, in the units of its file.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use physics::JointKind;
 use recording::model::{BodyEntry, EffectEntry, JointEntry, Numbers, Parameter, RobotModel};
@@ -60,9 +61,9 @@ struct Value {
     sigma: Option<serde_json::Value>,
 }
 
-/// Shows it.
-pub(super) fn run(console: &mut Console, model: &RobotModel) -> Outcome {
-    console.json("trued.model/1", &shown(model))?;
+/// Shows the model of a file, or of a preset.
+pub(super) fn run(console: &mut Console, path: &PathBuf, model: &RobotModel) -> Outcome {
+    console.json_of([path], "trued.model/1", &shown(model))?;
     let file = &model.file;
     console.say(console.paint(Paint::Strong, &file.name))?;
     console.say(format!("robot: {}", file.identity()))?;
