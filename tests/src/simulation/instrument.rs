@@ -315,7 +315,7 @@ impl Wire {
                 self.output.set_bounds(&bounds);
             }
             Event::Bypass(bypassed) => self.exchange.bypassed.store(bypassed, Relaxed),
-            Event::Arm => self.exchange.rearm.store(true, Relaxed),
+            Event::Arm => self.exchange.believe_instrument.store(true, Relaxed),
             Event::Reload => {
                 while self.exchange.retired_models.pop().is_some() {}
                 let loaded = Box::new(LoadedModel { physics: self.model, epoch: 2 });
