@@ -1,20 +1,18 @@
 //! The robot's side of a cell: commands out, corrected targets in.
 
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use shm_schema::{
-    Cell, Command, Corrected, JOINTS_MAX, Joined, Mode, Operation, Payload, PeerPublisher,
-    PeerSubscriber, PortError, RecorderAction, Request, Response, RobotState, Role, SendOutcome,
-    Status, Verdict, monotonic_ns, new_session,
+    Cell, Command, Corrected, JOINTS_MAX, Joined, Payload, PeerPublisher, PeerSubscriber,
+    PortError, Request, Response, RobotState, Role, SendOutcome, Status, Verdict, monotonic_ns,
+    new_session,
 };
 
 use crate::link::{Connection, ConnectionEvent, KNOCK_AFTER, Link, Ports};
-use crate::monitor::{Asker, MonitorPorts, mark, ping, record, reload, switch, to_mode};
+use crate::monitor::{Asker, MonitorPorts};
 use crate::output::Output;
-use crate::{
-    AskError, Away, ConnectError, Measured, NotATarget, NotSent, ProcessState, Setpoint, Target,
-};
+use crate::requests::requests;
+use crate::{AskError, Away, ConnectError, NotATarget, NotSent, Setpoint, Target};
 
 /// An answer is awaited spinning for so long, then with naps.
 const SPIN: Duration = Duration::from_micros(200);
@@ -290,92 +288,9 @@ impl Client {
         self.link.next_event()
     }
 
-    /// Asks for a sign of life. Like all requests it waits: not for the robot's loop.
-    ///
-    /// # Errors
-    /// See [`AskError`].
-    pub fn ping(&mut self, limit: Duration) -> Result<Response, AskError> {
-        self.ask(ping(), limit)
-    }
-
-    /// Asks to load a model file (`None`: the one loaded now, again) and to swap it in.
-    ///
-    /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
-    pub fn reload(&mut self, path: Option<&Path>, limit: Duration) -> Result<Response, AskError> {
-        self.ask(reload(path)?, limit)
-    }
-
-    /// Asks to ramp the correction out, or in again.
-    ///
-    /// # Errors
-    /// See [`AskError`].
-    pub fn bypass(&mut self, on: bool, limit: Duration) -> Result<Response, AskError> {
-        self.ask(switch(Operation::Bypass, on), limit)
-    }
-
-    /// Asks to go to shadow mode (`false`), or back to the configured mode. A cell whose configuration says `shadow` refuses to leave it: how much it
-    /// may correct is its commissioning's to say. A refusal is an answer, not an error.
-    ///
-    /// # Errors
-    /// See [`AskError`].
-    pub fn arm(&mut self, on: bool, limit: Duration) -> Result<Response, AskError> {
-        self.ask(switch(Operation::Arm, on), limit)
-    }
-
-    /// Asks to go to a mode, at most to the one that the cell's configuration allows (`mode_max`); the correction changes by its limiter.
-    ///
-    /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
-    pub fn mode(&mut self, mode: Mode, limit: Duration) -> Result<Response, AskError> {
-        self.ask(to_mode(mode), limit)
-    }
-
-    /// Asks for a marker with this text in the recording: up to [`shm_schema::PATH_BYTES_MAX`] bytes, what is longer is cut off.
-    ///
-    /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
-    pub fn mark(&mut self, text: &str, limit: Duration) -> Result<Response, AskError> {
-        self.ask(mark(text), limit)
-    }
-
-    /// Asks the recorder to start, to stop, or to keep the present recording.
-    ///
-    /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
-    pub fn record(
-        &mut self,
-        action: RecorderAction,
-        limit: Duration,
-    ) -> Result<Response, AskError> {
-        self.ask(record(action), limit)
-    }
-
-    /// Tells what the process does, in place of what was told before.
-    ///
-    /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
-    pub fn process_state(
-        &mut self,
-        process: &ProcessState,
-        limit: Duration,
-    ) -> Result<Response, AskError> {
-        self.ask(process.request(), limit)
-    }
-
-    /// Tells where the tool was measured: the answer says how far that is from what the model says, and whether the model still holds.
-    ///
-    /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
-    pub fn measured(
-        &mut self,
-        measured: &Measured<'_>,
-        limit: Duration,
-    ) -> Result<Response, AskError> {
-        self.ask(measured.request(), limit)
-    }
-
     fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {
         self.asker.ask(&mut self.link.ports_to_tell()?.monitor, request, limit)
     }
 }
+
+requests!(Client);

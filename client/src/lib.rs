@@ -40,6 +40,7 @@ mod measured;
 mod monitor;
 mod output;
 mod process;
+mod requests;
 mod setpoint;
 mod target;
 

@@ -4,12 +4,13 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use shm_schema::{
-    Cell, Joined, Mode, Operation, PATH_BYTES_MAX, Payload, PeerControl, PeerSubscriber, PortError,
-    RecorderAction, Request, Response, Role, Status, Text, Verdict, monotonic_ns, new_session,
+    Cell, Joined, Payload, PeerControl, PeerSubscriber, PortError, Request, Response, Role, Status,
+    Verdict, monotonic_ns, new_session,
 };
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
-use crate::{AskError, Away, ConnectError, Measured, ProcessState};
+use crate::requests::{reload, requests};
+use crate::{AskError, Away, ConnectError};
 
 /// How often an answer is looked for.
 const ANSWER_PERIOD: Duration = Duration::from_micros(200);
@@ -87,38 +88,6 @@ impl Asker {
     }
 }
 
-/// The requests that there are.
-pub(crate) fn ping() -> Request {
-    Request { operation: Operation::Ping.code(), ..Request::default() }
-}
-
-pub(crate) fn reload(path: Option<&Path>) -> Result<Request, AskError> {
-    let text = match path {
-        None => Text::new(""),
-        Some(path) => path
-            .to_str()
-            .and_then(Text::whole)
-            .ok_or_else(|| AskError::BadPath { path: path.to_owned(), limit: PATH_BYTES_MAX })?,
-    };
-    Ok(Request { operation: Operation::Reload.code(), path: text, ..Request::default() })
-}
-
-pub(crate) fn switch(operation: Operation, on: bool) -> Request {
-    Request { operation: operation.code(), on: u32::from(on), ..Request::default() }
-}
-
-pub(crate) fn to_mode(mode: Mode) -> Request {
-    Request { operation: Operation::Mode.code(), on: mode.code(), ..Request::default() }
-}
-
-pub(crate) fn mark(text: &str) -> Request {
-    Request { operation: Operation::Mark.code(), path: Text::new(text), ..Request::default() }
-}
-
-pub(crate) fn record(action: RecorderAction) -> Request {
-    Request { operation: Operation::Record.code(), on: action.code(), ..Request::default() }
-}
-
 /// Looks at a cell, and asks its daemon: any number of processes may.
 pub struct Monitor {
     link: Link<MonitorPorts>,
@@ -171,23 +140,7 @@ impl Monitor {
         self.link.next_event()
     }
 
-    /// Asks for a sign of life.
-    ///
-    /// # Errors
-    /// See [`AskError`].
-    pub fn ping(&mut self, limit: Duration) -> Result<Response, AskError> {
-        self.ask(ping(), limit)
-    }
-
-    /// Asks to load a model file (`None`: the one loaded now, again) and to swap it in.
-    ///
-    /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
-    pub fn reload(&mut self, path: Option<&Path>, limit: Duration) -> Result<Response, AskError> {
-        self.ask(reload(path)?, limit)
-    }
-
-    /// The same, for a model of another robot or one whose limits the arm is outside of: done in shadow mode only.
+    /// As [`Monitor::reload`], for a model of another robot or one whose limits the arm is outside of: done in shadow mode only.
     ///
     /// # Errors
     /// See [`AskError`]; a refusal is an answer, not an error.
@@ -199,75 +152,9 @@ impl Monitor {
         self.ask(Request { other_robot: 1, ..reload(path)? }, limit)
     }
 
-    /// Asks to ramp the correction out, or in again.
-    ///
-    /// # Errors
-    /// See [`AskError`].
-    pub fn bypass(&mut self, on: bool, limit: Duration) -> Result<Response, AskError> {
-        self.ask(switch(Operation::Bypass, on), limit)
-    }
-
-    /// Asks to go to shadow mode (`false`), or back to the configured mode. A cell whose configuration says `shadow` refuses to leave it.
-    ///
-    /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
-    pub fn arm(&mut self, on: bool, limit: Duration) -> Result<Response, AskError> {
-        self.ask(switch(Operation::Arm, on), limit)
-    }
-
-    /// Asks to go to a mode, at most to the one that the cell's configuration allows (`mode_max`); the correction changes by its limiter.
-    ///
-    /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
-    pub fn mode(&mut self, mode: Mode, limit: Duration) -> Result<Response, AskError> {
-        self.ask(to_mode(mode), limit)
-    }
-
-    /// Asks for a marker with this text in the recording: up to [`PATH_BYTES_MAX`] bytes, what is longer is cut off.
-    ///
-    /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
-    pub fn mark(&mut self, text: &str, limit: Duration) -> Result<Response, AskError> {
-        self.ask(mark(text), limit)
-    }
-
-    /// Asks the recorder to start, to stop, or to keep the present recording. `status().recorder` says when a stopped one is closed.
-    ///
-    /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
-    pub fn record(
-        &mut self,
-        action: RecorderAction,
-        limit: Duration,
-    ) -> Result<Response, AskError> {
-        self.ask(record(action), limit)
-    }
-
-    /// Tells what the process does, in place of what was told before.
-    ///
-    /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
-    pub fn process_state(
-        &mut self,
-        process: &ProcessState,
-        limit: Duration,
-    ) -> Result<Response, AskError> {
-        self.ask(process.request(), limit)
-    }
-
-    /// Tells where the tool was measured: the answer says how far that is from what the model says, and whether the model still holds.
-    ///
-    /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
-    pub fn measured(
-        &mut self,
-        measured: &Measured<'_>,
-        limit: Duration,
-    ) -> Result<Response, AskError> {
-        self.ask(measured.request(), limit)
-    }
-
     fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {
         self.asker.ask(self.link.ports_to_tell()?, request, limit)
     }
 }
+
+requests!(Monitor);

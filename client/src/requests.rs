@@ -1,0 +1,153 @@
+//! Requests to the daemon, with an answer: the same methods for every client that may send them, [`crate::Client`] and [`crate::Monitor`].
+
+use std::path::Path;
+
+use shm_schema::{Mode, Operation, PATH_BYTES_MAX, RecorderAction, Request, Text};
+
+use crate::AskError;
+
+/// Gives a client, which has `fn ask(&mut self, Request, Duration) -> Result<Response, AskError>`, a method for each request.
+macro_rules! requests {
+    ($client:ty) => {
+        impl $client {
+            /// Asks for a sign of life. Like all requests it waits: not for the robot's loop.
+            ///
+            /// # Errors
+            /// See [`crate::AskError`].
+            pub fn ping(
+                &mut self,
+                limit: std::time::Duration,
+            ) -> Result<shm_schema::Response, $crate::AskError> {
+                self.ask($crate::requests::ping(), limit)
+            }
+
+            /// Asks to load a model file (`None`: the one loaded now, again) and to swap it in.
+            ///
+            /// # Errors
+            /// See [`crate::AskError`]; a refusal is an answer, not an error.
+            pub fn reload(
+                &mut self,
+                path: Option<&std::path::Path>,
+                limit: std::time::Duration,
+            ) -> Result<shm_schema::Response, $crate::AskError> {
+                self.ask($crate::requests::reload(path)?, limit)
+            }
+
+            /// Asks to ramp the correction out, or in again.
+            ///
+            /// # Errors
+            /// See [`crate::AskError`].
+            pub fn bypass(
+                &mut self,
+                on: bool,
+                limit: std::time::Duration,
+            ) -> Result<shm_schema::Response, $crate::AskError> {
+                self.ask($crate::requests::switch(shm_schema::Operation::Bypass, on), limit)
+            }
+
+            /// Asks to go to shadow mode (`false`), or back to the configured mode. A cell whose configuration says `shadow` refuses to leave it.
+            ///
+            /// # Errors
+            /// See [`crate::AskError`]; a refusal is an answer, not an error.
+            pub fn arm(
+                &mut self,
+                on: bool,
+                limit: std::time::Duration,
+            ) -> Result<shm_schema::Response, $crate::AskError> {
+                self.ask($crate::requests::switch(shm_schema::Operation::Arm, on), limit)
+            }
+
+            /// Asks to go to a mode, at most to the one that the cell's configuration allows (`mode_max`); the correction changes by its limiter.
+            ///
+            /// # Errors
+            /// See [`crate::AskError`]; a refusal is an answer, not an error.
+            pub fn mode(
+                &mut self,
+                mode: shm_schema::Mode,
+                limit: std::time::Duration,
+            ) -> Result<shm_schema::Response, $crate::AskError> {
+                self.ask($crate::requests::to_mode(mode), limit)
+            }
+
+            /// Asks for a marker with this text in the recording: up to 256 bytes, what is longer is cut off.
+            ///
+            /// # Errors
+            /// See [`crate::AskError`]; a refusal is an answer, not an error.
+            pub fn mark(
+                &mut self,
+                text: &str,
+                limit: std::time::Duration,
+            ) -> Result<shm_schema::Response, $crate::AskError> {
+                self.ask($crate::requests::mark(text), limit)
+            }
+
+            /// Asks the recorder to start, to stop, or to keep the present recording. A stopped recording is closed when the answer comes.
+            ///
+            /// # Errors
+            /// See [`crate::AskError`]; a refusal is an answer, not an error.
+            pub fn record(
+                &mut self,
+                action: shm_schema::RecorderAction,
+                limit: std::time::Duration,
+            ) -> Result<shm_schema::Response, $crate::AskError> {
+                self.ask($crate::requests::record(action), limit)
+            }
+
+            /// Tells what the process does, in place of what was told before.
+            ///
+            /// # Errors
+            /// See [`crate::AskError`]; a refusal is an answer, not an error.
+            pub fn process_state(
+                &mut self,
+                process: &$crate::ProcessState,
+                limit: std::time::Duration,
+            ) -> Result<shm_schema::Response, $crate::AskError> {
+                self.ask(process.request(), limit)
+            }
+
+            /// Tells where the tool was measured: the answer says how far that is from what the model says, and whether the model still holds.
+            ///
+            /// # Errors
+            /// See [`crate::AskError`]; a refusal is an answer, not an error.
+            pub fn measured(
+                &mut self,
+                measured: &$crate::Measured<'_>,
+                limit: std::time::Duration,
+            ) -> Result<shm_schema::Response, $crate::AskError> {
+                self.ask(measured.request(), limit)
+            }
+        }
+    };
+}
+pub(crate) use requests;
+
+pub(crate) fn ping() -> Request {
+    Request { operation: Operation::Ping.code(), ..Request::default() }
+}
+
+pub(crate) fn reload(path: Option<&Path>) -> Result<Request, AskError> {
+    let text = match path {
+        None => Text::new(""),
+        Some(path) => path
+            .to_str()
+            .and_then(Text::whole)
+            .ok_or_else(|| AskError::BadPath { path: path.to_owned(), limit: PATH_BYTES_MAX })?,
+    };
+    Ok(Request { operation: Operation::Reload.code(), path: text, ..Request::default() })
+}
+
+pub(crate) fn switch(operation: Operation, on: bool) -> Request {
+    Request { operation: operation.code(), on: u32::from(on), ..Request::default() }
+}
+
+pub(crate) fn to_mode(mode: Mode) -> Request {
+    Request { operation: Operation::Mode.code(), on: mode.code(), ..Request::default() }
+}
+
+pub(crate) fn mark(text: &str) -> Request {
+    Request { operation: Operation::Mark.code(), path: Text::new(text), ..Request::default() }
+}
+
+pub(crate) fn record(action: RecorderAction) -> Request {
+    Request { operation: Operation::Record.code(), on: action.code(), ..Request::default() }
+}
