@@ -35,6 +35,10 @@ impl Key {
     /// # Errors
     /// The file cannot be read.
     pub fn of_file(path: &Path) -> io::Result<Self> {
+        // To open a pipe waits for whoever writes into it.
+        if !path.metadata()?.is_file() {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "no regular file"));
+        }
         let (mut file, mut hash) = (File::open(path)?, Sha256::new());
         let mut chunk = vec![0; CHUNK];
         loop {

@@ -1,4 +1,4 @@
-//! The recordings of one shard, one after the other: what is there stays, what can be diagnosed is written, what cannot is told.
+//! Diagnoses the recordings of one shard in turn: existing results are kept, new ones written, failures reported.
 //!
 //! One recording is in memory at a time. A recording whose content cannot be diagnosed gets a result that says why (it would say the same next time); one whose
 //! files cannot be read gets none, and is tried again by the next run.
@@ -196,15 +196,21 @@ fn one(
     Ok(Done::Written(why))
 }
 
+/// The model of a robot: a file that counts from the manifest's folder, else a preset.
+#[must_use]
+pub fn model_of(base: &Path, robot: &Robot) -> PathBuf {
+    let file = base.join(&robot.model);
+    let is_preset = !file.is_file() && presets::at(&robot.model).is_some();
+    if is_preset { robot.model.clone() } else { file }
+}
+
 impl<'a> Item<'a> {
     fn of(base: &Path, robot: &'a Robot, entry: &'a Entry) -> Self {
-        let model = base.join(&robot.model);
-        let is_preset = !model.is_file() && presets::at(&robot.model).is_some();
         Self {
             robot,
             entry,
             files: entry.files.iter().map(|file| base.join(file)).collect(),
-            model: if is_preset { robot.model.clone() } else { model },
+            model: model_of(base, robot),
             mapping: robot.mapping.as_ref().map(|mapping| base.join(mapping)),
         }
     }

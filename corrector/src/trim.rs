@@ -14,7 +14,8 @@
 //! As the estimate is that of an error and no integral, it does not wind up where the correction is bounded, in shadow mode, or while a joint ramps.
 //! Noise of standard deviation `s` at an interval `h` leaves about `s √(h / 2T)` in the trim.
 //!
-//! Promises: finite; `‖trim‖ ≤ limit`; from its bound to nothing it takes a second at least; the same sequence of inputs gives the same bits. Never: a clock, a step of the joints (the limiters hold the rest).
+//! Promises: finite; `‖trim‖ ≤ limit`; its share of the estimate comes and goes within a second, with minimum jerk; the same sequence of inputs gives the same bits. A change of model
+//! ends it at once: the limiters of the joints take it back. Never: a clock.
 
 mod gate;
 mod history;

@@ -5,7 +5,7 @@
 
 use crate::{notebook, shelf};
 use recording::blackbox::{Repair, is_closed, repair};
-use std::fs;
+use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use tracing::{info, warn};
@@ -14,7 +14,7 @@ use tracing::{info, warn};
 pub fn unclosed(dir: &Path, cell: &str, current: &Path) {
     shelf::remove_unfinished(dir, cell);
     for path in shelf::recordings(dir, cell) {
-        if path == current || is_closed(&path).unwrap_or(true) {
+        if path == current || is_being_written(&path) || is_closed(&path).unwrap_or(true) {
             continue;
         }
         let file = path.display();
@@ -31,6 +31,11 @@ pub fn unclosed(dir: &Path, cell: &str, current: &Path) {
             Err(why) => warn!(%why, "a recording that was not closed could not be repaired"),
         }
     }
+}
+
+/// Whether the recorder has it: a recording may have begun, or changed its name, since this repair began.
+fn is_being_written(path: &Path) -> bool {
+    File::open(path).is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
 }
 
 /// The same in a thread of its own; none where the system refuses one.

@@ -30,9 +30,9 @@ const DRAIN_EVERY: Duration = Duration::from_millis(50);
 const FLUSH_EVERY: Duration = Duration::from_millis(400);
 /// How long to wait after a failure before a new file is tried: back within a second of the failure's end.
 const RETRY_AFTER: Duration = Duration::from_millis(500);
-/// What led to an alarm is kept for at least as long, where there is a recording before the present one.
+/// A recording that ended within this time of an alarm is kept too. Chosen: a minute of cutting before a chatter alarm shows what led to it.
 const BEFORE_ALARM: Duration = Duration::from_secs(60);
-/// What follows an alarm is kept for at least as long.
+/// The recording that begins within this time after an alarm is kept too. Chosen: an operator reacts within half a minute.
 const AFTER_ALARM: Duration = Duration::from_secs(30);
 
 /// The recorder's belongings.
@@ -94,14 +94,12 @@ impl Recorder {
         self.finish();
     }
 
-    /// Ends the file with its index.
-    fn finish(&mut self) {
-        if let Some(file) = self.file.take()
-            && let Err(fault) = file.finish()
-        {
-            warn!(%fault, "a black box has no index; it reads back all the same");
-            self.may_mend = true;
-        }
+    /// Ends the file with its index; whether that could be written.
+    fn finish(&mut self) -> bool {
+        let Some(Err(fault)) = self.file.take().map(BlackBox::finish) else { return true };
+        warn!(%fault, "a recording has no index; it reads back all the same");
+        self.may_mend = true;
+        false
     }
 
     fn turn(&mut self, exchange: &Exchange) {
@@ -135,12 +133,15 @@ impl Recorder {
             RecorderAction::Stop => {
                 self.is_on = false;
                 let path = self.file.as_ref().map(|file| file.path().display().to_string());
-                self.finish();
+                let has_index = self.finish();
                 exchange.set_recorder(RecorderState::Stopped);
-                done(path.map_or_else(
-                    || "nothing is recorded".to_owned(),
-                    |path| format!("stopped; {path} is closed"),
-                ))
+                done(match path {
+                    None => "nothing is recorded".to_owned(),
+                    Some(path) if has_index => format!("stopped; {path} is closed"),
+                    Some(path) => format!(
+                        "stopped; {path} could not be closed: `trued info --repair` gives it its index"
+                    ),
+                })
             }
             RecorderAction::Keep => self.keep("asked for"),
         };

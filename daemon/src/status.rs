@@ -297,7 +297,9 @@ pub fn trim_fault(status: &Status) -> Option<&'static str> {
         TrimReason::NoMeasurement => "no measurement of the tool comes: is the beam broken?",
         TrimReason::NotFinite => "measurements of the tool are no numbers, or far away",
         TrimReason::OutOfOrder => "measurements of the tool are not in the order of their stamps",
-        TrimReason::Late => "measurements of the tool are older than twice measured.latency_ms",
+        TrimReason::Late => {
+            "measurements of the tool are older than twice latency and interval together"
+        }
         TrimReason::Ahead => {
             "stamps of the instrument lie ahead of the clock: synchronise its clock"
         }

@@ -166,7 +166,7 @@ fn a_recording_that_cannot_be_diagnosed_gets_a_reason_and_stops_no_other() {
     fs::remove_file(place.path("B1.csv")).unwrap();
     let done = batch(&place, "said", &["--json", "said.json"]);
     assert_eq!(done.code, Some(3), "{done:#?}");
-    assert!(done.err.contains("1 recording could not be read"), "{done:#?}");
+    assert!(done.err.contains("no result for 1 recording"), "{done:#?}");
     let said = place.json("said.json");
     assert_eq!((&said["written"], &said["results"]), (&5.into(), &5.into()), "{said:#}");
     assert_eq!(said["refused"][0]["files"], "A0.csv");

@@ -11,6 +11,7 @@ mod commands;
 mod corrections;
 mod drawn;
 pub mod exit;
+mod fleet;
 mod help;
 mod in_time;
 mod input;

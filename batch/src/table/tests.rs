@@ -1,4 +1,4 @@
-//! Results are read back by the library as they were meant, and cut-off ones are told from whole ones.
+//! Results read back unchanged with the Parquet library; truncated files are recognised.
 
 use super::*;
 

@@ -255,9 +255,9 @@ fn time_constant(table: &Table<'_, '_>, measured: &Measured) -> Option<f64> {
     let delay_s = measured.latency_s + measured.interval_s + measured.reaction_s;
     let least_ms = DELAYS_LEAST * delay_s * 1e3;
     if time_constant_ms < least_ms {
-        let message = format!("is {time_constant_ms}, and the delay is {} ms", delay_s * 1e3);
+        let message = format!("is {time_constant_ms}, and the delay is {:.1} ms", delay_s * 1e3);
         let expected = format!(
-            "{least_ms} or more: twice the sum of latency, interval and reaction, so that the gain margin stays above 2 at twice that delay"
+            "{least_ms:.1} or more: twice the sum of latency, interval and reaction, so that the gain margin stays above 2 at twice that delay"
         );
         table.fault("time_constant_ms", message, expected);
     }

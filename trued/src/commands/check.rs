@@ -20,13 +20,14 @@ use recording::series::{self, About, Channel, Kind, Need, Recording};
 use serde::Serialize;
 
 use crate::exit::{Answer, Failure, Outcome};
+use crate::fleet;
 use crate::input::{Reading, count, model};
 use crate::output::{Console, Paint};
 
 /// Validate files and report every error: cells, models, recordings, mappings
 ///
 /// What a TOML is, its `schema` says; other files are recordings. A cell is checked with its model, a mapping `NAME.mapping.toml` with the recording
-/// NAME beside it. The first rows of a recording are shown as they are understood. Exit 1 where there are faults, 2 where a file cannot be read.
+/// NAME beside it, a manifest with the models, mappings and recordings that it names. The first rows of a recording are shown as they are understood. Exit 1 where there are faults, 2 where a file cannot be read.
 #[derive(Debug, Args)]
 pub(crate) struct Check {
     #[command(flatten)]
@@ -148,6 +149,9 @@ impl Check {
             Some(manifest::SCHEMA) => {
                 found.what = "manifest";
                 found.of(Manifest::read(path), |found, manifest| {
+                    let base = path.parent().unwrap_or(Path::new(""));
+                    found.faults.extend(fleet::unusable_robots(&manifest, base, &name));
+                    found.faults.extend(fleet::missing_recordings(&manifest, base, &name));
                     let recordings = count(manifest.recordings.len(), "recording");
                     let robots = count(manifest.robots.len(), "robot");
                     found.summary = format!("{recordings} of {robots}");

@@ -18,6 +18,7 @@ use super::told::{self, Temperatures};
 use super::{Found, Read};
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
+use crate::fleet::{self, Unusable};
 use crate::input::{Reading, count, unusable};
 use crate::output::{Console, Paint};
 use crate::progress;
@@ -76,9 +77,13 @@ impl NotDiagnosed {
 impl Batch {
     pub(super) fn run(&self, file: &Path, out: &Path, console: &mut Console) -> Outcome {
         let manifest = Manifest::read(file).map_err(unusable)?;
-        // Whole, so that no other words are taken for it where messages name a file.
-        let base = file.canonicalize().map_err(Failure::system)?;
+        // Absolute, so that no other words are taken for it where messages name a file.
+        let base = std::path::absolute(file).map_err(Failure::system)?;
         let base = base.parent().unwrap_or(Path::new("/"));
+        let faults = fleet::unusable_robots(&manifest, base, &file.display().to_string());
+        if !faults.is_empty() {
+            return Err(Failure::input(Unusable(faults)));
+        }
         let mut outputs = console.outputs();
         outputs.check(&inputs(file, &manifest, base))?;
         let existing = match (self.resume, console.common().overwrite) {
@@ -183,7 +188,7 @@ fn say(summary: &Summary, out: &Path, outputs: Outputs, console: &mut Console) -
     if !summary.unread.is_empty() {
         let unread = count(summary.unread.len(), "recording");
         let why = format!(
-            "{unread} could not be read and have no result: the same command with --resume tries them again"
+            "no result for {unread} that could not be read: the same command with --resume tries again"
         );
         return Err(Failure::system(why));
     }
