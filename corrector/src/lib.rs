@@ -39,5 +39,5 @@ pub use judge::{Command, Judge};
 pub use outcome::{Gate, Outcome, Reason, Residual, Status, TrimReason, TrimState};
 pub use settings::{LIMITED_SHARE, Mode, Settings, Task, WrenchSettings};
 pub use solve::{Solution, Solver, solve};
-pub use trim::{DELAYS, PointSample, Trim, TrimReport, TrimSettings};
+pub use trim::{DELAYS, GateRules, PointSample, Trim, TrimReport, TrimRules, TrimSettings};
 pub use world::{World, WrenchSample};

@@ -24,6 +24,8 @@ mod tests;
 
 use crate::outcome::{TrimReason, TrimState};
 use gate::{Gate, Verdict};
+
+pub use gate::GateRules;
 use glam::DVec3;
 use history::History;
 use libm::{expm1, sqrt};
@@ -31,18 +33,38 @@ use physics::Frame;
 
 /// Time constant unless set, in stated delays.
 pub const DELAYS: f64 = 5.0;
-/// How long the share takes from nothing to all and back, s: so slow that a delay of 80 ms instead of 40 makes it overshoot by 5 %.
-const FADE_S: f64 = 1.0;
-/// A cycle that comes later than this begins anew, s: commands have paused.
-const PAUSE_S: f64 = 0.05;
-/// A stamp may lie ahead of the clock by so much, ns: clocks that are synchronised from elsewhere stray by less.
-const AHEAD_NS: u64 = 5_000_000;
-/// What is measured further away than this is no number of a robot cell, m.
-const FAR_M: f64 = 1e3;
-/// Noise beyond so many standard deviations is none: one in a hundred thousand in three dimensions.
-const NOISE_SIGMAS: f64 = 5.0;
-/// After so many intervals without a measurement the estimate stands.
-const FRESH_INTERVALS: f64 = 2.5;
+/// When the trim comes and goes, and which measurements it takes: what a cell does not set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrimRules {
+    /// How long the share takes from nothing to all and back, s; 0.1 to 10. Default 1: so slow that a delay of 80 ms instead of 40 makes it overshoot by 5 % (`cargo test -p corrector trim::`).
+    pub fade_s: f64,
+    /// A cycle that comes later than this begins anew, s; above the longest cycle of a cell with an instrument. Default 0.05: commands have paused.
+    pub pause_s: f64,
+    /// How far a stamp may lie ahead of the clock, s; 0 to 1. Default 0.005, as for force samples: clocks that are synchronised by PTP or NTP on one network differ by less.
+    pub ahead_s: f64,
+    /// The farthest that is measured, m; above 0. Default 1000: beyond the range of any tracker.
+    pub far_m: f64,
+    /// Noise beyond so many standard deviations is none; no unit, above 0. Default 5: 1.5 in a hundred thousand in three dimensions (chi distribution).
+    pub noise_sigmas: f64,
+    /// After so many intervals without a measurement the estimate stands; no unit, 1 or more. Default 2.5: a single dropout does not interrupt it.
+    pub fresh_intervals: f64,
+    /// Which measurements agree.
+    pub gate: GateRules,
+}
+
+impl Default for TrimRules {
+    fn default() -> Self {
+        Self {
+            fade_s: 1.0,
+            pause_s: 0.05,
+            ahead_s: 0.005,
+            far_m: 1e3,
+            noise_sigmas: 5.0,
+            fresh_intervals: 2.5,
+            gate: GateRules::default(),
+        }
+    }
+}
 
 /// What a cell sets of its instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,6 +91,8 @@ pub struct TrimSettings {
     pub hold_s: f64,
     /// The largest trim, m.
     pub limit_m: f64,
+    /// What a cell does not set.
+    pub rules: TrimRules,
 }
 
 impl TrimSettings {
@@ -138,7 +162,7 @@ impl Trim {
         Self {
             settings,
             history: History::new(),
-            gate: Gate::new(),
+            gate: Gate::new(settings.rules.gate),
             deviation_m: DVec3::ZERO,
             believed_ns: None,
             passed_m: [DVec3::ZERO; 2],
@@ -154,14 +178,14 @@ impl Trim {
     /// Another model predicts from now on: what was found says nothing of it.
     pub fn model_changed(&mut self) {
         self.history.clear();
-        self.gate = Gate::new();
+        self.gate = Gate::new(self.settings.rules.gate);
         (self.passed_m, self.has_begun, self.share) = ([DVec3::ZERO; 2], false, 0.0);
         self.believed_ns = None;
     }
 
     /// Believes the instrument again after a jump: its registration has been looked after. The trim goes on from what it is.
     pub fn rearm(&mut self) {
-        self.gate = Gate::new();
+        self.gate = Gate::new(self.settings.rules.gate);
     }
 
     /// Takes a measurement that came by `now_ns`.
@@ -189,12 +213,13 @@ impl Trim {
     /// What the tool's target is displaced by in the cycle at `now_ns`, base frame, m; `corrects` says whether corrections go out.
     pub fn step(&mut self, now_ns: u64, corrects: bool) -> DVec3 {
         let dt_s = seconds(now_ns.saturating_sub(self.stepped_ns));
-        let dt_s = if dt_s <= PAUSE_S { dt_s } else { 0.0 };
+        let dt_s = if dt_s <= self.settings.rules.pause_s { dt_s } else { 0.0 };
         self.stepped_ns = now_ns;
-        let TrimSettings { is_sent, interval_s, time_constant_s, hold_s, .. } = self.settings;
+        let TrimSettings { is_sent, interval_s, time_constant_s, hold_s, rules, .. } =
+            self.settings;
         let age_s =
             self.believed_ns.map_or(f64::INFINITY, |at_ns| seconds(now_ns.saturating_sub(at_ns)));
-        let is_fresh = self.gate.is_steady() && age_s <= FRESH_INTERVALS * interval_s + dt_s;
+        let is_fresh = self.gate.is_steady() && age_s <= rules.fresh_intervals * interval_s + dt_s;
         if is_fresh {
             let part = -expm1(-2.0 * dt_s / time_constant_s);
             self.passed_m[0] += part * (self.deviation_m - self.passed_m[0]);
@@ -202,7 +227,7 @@ impl Trim {
         }
         let is_sent = is_sent && corrects;
         let holds = is_fresh || age_s <= hold_s;
-        let by = dt_s / FADE_S;
+        let by = dt_s / rules.fade_s;
         let by = if is_sent && holds { by } else { -by };
         self.share = (self.share + by).clamp(0.0, 1.0);
         let asked_m = -smooth(self.share) * self.passed_m[1];
@@ -234,12 +259,12 @@ impl Trim {
 
     /// From where the model put the point at that time to where it was measured.
     fn deviation(&mut self, sample: &PointSample, now_ns: u64) -> Result<DVec3, TrimReason> {
-        let TrimSettings { latency_s, interval_s, reaction_s, .. } = self.settings;
+        let TrimSettings { latency_s, interval_s, reaction_s, rules, .. } = self.settings;
         let PointSample { point_m, t_ns } = *sample;
-        if !point_m.is_finite() || point_m.length() > FAR_M {
+        if !point_m.is_finite() || point_m.length() > rules.far_m {
             return Err(TrimReason::NotFinite);
         }
-        if t_ns > now_ns.saturating_add(AHEAD_NS) {
+        if t_ns > now_ns.saturating_add((rules.ahead_s * 1e9) as u64) {
             return Err(TrimReason::Ahead);
         }
         if t_ns <= self.stamp_ns {
@@ -261,7 +286,7 @@ impl Trim {
 
     /// How far a measurement may be from those before, m.
     fn most_m(&self) -> f64 {
-        self.settings.jump_m + NOISE_SIGMAS * self.settings.noise_m
+        self.settings.jump_m + self.settings.rules.noise_sigmas * self.settings.noise_m
     }
 
     fn name(&mut self, is_sent: bool, is_fresh: bool, holds: bool, is_bounded: bool) {

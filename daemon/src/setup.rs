@@ -6,7 +6,7 @@ use crate::instrument::Instrument;
 use crate::pacer::Wait;
 use crate::senses::{Senses, WrenchSource};
 use crate::vibration::{BlockRules, Clock, Ears};
-use corrector::{DELAYS, Mode, Settings, Task, Trim, TrimSettings, WrenchSettings};
+use corrector::{DELAYS, Mode, Settings, Task, Trim, TrimRules, TrimSettings, WrenchSettings};
 use envelope::{Limits, LimitsError};
 use physics::{Arm, JOINTS_MAX, JointKind};
 use recording::cell::{self, CellConfig};
@@ -152,6 +152,7 @@ fn instrument(config: &CellConfig) -> Option<Box<Instrument>> {
         jump_m: measured.jump_m,
         hold_s: measured.hold_s,
         limit_m: measured.limit_m,
+        rules: TrimRules::default(),
     };
     settings.time_constant_s = measured.time_constant_s.unwrap_or(DELAYS * settings.delay_s());
     let trim = Trim::new(settings);

@@ -1,16 +1,26 @@
 //! Which measurements are believed: those that agree with the ones before.
 //!
 //! A measurement is refused where it differs from the mean of those before by more than the model's error may change from one to the next. That mean is
-//! exponential, so that it follows a slow change. [`IN_A_ROW`] refused in a row are a jump of the instrument: nothing is believed until as many in a row agree with
+//! exponential, so that it follows a slow change. [`GateRules::in_a_row`] refused in a row are a jump of the instrument: nothing is believed until as many in a row agree with
 //! what was before, or somebody confirms the new registration.
 //! Never: a jump that is followed.
 
 use glam::DVec3;
 
-/// So many in a row make a start, a jump, or a return.
-const IN_A_ROW: u32 = 5;
-/// Weight of the newest measurement in the mean.
-const NEWEST: f64 = 0.25;
+/// When measurements agree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GateRules {
+    /// Consecutive measurements that make a start, a jump, or a return; 2 to 100. Default 5: where one measurement in fifty is an outlier, five in a row are one by chance once in 3e8.
+    pub in_a_row: u32,
+    /// Weight of the newest measurement in the exponential mean; no unit, above 0 to 1. Default 0.25: as the mean of seven (`2/w − 1`), so that noise leaves 0.4 of itself.
+    pub newest: f64,
+}
+
+impl Default for GateRules {
+    fn default() -> Self {
+        Self { in_a_row: 5, newest: 0.25 }
+    }
+}
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
@@ -34,6 +44,7 @@ pub(super) enum Verdict {
 /// The gate.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gate {
+    rules: GateRules,
     state: State,
     mean_m: DVec3,
     in_a_row: u32,
@@ -41,8 +52,8 @@ pub(super) struct Gate {
 
 impl Gate {
     /// Nothing has been measured.
-    pub(super) const fn new() -> Self {
-        Self { state: State::Starting, mean_m: DVec3::ZERO, in_a_row: 0 }
+    pub(super) const fn new(rules: GateRules) -> Self {
+        Self { rules, state: State::Starting, mean_m: DVec3::ZERO, in_a_row: 0 }
     }
 
     /// Judges a deviation that may differ by `most_m` from those before.
@@ -51,7 +62,7 @@ impl Gate {
         match (self.state, agrees) {
             (State::Starting, _) => self.start(deviation_m, agrees),
             (State::Steady, true) => {
-                self.mean_m += NEWEST * (deviation_m - self.mean_m);
+                self.mean_m += self.rules.newest * (deviation_m - self.mean_m);
                 self.in_a_row = 0;
             }
             (State::Jumped, false) => self.in_a_row = 0,
@@ -81,14 +92,14 @@ impl Gate {
             return;
         }
         self.step(State::Steady);
-        let count = if self.in_a_row == 0 { IN_A_ROW } else { self.in_a_row };
+        let count = if self.in_a_row == 0 { self.rules.in_a_row } else { self.in_a_row };
         self.mean_m += (deviation_m - self.mean_m) / f64::from(count);
     }
 
     /// One more in a row; enough of them change the state.
     fn step(&mut self, to: State) {
         self.in_a_row += 1;
-        if self.in_a_row == IN_A_ROW {
+        if self.in_a_row == self.rules.in_a_row {
             (self.state, self.in_a_row) = (to, 0);
         }
     }
@@ -105,7 +116,7 @@ mod tests {
     }
 
     fn steady() -> Gate {
-        let mut gate = Gate::new();
+        let mut gate = Gate::new(GateRules::default());
         (0..5).for_each(|_| _ = passes(&mut gate, DVec3::X * 2e-3));
         assert!(gate.is_steady(), "however large the first deviation is");
         gate
@@ -139,7 +150,7 @@ mod tests {
 
     #[test]
     fn first_measurements_that_differ_are_no_start() {
-        let mut gate = Gate::new();
+        let mut gate = Gate::new(GateRules::default());
         for k in 0..100 {
             assert!(!passes(&mut gate, DVec3::Y * 1e-3 * f64::from(k % 2)));
         }

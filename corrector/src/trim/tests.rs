@@ -21,6 +21,7 @@ fn settings() -> TrimSettings {
         jump_m: 3e-4,
         hold_s: 0.5,
         limit_m: 2e-3,
+        rules: TrimRules::default(),
     };
     settings.time_constant_s = DELAYS * settings.delay_s();
     settings
