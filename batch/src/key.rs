@@ -115,4 +115,10 @@ mod tests {
         let maybe = |serial| KeyBuilder::of("x").maybe("serial", serial).finish();
         assert_ne!(maybe(None), maybe(Some(b"".as_slice())));
     }
+
+    #[test]
+    fn what_is_no_regular_file_is_not_opened() {
+        let refused = Key::of_file(&std::env::temp_dir()).expect_err("a folder");
+        assert!(refused.to_string().contains("no regular file"), "{refused}");
+    }
 }

@@ -281,3 +281,36 @@ impl<'a> Item<'a> {
         Ok(key.finish())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn manifest(model: &str) -> Manifest {
+        let text = format!(
+            "schema = \"trued.manifest/1\"\n[[robot]]\nname = \"A\"\nmodel = \"{model}\"\n\
+             [[recording]]\nrobot = \"A\"\nfiles = [\"a.csv\"]\n"
+        );
+        Manifest::parse("m.toml", &text).expect("a manifest")
+    }
+
+    #[test]
+    fn a_name_that_stands_in_a_result_is_part_of_its_key() {
+        let folder = std::env::temp_dir().join(format!("trued-run-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("made");
+        for name in ["one.toml", "other.toml", "a.csv"] {
+            std::fs::write(folder.join(name), "the same").expect("written");
+        }
+        let key = |model: &str| {
+            let manifest = manifest(model);
+            let (robot, entry) = (&manifest.robots[0], &manifest.recordings[0]);
+            let item = Item::of(&folder, robot, entry);
+            let words = format!("{} and {}", item.model.display(), item.files[0].display());
+            assert_eq!(item.as_named(&words), format!("{model} and a.csv"));
+            item.key(&manifest).expect("a key")
+        };
+        assert_eq!(key("one.toml"), key("one.toml"));
+        assert_ne!(key("one.toml"), key("other.toml"), "refusals name the model");
+        std::fs::remove_dir_all(&folder).expect("removed");
+    }
+}

@@ -128,3 +128,21 @@ fn names(folder: &Path) -> io::Result<Vec<String>> {
     }
     Ok(names)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_results_count_in_the_digest_whatever_else_stands_in_the_folder() {
+        let folder = std::env::temp_dir().join(format!("trued-store-{}", std::process::id()));
+        let mut store = Store::open(&folder).expect("a folder");
+        store.write(Key::of_bytes(b"one"), b"a result").expect("written");
+        let alone = store.digest().expect("read");
+        fs::write(folder.join("theirs.parquet"), "a table").expect("written");
+        fs::create_dir(folder.join("spark.parquet")).expect("made");
+        assert_eq!(store.digest().expect("read"), alone);
+        assert_eq!(alone.results, 1);
+        fs::remove_dir_all(&folder).expect("removed");
+    }
+}

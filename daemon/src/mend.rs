@@ -79,14 +79,18 @@ mod tests {
         fs::write(file(3), "").unwrap();
         fs::write(dir.join("a-0000000001-0002.mcap.repair"), &cut[..20]).unwrap();
         fs::write(dir.join("b-0000000001-0001.mcap"), &cut).unwrap();
+        // Begun since, and nothing written yet.
+        let begun = File::create(file(5)).unwrap();
+        begun.lock().unwrap();
         unclosed(&dir, "a", &file(4));
         assert_eq!(fs::read(file(1)).unwrap(), whole);
         let mended = read(&file(2)).unwrap();
         assert_eq!((mended.records.len(), mended.cut), (1, None));
         assert_eq!(fs::read(file(4)).unwrap(), cut, "being written");
         assert_eq!(fs::read(dir.join("b-0000000001-0001.mcap")).unwrap(), cut, "another cell's");
-        assert_eq!(fs::read_dir(&dir).unwrap().count(), 4, "nothing empty or unfinished is left");
-        drop(current);
+        assert!(file(5).exists(), "another recorder's");
+        assert_eq!(fs::read_dir(&dir).unwrap().count(), 5, "nothing empty or unfinished is left");
+        drop((current, begun));
         fs::remove_dir_all(&dir).unwrap();
     }
 }

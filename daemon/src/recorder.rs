@@ -499,4 +499,39 @@ mod tests {
         assert_eq!(exchange.recorder(monotonic_ns()), RecorderState::Stopped);
         fs::remove_dir_all(&dir).unwrap();
     }
+
+    #[test]
+    fn the_recording_before_is_kept_once_its_repair_has_ended() {
+        let (dir, mut recorder) = of_short_files("mending");
+        let exchange = Exchange::new(corrector::Mode::Full, true);
+        recorder.turn(&exchange);
+        recorder.turn(&exchange);
+        let [earlier, _] = shelf::recordings(&dir, "a").try_into().unwrap();
+        let (end, ended) = std::sync::mpsc::channel::<()>();
+        recorder.mending = Some(std::thread::spawn(move || _ = ended.recv()));
+        assert_eq!(recorder.keep("asked for").answer, Answer::Done);
+        recorder.keep_what_came_before();
+        assert!(earlier.exists(), "it is being repaired");
+        end.send(()).unwrap();
+        while recorder.mending.as_ref().is_some_and(|mending| !mending.is_finished()) {
+            std::thread::yield_now();
+        }
+        recorder.keep_what_came_before();
+        assert!(!earlier.exists() && shelf::kept(&earlier).exists());
+        fs::remove_dir_all(&dir).unwrap();
+    }
+
+    #[test]
+    fn a_recording_that_ended_long_ago_did_not_lead_to_an_alarm() {
+        let (dir, mut recorder) = of_short_files("long-ago");
+        let exchange = Exchange::new(corrector::Mode::Full, true);
+        recorder.turn(&exchange);
+        recorder.turn(&exchange);
+        let [earlier, _] = shelf::recordings(&dir, "a").try_into().unwrap();
+        let long_ago = SystemTime::now() - BEFORE_ALARM - Duration::from_secs(1);
+        fs::File::open(&earlier).unwrap().set_modified(long_ago).unwrap();
+        assert_eq!(recorder.keep("asked for").answer, Answer::Done);
+        assert!(earlier.exists(), "not kept");
+        fs::remove_dir_all(&dir).unwrap();
+    }
 }

@@ -77,6 +77,44 @@ fn every_command_refuses_an_output_that_is_there_before_it_begins() {
 }
 
 #[test]
+fn no_result_takes_the_place_of_an_input() {
+    let place = place();
+    place.file("m.toml", &place.succeed(&["model", "show", MODEL, "--toml"]).out);
+    let cell = "schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.toml\"\n";
+    place.file("cell.toml", cell);
+    place.file(
+        "fleet.toml",
+        "schema = \"trued.manifest/1\"\n[[robot]]\nname = \"A\"\nmodel = \"m.toml\"\n\
+         [[recording]]\nrobot = \"A\"\nfiles = [\"path.csv\"]\n",
+    );
+    let batch = ["diagnose", "--batch", "fleet.toml", "--out", "d"];
+    let commands: [(&str, &[&str]); 16] = [
+        ("fleet.toml", &batch),
+        ("m.toml", &batch),
+        ("path.csv", &batch),
+        ("path.toml", &batch),
+        ("fleet.toml", &["check", "fleet.toml"]),
+        ("path.csv", &["check", "path.csv"]),
+        ("m.toml", &["check", "cell.toml"]),
+        ("m.toml", &["model", "show", "m.toml"]),
+        ("path.csv", &["correct", "--model", "m.toml", "--out", "o.csv", "path.csv"]),
+        ("m.toml", &["correct", "--model", "m.toml", "--out", "o.csv", "path.csv"]),
+        ("path.csv", &["calibrate", "--model", "m.toml", "--out", "o.toml", "path.csv"]),
+        ("path.csv", &["diagnose", "--model", "m.toml", "--out", "d", "path.csv"]),
+        ("path.csv", &["simulate", "--model", "m.toml", "--out", "o", "path.csv"]),
+        ("path.csv", &["replay", "--model", "m.toml", "path.csv"]),
+        ("path.csv", &["spectrum", "path.csv"]),
+        ("path.csv", &["gears", "--model", "m.toml", "path.csv"]),
+    ];
+    for (input, arguments) in commands {
+        let before = place.read(input);
+        let done = place.run(&[arguments, &["--json", input, "--overwrite"]].concat());
+        assert_eq!(done.code, Some(2), "{arguments:?} onto {input}: {done:#?}");
+        assert_eq!(place.read(input), before, "{arguments:?} onto {input}");
+    }
+}
+
+#[test]
 fn results_are_made_anew_without_asking() {
     let place = place();
     let names = ["o.json", "o.html"];

@@ -12,7 +12,7 @@ use tests::cell_loop::{CellLoop, JOINTS};
 use tests::place::Place;
 use tests::process::Process;
 use tests::simulation::instrument::{Event, Run, Tick, Truth, run};
-use trued_client::{Health, Instrument, TrimReason, TrimState, monotonic_ns};
+use trued_client::{Answer, Health, Instrument, Status, TrimReason, TrimState, monotonic_ns};
 
 const LIMIT: Duration = Duration::from_secs(20);
 
@@ -162,6 +162,39 @@ fn tool(model: &Model, target: &[f64; JOINTS]) -> DVec3 {
     model.evaluate(&inputs, &memories).real.base_from_tool.origin
 }
 
+/// The instrument moves: neither time nor a change of mode makes the daemon believe it, `arm` does.
+fn a_jump_is_followed_once_it_is_armed(
+    cell: &mut CellLoop,
+    instrument: &mut Instrument,
+    model: &Model,
+    error_m: DVec3,
+) {
+    let moved_m = error_m + DVec3::X * 3e-3;
+    let mut measures_until = |cell: &mut CellLoop, limit, is_so: &dyn Fn(&Status) -> bool| {
+        cell.tick_until(limit, |cell, tick| {
+            if cell.ticks.is_multiple_of(10) {
+                let point_m = tool(model, &tick.target) + moved_m;
+                let sent = instrument.send(point_m.to_array(), Some(monotonic_ns()));
+                sent.expect("a daemon that takes it");
+            }
+            cell.client.status().is_some_and(|status| is_so(&status))
+        })
+    };
+    let has_jumped = |status: &Status| status.trim_reason() == Ok(TrimReason::Jumped);
+    assert!(measures_until(cell, LIMIT, &has_jumped));
+    for mode in [trued_client::Mode::Limited, trued_client::Mode::Full] {
+        let answer = cell.client.mode(mode, LIMIT).expect("an answer");
+        assert_eq!(answer.answer(), Ok(Answer::Done));
+        let half_a_second = Duration::from_millis(500);
+        let believes = |status: &Status| !has_jumped(status);
+        assert!(!measures_until(cell, half_a_second, &believes), "mode {mode}");
+    }
+    let answer = cell.client.arm(true, LIMIT).expect("an answer");
+    assert_eq!(answer.answer(), Ok(Answer::Done));
+    let trims = |status: &Status| status.trim_state() == Ok(TrimState::Trimming);
+    assert!(measures_until(cell, LIMIT, &trims));
+}
+
 #[test]
 fn a_running_daemon_trims_by_the_points_that_a_client_publishes_and_lets_go_without_them() {
     let tables = "[measured]\nmode = \"trim\"\nrate_Hz = 100\nlatency_ms = 30\nreaction_ms = 0\n\
@@ -194,6 +227,7 @@ fn a_running_daemon_trims_by_the_points_that_a_client_publishes_and_lets_go_with
         "{:?}",
         cell.client.status().map(|s| (s.trim_m, s.trim_found_m, s.trim_reason))
     );
+    a_jump_is_followed_once_it_is_armed(&mut cell, &mut instrument, &model, error_m);
     let gone = cell.tick_until(LIMIT, |cell, _| {
         let status = cell.client.status().expect("a status");
         status.trim_state() == Ok(TrimState::Waiting) && status.trim_m == [0.0; 3]

@@ -250,14 +250,22 @@ fn measured(table: &Table<'_, '_>) -> Measured {
     measured
 }
 
+/// To a tenth, upwards: what is written may be set.
+fn tenth(ms: f64) -> f64 {
+    // Less than a nanosecond is the binary form of a decimal number.
+    ((ms - 1e-6) * 10.0).ceil() / 10.0
+}
+
 fn time_constant(table: &Table<'_, '_>, measured: &Measured) -> Option<f64> {
     let time_constant_ms = table.number("time_constant_ms", 1.0..=60_000.0)?;
     let delay_s = measured.latency_s + measured.interval_s + measured.reaction_s;
     let least_ms = DELAYS_LEAST * delay_s * 1e3;
     if time_constant_ms < least_ms {
-        let message = format!("is {time_constant_ms}, and the delay is {:.1} ms", delay_s * 1e3);
+        let message =
+            format!("is {time_constant_ms}, and the delay is {} ms", tenth(delay_s * 1e3));
         let expected = format!(
-            "{least_ms:.1} or more: twice the sum of latency, interval and reaction, so that the gain margin stays above 2 at twice that delay"
+            "{} or more: twice the sum of latency, interval and reaction, so that the gain margin stays above 2 at twice that delay",
+            tenth(least_ms)
         );
         table.fault("time_constant_ms", message, expected);
     }

@@ -226,3 +226,11 @@ fn a_time_constant_too_short_for_the_delay_is_refused_and_so_is_what_is_no_rotat
         "{faults}"
     );
 }
+
+#[test]
+fn cycles_too_slow_for_a_trim_are_refused_where_there_is_one() {
+    let slow = format!("{MEASURED}[cycle]\nperiod_ms = 50\nstale_ms = 200\n");
+    parse(&slow).unwrap_err().assert_say("too slow for a trim");
+    assert!(parse(&slow.replace("period_ms = 50", "period_ms = 40")).is_ok());
+    assert!(parse(&slow.replace("[measured]", "[measured]\nmode = \"off\"")).is_ok());
+}
