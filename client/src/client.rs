@@ -4,8 +4,7 @@ use std::time::{Duration, Instant};
 
 use shm_schema::{
     Cell, Command, Corrected, JOINTS_MAX, Joined, Payload, PeerPublisher, PeerSubscriber,
-    PortError, Request, Response, RobotState, Role, SendOutcome, Status, Verdict, monotonic_ns,
-    new_session,
+    PortError, Request, Response, RobotState, Role, Status, Verdict, monotonic_ns, new_session,
 };
 
 use crate::link::{Connection, ConnectionEvent, KNOCK_AFTER, Link, Ports};
@@ -114,10 +113,7 @@ impl Client {
         let ports = self.link.ports_to_tell()?;
         self.seq += 1;
         self.sent = Some(command);
-        match ports.commands.send(&command) {
-            SendOutcome::Delivered => Ok(command.seq),
-            SendOutcome::NoReader | SendOutcome::Lost => Err(NotSent::Lost),
-        }
+        NotSent::unless_delivered(ports.commands.send(&command)).map(|()| command.seq)
     }
 
     /// Knocks where not one command of this epoch has had an answer for a while: what both ends joined may not be one memory, if its files were removed
@@ -175,10 +171,8 @@ impl Client {
         let (seq, session) = (self.state_seq + 1, self.session);
         let ports = self.link.ports_to_tell()?;
         self.state_seq = seq;
-        match ports.state.send(&RobotState { seq, session, sent_ns: monotonic_ns(), ..*state }) {
-            SendOutcome::Delivered => Ok(()),
-            SendOutcome::NoReader | SendOutcome::Lost => Err(NotSent::Lost),
-        }
+        let message = RobotState { seq, session, sent_ns: monotonic_ns(), ..*state };
+        NotSent::unless_delivered(ports.state.send(&message))
     }
 
     /// The newest corrected target of this daemon, however old.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use shm_schema::{DomainError, JOINTS_MAX, JoinError};
+use shm_schema::{DomainError, JOINTS_MAX, JoinError, SendOutcome};
 
 /// Why there is no daemon to talk to now. The library goes on trying by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -132,6 +132,19 @@ pub enum NotSent {
         /// What was expected.
         expected: &'static str,
     },
+}
+
+impl NotSent {
+    /// What became of a message.
+    ///
+    /// # Errors
+    /// [`NotSent::Lost`] where nobody took it.
+    pub(crate) fn unless_delivered(outcome: SendOutcome) -> Result<(), Self> {
+        match outcome {
+            SendOutcome::Delivered => Ok(()),
+            SendOutcome::NoReader | SendOutcome::Lost => Err(Self::Lost),
+        }
+    }
 }
 
 /// A request got no answer.

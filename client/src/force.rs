@@ -6,8 +6,7 @@
 use std::time::Duration;
 
 use shm_schema::{
-    Cell, FORCE_SAMPLES_MAX, ForceBlock, Joined, PortError, Role, SendOutcome, monotonic_ns,
-    new_session,
+    Cell, FORCE_SAMPLES_MAX, ForceBlock, Joined, PortError, Role, monotonic_ns, new_session,
 };
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
@@ -82,13 +81,9 @@ impl ForceSource {
     /// [`NotSent::Away`] and [`NotSent::Lost`] where it is lost.
     pub fn send(&mut self, force: &ForceSamples<'_>) -> Result<(), NotSent> {
         let samples = self.fill(force)?;
-        let outcome = match self.link.ports_to_tell() {
-            Ok(ports) => match ports.blocks.send(&self.block) {
-                SendOutcome::Delivered => Ok(()),
-                SendOutcome::NoReader | SendOutcome::Lost => Err(NotSent::Lost),
-            },
-            Err(away) => Err(NotSent::Away(away)),
-        };
+        let ports = self.link.ports_to_tell().map_err(NotSent::Away);
+        let outcome =
+            ports.and_then(|ports| NotSent::unless_delivered(ports.blocks.send(&self.block)));
         self.block.samples_before += samples as u64;
         self.lost += u64::from(outcome.is_err());
         outcome

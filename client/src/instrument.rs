@@ -5,8 +5,7 @@
 use std::time::Duration;
 
 use shm_schema::{
-    Cell, Joined, MeasuredPoint, PeerPublisher, PortError, Role, SendOutcome, monotonic_ns,
-    new_session,
+    Cell, Joined, MeasuredPoint, PeerPublisher, PortError, Role, monotonic_ns, new_session,
 };
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
@@ -64,13 +63,9 @@ impl Instrument {
             point_m,
             ..MeasuredPoint::default()
         };
-        let outcome = match self.link.ports_to_tell() {
-            Ok(ports) => match ports.points.send(&message) {
-                SendOutcome::Delivered => Ok(()),
-                SendOutcome::NoReader | SendOutcome::Lost => Err(NotSent::Lost),
-            },
-            Err(away) => Err(NotSent::Away(away)),
-        };
+        let ports = self.link.ports_to_tell().map_err(NotSent::Away);
+        let outcome =
+            ports.and_then(|ports| NotSent::unless_delivered(ports.points.send(&message)));
         self.lost += u64::from(outcome.is_err());
         outcome
     }

@@ -11,6 +11,7 @@ use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric};
 use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Registry;
+use shm_schema::TrimState;
 
 use crate::report::Report;
 
@@ -203,11 +204,11 @@ impl Metrics<'_, '_> {
         }
         let stale = report.stale_temperatures.len() as f64;
         self.gauge("stale_temperatures", "Temperatures that are too old to be used", stale)?;
-        if report.trim.state == "off" {
+        if report.trim.state == TrimState::Off.name() {
             return Ok(());
         }
-        let length_m = |mm: [f64; 3]| 1e-3 * mm.iter().map(|x| x * x).sum::<f64>().sqrt();
-        let (trim_m, found_m) = (length_m(report.trim.trim_mm), length_m(report.trim.found_mm));
+        let trim_m = 1e-3 * report.trim.length_mm();
+        let found_m = 1e-3 * report.trim.found_length_mm();
         self.gauge("trim_metres", "What the tool's target is displaced by", trim_m)?;
         self.gauge("trim_found_metres", "What the instrument finds of the model's error", found_m)
     }

@@ -248,6 +248,24 @@ impl Report {
     }
 }
 
+impl Trim {
+    /// How far the tool's target is displaced, mm.
+    #[must_use]
+    pub fn length_mm(&self) -> f64 {
+        length(self.trim_mm)
+    }
+
+    /// How large the model's error is found to be, mm.
+    #[must_use]
+    pub fn found_length_mm(&self) -> f64 {
+        length(self.found_mm)
+    }
+}
+
+fn length(vector: [f64; 3]) -> f64 {
+    vector.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
 fn trim(status: &Status) -> Trim {
     Trim {
         state: word(status.trim_state(), TrimState::name),

@@ -76,7 +76,6 @@ fn trim(report: &Report) -> Option<String> {
     if trim.state == TrimState::Off.name() {
         return None;
     }
-    let length = |mm: [f64; 3]| mm.iter().map(|x| x * x).sum::<f64>().sqrt();
     let reason = match trim.reason {
         reason if reason == TrimReason::None.name() => String::new(),
         reason => format!(" ({reason})"),
@@ -84,8 +83,8 @@ fn trim(report: &Report) -> Option<String> {
     Some(format!(
         "{}{reason}; by {:.3} mm, found {:.3} mm; measurements {}, refused {}",
         trim.state,
-        length(trim.trim_mm),
-        length(trim.found_mm),
+        trim.length_mm(),
+        trim.found_length_mm(),
         trim.measurements,
         trim.refused
     ))
