@@ -120,7 +120,8 @@ impl Answer {
         };
         let words = body["unexplained"]["depends_on"].as_array();
         let words = words.into_iter().flatten().filter_map(Value::as_str).map(str::to_owned);
-        let findings = body["findings"].as_array().into_iter().flatten().filter_map(finding);
+        let claims = ["findings", "minor"].iter().filter_map(|key| body[*key].as_array());
+        let findings = claims.flatten().filter_map(finding);
         Ok(Self { verdict, findings: findings.collect(), depends_on: words.collect() })
     }
 

@@ -45,7 +45,7 @@ impl Said {
     }
 
     pub(super) fn findings(&self) -> impl Iterator<Item = Found<'_>> {
-        self.list("findings").iter().map(Found)
+        self.list("findings").iter().chain(self.list("minor")).map(Found)
     }
 
     /// The finding of an effect; of any joint where none is given.

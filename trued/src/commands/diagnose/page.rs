@@ -115,6 +115,10 @@ fn words(mut page: Page, report: &Report, joints: usize) -> Page {
             page = page.table(&tables::findings(report));
         }
     }
+    if !report.minor.is_empty() {
+        let title = format!("And {} smaller effects", report.minor.len());
+        page = page.folded(&title, |page| page.table(&tables::minor(report)));
+    }
     if !report.candidates.is_empty() {
         let title = "Not claimed: less likely than not";
         page = page.section(title).table(&tables::candidates(report));
@@ -180,7 +184,7 @@ fn sentence(report: &Report) -> String {
         .map(|rms| rms.map_or("?".to_owned(), |rms| significant(rms, 2)));
     let residual = significant(report.noise_rms, 2);
     let unit = report.unit;
-    match (report.verdict, report.findings.len()) {
+    match (report.verdict, report.claims().count()) {
         ("consistent", _) => {
             format!(
                 "Model and recording agree within the scatter of the readings, {residual} {unit}."
@@ -221,11 +225,12 @@ fn numbers(report: &Report) -> Vec<Number> {
     });
     let residual = Number::new("Residual", report.noise_rms, report.unit)
         .note("on the fitted readings: instrument's noise and what nothing explains");
-    let not_claimed = match report.candidates.len() {
-        0 => String::new(),
-        count => format!("and {count} less likely than not"),
-    };
-    let findings = Number::text("Findings", report.findings.len().to_string()).note(not_claimed);
+    let smaller = (report.minor.len(), "smaller");
+    let not_claimed = (report.candidates.len(), "less likely than not");
+    let others = [smaller, not_claimed].into_iter().filter(|(count, _)| *count > 0);
+    let others: Vec<String> = others.map(|(count, what)| format!("{count} {what}")).collect();
+    let note = if others.is_empty() { String::new() } else { format!("and {}", others.join(", ")) };
+    let findings = Number::text("Findings", report.findings.len().to_string()).note(note);
     held.into_iter().flatten().chain([residual, findings]).collect()
 }
 

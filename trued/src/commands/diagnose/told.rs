@@ -30,6 +30,9 @@ use super::Found;
 const NINETY_FIVE: f64 = 1.96;
 /// What is likelier than this and not listed stands as an alternative of its own; less is rounding.
 const LEAST_LISTED: f64 = 1e-6;
+/// Findings that are reported one by one, at most; those with the smallest effects on what was measured are `minor`. Range: from 1. Origin: a choice, as many
+/// as a person can read and act on; no number depends on it.
+const FINDINGS_MOST: usize = 20;
 /// mm per m, mrad per rad.
 const MILLI: f64 = 1e3;
 
@@ -48,8 +51,10 @@ pub(in crate::commands) struct Report {
     pub(super) heldout_rms_before: Option<f64>,
     pub(super) heldout_rms_after: Option<f64>,
     pub(super) heldout: String,
-    /// What is claimed: the probability of each is a half or more.
+    /// What is claimed: the probability of each is a half or more. At most [`FINDINGS_MOST`].
     pub(super) findings: Vec<Told>,
+    /// Claimed as well; each has a smaller effect on what was measured than any of `findings`.
+    pub(super) minor: Vec<Told>,
     /// What is not claimed, though a part of the mismatch goes with it.
     pub(super) candidates: Vec<Told>,
     /// How the held-out errors of the findings, one after the other, share the whole.
@@ -226,6 +231,8 @@ impl Report {
         let Some(diagnosis) = &found.diagnosis else { return Self::nothing(found) };
         let proof = &diagnosis.proof;
         let arm = &found.base.physics.arm;
+        let (findings, minor) =
+            largest(diagnosis.findings.iter().map(|finding| Told::of(arm, finding)).collect());
         Self {
             verdict: diagnosis.verdict.name(),
             domain: "position",
@@ -237,7 +244,8 @@ impl Report {
             heldout_rms_before: Some(MILLI * proof.before),
             heldout_rms_after: Some(MILLI * proof.after),
             heldout: proof.says.clone(),
-            findings: diagnosis.findings.iter().map(|finding| Told::of(arm, finding)).collect(),
+            findings,
+            minor,
             candidates: diagnosis.candidates.iter().map(|one| Told::of(arm, one)).collect(),
             attribution: "shapley",
             next_experiment: diagnosis.next_experiment.as_ref().map(|next| next.says.clone()),
@@ -291,6 +299,7 @@ impl Report {
             heldout_rms_after: None,
             heldout: "nothing: the recordings cannot be judged".to_owned(),
             findings: Vec::new(),
+            minor: Vec::new(),
             candidates: Vec::new(),
             attribution: "sequence",
             next_experiment: None,
@@ -317,6 +326,15 @@ impl Report {
 fn name(effect: &str, joint: Option<usize>) -> String {
     let whose = joint.map_or(String::new(), |joint| format!(" of joint {joint}"));
     format!("{}{whose}", effect.replace('_', " "))
+}
+
+/// The [`FINDINGS_MOST`] findings with the largest effects on what was measured, and the others; both in their order. One without a size counts as large.
+fn largest(findings: Vec<Told>) -> (Vec<Told>, Vec<Told>) {
+    let size = |told: &Told| told.size.as_ref().map_or(f64::INFINITY, |size| size.rms);
+    let mut sizes: Vec<f64> = findings.iter().map(size).collect();
+    sizes.sort_by(|a, b| b.total_cmp(a));
+    let beyond = sizes.get(FINDINGS_MOST).copied().unwrap_or(f64::NEG_INFINITY);
+    findings.into_iter().partition(|told| size(told) > beyond)
 }
 
 impl Told {
@@ -426,6 +444,11 @@ impl Report {
         self.samples
     }
 
+    /// All that is claimed, large and small.
+    pub(super) fn claims(&self) -> impl Iterator<Item = &Told> {
+        self.findings.iter().chain(&self.minor)
+    }
+
     /// Whether `trued plan --for` can write the experiment that is proposed.
     pub(super) fn is_planned(&self) -> bool {
         self.experiment.is_some()
@@ -446,7 +469,7 @@ pub(in crate::commands) fn lead(report: &Report) -> String {
         significant(after, 3),
         significant(report.noise_rms, 3)
     );
-    match report.findings.len() {
+    match report.findings.len() + report.minor.len() {
         0 if report.unexplained.is_none() => format!("nothing above the noise; {errors}"),
         0 => format!("no known effect explains it; {errors}"),
         1 => format!("one effect; {errors}"),

@@ -17,6 +17,10 @@ pub(super) fn findings(report: &Report) -> Table {
     table(format!("Findings, {}", report.unit), &report.findings)
 }
 
+pub(super) fn minor(report: &Report) -> Table {
+    table(format!("Smaller effects, {}", report.unit), &report.minor)
+}
+
 pub(super) fn candidates(report: &Report) -> Table {
     table(format!("Candidates, {}", report.unit), &report.candidates)
 }
@@ -27,7 +31,7 @@ pub(super) fn sizes(report: &Report) -> Vec<OfJoint> {
         let size = told.size.as_ref()?.rms;
         Some(OfJoint { effect: told.effect.replace('_', " "), joint: told.joint, size })
     };
-    report.findings.iter().filter_map(size).collect()
+    report.claims().filter_map(size).collect()
 }
 
 /// The same by effect and joint.
@@ -68,7 +72,7 @@ pub(super) fn parameters(report: &Report) -> Table {
     let heads = ["Effect", "Joint", "Parameter", "Value", "95 % interval"];
     let mut table =
         Table::new("Parameters, in the units of the model file", heads.map(Column::new));
-    for told in &report.findings {
+    for told in report.claims() {
         for (key, value) in &told.parameters {
             let said = |value: f64, ci: &Interval| {
                 let interval = ci.map(|[low, high]| {

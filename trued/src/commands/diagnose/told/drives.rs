@@ -10,7 +10,8 @@ use recording::model::{EffectEntry, Numbers, RobotModel};
 use report::significant;
 
 use super::{
-    Alternative, JointErrors, NINETY_FIVE, NotTested, Report, Size, Told, Unexplained, Value, Where,
+    Alternative, JointErrors, NINETY_FIVE, NotTested, Report, Size, Told, Unexplained, Value,
+    Where, largest,
 };
 use crate::commands::diagnose::drives::{Drives, entry};
 
@@ -28,7 +29,9 @@ impl Report {
             Err(doubt) => return empty.because(doubt.to_string()),
         };
         let unit = if diagnosis.slides { "N" } else { "Nm" };
-        let (findings, candidates) = (diagnosis.findings.iter(), diagnosis.candidates.iter());
+        let candidates = diagnosis.candidates.iter();
+        let (findings, minor) =
+            largest(diagnosis.findings.iter().map(|one| told(base, drives, one)).collect());
         Self {
             verdict: diagnosis.verdict.name(),
             unit,
@@ -39,7 +42,8 @@ impl Report {
             heldout_rms_before: Some(diagnosis.heldout[0]),
             heldout_rms_after: Some(diagnosis.heldout[1]),
             heldout: diagnosis.says.clone(),
-            findings: findings.map(|one| told(base, drives, one)).collect(),
+            findings,
+            minor,
             candidates: candidates.map(|one| told(base, drives, one)).collect(),
             next_experiment: next_experiment(diagnosis),
             not_tested: diagnosis

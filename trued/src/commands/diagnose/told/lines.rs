@@ -16,6 +16,7 @@ pub(in crate::commands) fn lines(report: &Report) -> Vec<String> {
     let (first, also) = report.findings.split_at(leading(&report.findings));
     let mut lines: Vec<String> = first.iter().map(|told| line(report, told)).collect();
     lines.extend(others(report, first, also));
+    lines.extend(minor(report));
     if !report.candidates.is_empty() {
         let names = report.candidates.iter().map(|told| match told.confidence {
             Some(confidence) => format!("{} ({confidence:.2})", told.name()),
@@ -50,8 +51,7 @@ fn line(report: &Report, told: &Told) -> String {
         rivals => format!(" (cannot be distinguished from {})", rivals.join(", ")),
     };
     let together = |other: &&Told| told.group.is_some() && other.group == told.group;
-    let others =
-        report.findings.iter().filter(together).filter(|other| !std::ptr::eq(*other, told));
+    let others = report.claims().filter(together).filter(|other| !std::ptr::eq(*other, told));
     let others: Vec<String> = others.map(Told::name).collect();
     let together = match others.as_slice() {
         [] => String::new(),
@@ -62,9 +62,9 @@ fn line(report: &Report, told: &Told) -> String {
         let [rms, max] = [size.rms, size.max].map(|value| significant(value, 3));
         format!("{rms} {unit} (largest {max})")
     });
-    let held = told.heldout_rms_before.zip(told.heldout_rms_after).map(|(before, after)| {
-        let [before, after] = [before, after].map(|rms| significant(rms, 3));
-        format!("held out {before} to {after} {unit}")
+    let held = report.heldout_rms_after.zip(told.heldout_rms_without).map(|(with, without)| {
+        let [with, without] = [with, without].map(|rms| significant(rms, 3));
+        format!("without it {without} {unit} would be left held out instead of {with}")
     });
     let figures: Vec<String> = confidence.into_iter().chain(size).chain(held).collect();
     format!("  {} {}{rivals}{together}", told.says, figures.join("; ")).trim_end().to_owned()
@@ -82,6 +82,119 @@ fn others(report: &Report, first: &[Told], also: &[Told]) -> Option<String> {
     } else {
         String::new()
     };
-    let names = also.iter().map(Told::name).collect::<Vec<String>>().join(", ");
-    (!also.is_empty()).then(|| format!("  also{size}: {names}"))
+    (!also.is_empty()).then(|| format!("  also{size}: {}", by_effect(also)))
+}
+
+/// The effects that are claimed and do least, with a bound of their sizes.
+fn minor(report: &Report) -> Option<String> {
+    let sizes = report.minor.iter().filter_map(|told| told.size.as_ref()).map(|size| size.rms);
+    let largest = significant(sizes.fold(0.0, f64::max), 3);
+    let (count, unit) = (report.minor.len(), report.unit);
+    let effects = if count == 1 { "effect" } else { "effects" };
+    (count > 0).then(|| {
+        let names = by_effect(&report.minor);
+        format!("  and {count} smaller {effects}, each at most {largest} {unit}: {names}")
+    })
+}
+
+/// Each effect once, with its joints.
+fn by_effect(all: &[Told]) -> String {
+    let mut effects: Vec<(&str, Vec<usize>)> = Vec::new();
+    for told in all {
+        let at = effects.iter().position(|(effect, _)| *effect == told.effect);
+        let at = at.unwrap_or_else(|| {
+            effects.push((told.effect, Vec::new()));
+            effects.len() - 1
+        });
+        effects[at].1.extend(told.joint);
+    }
+    let joints = |joints: &mut Vec<usize>| {
+        joints.sort_unstable();
+        joints.dedup();
+        let listed: Vec<String> = joints.iter().map(usize::to_string).collect();
+        match listed.as_slice() {
+            [] => String::new(),
+            [one] => format!(" of joint {one}"),
+            [others @ .., last] => format!(" of joints {} and {last}", others.join(", ")),
+        }
+    };
+    let words = effects
+        .iter_mut()
+        .map(|(effect, all)| format!("{}{}", effect.replace('_', " "), joints(all)));
+    words.collect::<Vec<String>>().join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{FINDINGS_MOST, Report, Size, Told, Where, largest};
+    use super::{by_effect, lines};
+    use std::collections::BTreeMap;
+
+    fn told(effect: &'static str, joint: Option<usize>, rms: f64) -> Told {
+        Told {
+            effect,
+            joint,
+            change: "new",
+            confidence: Some(1.0),
+            parameters: BTreeMap::new(),
+            heldout_rms_before: Some(1.0),
+            heldout_rms_after: Some(0.5),
+            heldout_rms_without: Some(0.75),
+            size: Some(Size { rms, max: 2.0 * rms }),
+            group: None,
+            place: Where {
+                joint,
+                channels: Vec::new(),
+                condition: String::new(),
+                intervals_s: Vec::new(),
+                frequency_Hz: None,
+            },
+            alternatives: Vec::new(),
+            says: format!("{effect} is missing."),
+        }
+    }
+
+    /// As many findings, the size of each k times 1 µm, k from 1 in the order of the list.
+    fn many(count: usize) -> Vec<Told> {
+        (1..=count).map(|k| told("backlash", Some(k % 6 + 1), 1e-3 * k as f64)).collect()
+    }
+
+    #[test]
+    fn twenty_findings_are_listed_the_largest_and_all_others_are_minor() {
+        let (findings, minor) = largest(many(43));
+        assert_eq!((findings.len(), minor.len()), (FINDINGS_MOST, 23));
+        let size = |told: &Told| told.size.as_ref().map_or(0.0, |size| size.rms);
+        let smallest = findings.iter().map(size).fold(f64::INFINITY, f64::min);
+        assert!(minor.iter().map(size).all(|size| size < smallest));
+        let (findings, minor) = largest(many(FINDINGS_MOST));
+        assert_eq!((findings.len(), minor.len()), (FINDINGS_MOST, 0), "nothing is cut from twenty");
+    }
+
+    #[test]
+    fn a_long_list_ends_with_how_many_are_smaller_and_how_small() {
+        let (findings, minor) = largest(many(43));
+        let empty = Report::empty("position", "mm", 1);
+        let report = Report { findings, minor, heldout_rms_after: Some(0.5), ..empty };
+        let lines = lines(&report);
+        let last = lines.last().expect("lines");
+        assert!(
+            last.starts_with(
+                "  and 23 smaller effects, each at most 0.0230 mm: backlash of joints 1, 2"
+            ),
+            "{last}"
+        );
+        assert!(
+            lines[0].contains("without it 0.750 mm would be left held out instead of 0.500"),
+            "{}",
+            lines[0]
+        );
+    }
+
+    #[test]
+    fn an_effect_is_named_once_with_all_its_joints() {
+        let all = [("axis_tilt", Some(3)), ("payload", None), ("axis_tilt", Some(1))];
+        let all = all.map(|(effect, joint)| told(effect, joint, 0.1));
+        assert_eq!(by_effect(&all), "axis tilt of joints 1 and 3; payload");
+        assert_eq!(by_effect(&all[..1]), "axis tilt of joint 3");
+    }
 }

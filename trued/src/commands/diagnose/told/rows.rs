@@ -63,7 +63,7 @@ fn of_report(report: &Report, temperatures: &Temperatures) -> Vec<Row> {
         fact: None,
         says: lead(report),
     };
-    let claimed = report.findings.iter().map(|told| (told, true));
+    let claimed = report.claims().map(|told| (told, true));
     let all = claimed.chain(report.candidates.iter().map(|told| (told, false)));
     let findings = all.flat_map(|(told, is_claimed)| facts(told, is_claimed));
     let finding = |(told, fact): (&Told, Fact)| Row {
