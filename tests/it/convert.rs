@@ -82,3 +82,34 @@ fn a_box_that_was_cut_off_is_read_as_far_as_it_goes_and_one_that_is_none_is_refu
     assert_eq!(done.code, Some(2), "{done:?}");
     assert!(!place.path("other.csv").exists());
 }
+
+#[test]
+fn a_box_through_parquet_is_the_same_table_as_the_box_itself() {
+    let place = Place::new();
+    boxed(&place, "run.mcap").finish().expect("room");
+    place.succeed(&["convert", "--out", "direct.csv", "run.mcap"]);
+    place.succeed(&["convert", "--out", "made.parquet", "run.mcap"]);
+    assert!(place.path("made-model.toml").exists() && place.path("made.toml").exists());
+    place.succeed(&["correct", "--model", "made-model.toml", "--out", "again.csv", "made.parquet"]);
+    place.succeed(&["convert", "--out", "back.csv", "made.parquet"]);
+    let [direct, back] = ["direct.csv", "back.csv"].map(|name| place.read(name));
+    assert_eq!(back, direct);
+    assert!(place.read("back.toml").contains("made-model.toml"), "the model is named on");
+    let same = place.run(&["convert", "--out", "made.parquet", "made.parquet"]);
+    assert_eq!(same.code, Some(2), "over its input: {same:?}");
+}
+
+#[test]
+fn another_programs_table_becomes_a_recording_by_its_mapping() {
+    let place = Place::new();
+    place.file("log.csv", "stamp,a1,note\n0,90,warm\n10,-45.5,\n");
+    place.file(
+        "log.mapping.toml",
+        "schema = \"trued.mapping/1\"\njoints = 1\n[columns]\nt_s = { from = \"stamp\", unit = \"ms\" }\n\"q*_deg\" = { from = \"a*\" }\n",
+    );
+    std::fs::create_dir(place.path("new")).expect("a folder");
+    place.succeed(&["convert", "--out", "new/log.csv", "log.csv"]);
+    let made = read(&place.path("new/log.csv"), None, Need::Path).expect("a recording");
+    assert_eq!(made.t_s, [0.0, 0.01]);
+    assert_eq!(made.column(Channel::Command(0)).expect("there")[1], (-45.5_f64).to_radians());
+}

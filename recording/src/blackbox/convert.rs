@@ -8,7 +8,7 @@ use super::records::{CycleRecord, ForceRecord, Record};
 use super::{Contents, Header};
 use physics::JointKind;
 
-use crate::series::{Channel, Frame, Recording};
+use crate::series::{Channel, Frame, Recording, number_text};
 
 /// What one model made.
 #[derive(Debug, Clone, PartialEq)]
@@ -160,7 +160,7 @@ fn other_columns(contents: &Contents, cycles: &[&CycleRecord]) -> Vec<(String, V
             let slides = header.joints.get(joint) == Some(&JointKind::Prismatic);
             let unit = if slides { "m" } else { "rad" };
             columns.push(column(&format!("{name}{}_{unit}", joint + 1), &|c| {
-                numbers(c).get(joint).map(|q| format!("{q:?}")).unwrap_or_default()
+                numbers(c).get(joint).copied().map(number_text).unwrap_or_default()
             }));
         }
     }
@@ -169,8 +169,8 @@ fn other_columns(contents: &Contents, cycles: &[&CycleRecord]) -> Vec<(String, V
     columns.push(column("reason", &|c| word(&header.reason_words, c.reason)));
     columns.push(column("model_epoch", &|c| c.model_epoch.to_string()));
     columns.push(column("steps", &|c| c.steps.to_string()));
-    columns.push(column("residual_m", &|c| format!("{:?}", c.residual_m)));
-    columns.push(column("residual_rad", &|c| format!("{:?}", c.residual_rad)));
+    columns.push(column("residual_m", &|c| number_text(c.residual_m)));
+    columns.push(column("residual_rad", &|c| number_text(c.residual_rad)));
     columns
 }
 
@@ -185,7 +185,7 @@ fn trim_columns(cycles: &[&CycleRecord]) -> Vec<(String, Vec<String>)> {
     for (name, numbers) in of_axis {
         for (at, axis) in ["x", "y", "z"].into_iter().enumerate() {
             let text =
-                |c: &&CycleRecord| numbers(c).get(at).map(|m| format!("{m:?}")).unwrap_or_default();
+                |c: &&CycleRecord| numbers(c).get(at).copied().map(number_text).unwrap_or_default();
             columns.push((format!("{name}_{axis}_m"), cycles.iter().map(text).collect()));
         }
     }

@@ -42,6 +42,7 @@ pub(crate) use clock::{Clock, instant_us};
 pub use gauges::{Distance, Gauges, Probe, TouchedPlane, TouchedSphere};
 pub(crate) use number::is_number;
 pub(crate) use table::{Dialect, RawTable, Reads};
+pub(crate) use text::number_text;
 pub use text::{read, read_text, write};
 pub(crate) use units_line::is_unit;
 

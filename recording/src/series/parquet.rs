@@ -143,5 +143,7 @@ fn cells(
     })
 }
 
+mod write;
+
 #[cfg(test)]
 mod tests;

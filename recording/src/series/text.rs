@@ -129,11 +129,10 @@ impl Recording {
     /// The recording as CSV, in the units of [`Recording::units`].
     #[must_use]
     pub fn to_csv(&self) -> Vec<u8> {
-        let several = self.segment.iter().any(|segment| Some(segment) != self.segment.first());
-        let segments = several || self.segment.first().is_some_and(|first| *first != 0);
+        let segments = self.has_segments();
         let mut header = vec!["t_s".to_owned()];
         header.extend(segments.then(|| "segment".to_owned()));
-        let columns: Vec<_> = self.channels().map(|channel| self.file_column(channel)).collect();
+        let columns = self.file_columns();
         header.extend(columns.iter().map(|column| column.name.clone()));
         header.extend(self.other.iter().map(|(name, _)| name.clone()));
         let mut writer = WriterBuilder::new().from_writer(Vec::new());
@@ -161,6 +160,15 @@ impl Recording {
         (channel.name(unit), values.collect())
     }
 
+    /// Whether a file of it needs a column of segments.
+    pub(super) fn has_segments(&self) -> bool {
+        self.segment.iter().any(|segment| *segment != 0)
+    }
+
+    pub(super) fn file_columns(&self) -> Vec<FileColumn<'_>> {
+        self.channels().map(|channel| self.file_column(channel)).collect()
+    }
+
     fn file_column(&self, channel: Channel) -> FileColumn<'_> {
         let kind = self.joint_kind(channel.joint().unwrap_or(0));
         let unit = channel.unit_in(self.units, kind);
@@ -169,21 +177,27 @@ impl Recording {
     }
 }
 
-struct FileColumn<'r> {
-    name: String,
+/// A column as a file has it.
+pub(super) struct FileColumn<'r> {
+    pub(super) name: String,
     unit: Option<crate::unit::Unit>,
     samples: &'r [f64],
 }
 
 impl FileColumn<'_> {
-    fn text(&self, row: usize) -> String {
+    /// In the file's unit; NaN where it was not taken.
+    pub(super) fn value(&self, row: usize) -> f64 {
         let si = self.samples.get(row).copied().unwrap_or(f64::NAN);
-        number_text(self.unit.map_or(si, |unit| unit.from_si(si)))
+        self.unit.map_or(si, |unit| unit.from_si(si))
+    }
+
+    fn text(&self, row: usize) -> String {
+        number_text(self.value(row))
     }
 }
 
 /// The shortest text that reads back to the same bits; nothing for NaN.
-fn number_text(value: f64) -> String {
+pub(crate) fn number_text(value: f64) -> String {
     if value.is_nan() { String::new() } else { format!("{value:?}") }
 }
 

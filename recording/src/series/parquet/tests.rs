@@ -53,10 +53,14 @@ fn written(schema: &str, compression: Compression) -> Vec<u8> {
 }
 
 fn taken(name: &str, bytes: &[u8]) -> Result<Recording, FileError> {
+    taken_as(name, bytes, Need::Measurement)
+}
+
+fn taken_as(name: &str, bytes: &[u8], need: Need) -> Result<Recording, FileError> {
     let file = format!("trued-{name}-{}.parquet", std::process::id());
     let path: PathBuf = std::env::temp_dir().join(file);
     fs::write(&path, bytes).expect("a file");
-    let read = read(&path, None, Need::Measurement);
+    let read = read(&path, None, need);
     fs::remove_file(&path).expect("gone");
     read
 }
@@ -101,8 +105,47 @@ fn what_is_cut_off_is_said_to_be_damaged() {
     }
 }
 
+#[test]
+fn a_foreign_column_keeps_its_cells_and_is_a_number_only_where_each_cell_is_one() {
+    let cells = |all: [&str; 3]| all.map(str::to_owned).to_vec();
+    let mut recording = Recording::new(vec![0.0, 0.5, 1.0]);
+    recording.set(Channel::Command(0), vec![0.1, f64::NAN, -0.0]);
+    recording.other = vec![
+        ("count".to_owned(), cells(["18446744073709551615", "1", ""])),
+        ("stamp.ns".to_owned(), cells(["1000000000000000007", "", "-3"])),
+        ("residual".to_owned(), cells(["1e-7", "", "0.25"])),
+        ("part no".to_owned(), cells(["007", "8", "9"])),
+        ("status".to_owned(), cells(["corrected", "", "NaN"])),
+    ];
+    let bytes = recording.to_parquet().expect("a table");
+    assert_eq!(bytes, recording.to_parquet().expect("a table"), "the same bytes each time");
+    let back = taken_as("foreign", &bytes, Need::Path).expect("sound");
+    assert_eq!(back.other, recording.other);
+    assert_eq!(back.to_csv(), recording.to_csv());
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn what_is_written_reads_back_to_the_same_bits(
+        rows in prop::collection::vec((any::<i32>(), prop::option::of(any::<f64>().prop_filter("finite", |x| x.is_finite())), 0..3_i64), 1..40),
+    ) {
+        let times = (0..rows.len()).map(|row| row as f64 * 0.1);
+        let mut recording = Recording::new(times.collect());
+        let mut segment = 0;
+        recording.segment = rows.iter().map(|(.., step)| { segment += step; segment }).collect();
+        recording.set(Channel::Command(0), rows.iter().map(|row| f64::from(row.0) * 1e-9).collect());
+        recording.set(Channel::Torque(0), rows.iter().map(|row| row.1.unwrap_or(f64::NAN)).collect());
+        let back = taken_as("back", &recording.to_parquet().expect("a table"), Need::Path).expect("sound");
+        prop_assert_eq!(&back.segment, &recording.segment);
+        for channel in [Channel::Command(0), Channel::Torque(0)] {
+            let bits = |recording: &Recording| -> Vec<u64> {
+                recording.column(channel).expect("there").iter().map(|x| x.to_bits()).collect()
+            };
+            prop_assert_eq!(bits(&back), bits(&recording));
+        }
+    }
 
     #[test]
     fn no_byte_makes_it_panic(at in 0..2000_usize, byte in any::<u8>()) {
