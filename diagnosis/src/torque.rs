@@ -41,6 +41,7 @@ mod view;
 mod zone;
 
 use recording::series::Recording;
+use std::borrow::Cow;
 
 use case::Case;
 pub use found::{Number, Rival};
@@ -86,17 +87,20 @@ pub enum Doubt {
 /// Rows of one joint from which on anything can be said.
 const ROWS_LEAST: usize = 200;
 
-/// Diagnoses the torque of the arm of `stated`; `band_hz`: of the low-pass, none for the usual one.
+/// Diagnoses the torque of the arm of `stated`; `band_hz`: of the low-pass, none for the usual one. Recordings that are given away are dropped as soon as
+/// what is looked at is taken from them.
 ///
 /// # Errors
 /// Recordings that say nothing of torque.
-pub fn diagnose(
+pub fn diagnose<'r>(
     stated: &Stated<'_>,
-    recordings: &[Recording],
+    recordings: impl Into<Cow<'r, [Recording]>>,
     band_hz: Option<f64>,
     seed: u64,
 ) -> Result<Diagnosis, Doubt> {
-    let mut case = Case::new(stated, recordings, band_hz, seed);
+    let recordings = recordings.into();
+    let mut case = Case::new(stated, &recordings, band_hz, seed);
+    drop(recordings);
     let rows = case.table.rows();
     if rows < ROWS_LEAST {
         return Err(Doubt::FewRows { rows, least: ROWS_LEAST });

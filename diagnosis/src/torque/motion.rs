@@ -3,6 +3,8 @@
 //! Promises: gaps are never bridged; what lies between samples is drawn by the cubic through the four nearest; both sides pass the same filter.
 //! Never: physics, a value invented beyond the ends of what was recorded.
 
+use std::borrow::Cow;
+
 use physics::{Arm, Inputs, JOINTS_MAX};
 use recording::series::{Channel, Kind, Recording};
 
@@ -180,16 +182,16 @@ impl Run {
 /// Whether the recordings hold torque along a path, or current with its constants. At settled poses stiction may hold anything: nothing is asked of them.
 #[must_use]
 pub fn has_torque(recordings: &[Recording]) -> bool {
-    let some = |torque: Vec<f64>| torque.iter().any(|torque| torque.is_finite());
+    let some = |torque: Cow<'_, [f64]>| torque.iter().any(|torque| torque.is_finite());
     recordings.iter().filter(|recording| recording.about.kind == Kind::Path).any(|recording| {
         (0..recording.joint_count()).any(|joint| torque(recording, joint).is_some_and(some))
     })
 }
 
 /// The torque of a joint, as recorded or from its current, N m or N.
-fn torque(recording: &Recording, joint: usize) -> Option<Vec<f64>> {
+fn torque(recording: &Recording, joint: usize) -> Option<Cow<'_, [f64]>> {
     if let Some(torque) = recording.column(Channel::Torque(joint)) {
-        return Some(torque.to_vec());
+        return Some(Cow::Borrowed(torque));
     }
     let constant = *recording.about.torque_per_ampere.get(joint)?;
     let current = recording.column(Channel::Current(joint))?;
@@ -322,7 +324,7 @@ fn runs_of(
     };
     let joints = arm.count();
     let columns: Vec<Option<&[f64]>> = (0..joints).map(|j| position(recording, j)).collect();
-    let torques: Vec<Option<Vec<f64>>> = (0..joints).map(|j| torque(recording, j)).collect();
+    let torques: Vec<Option<Cow<'_, [f64]>>> = (0..joints).map(|j| torque(recording, j)).collect();
     if columns.iter().any(Option::is_none) || torques.iter().all(Option::is_none) {
         return Vec::new();
     }

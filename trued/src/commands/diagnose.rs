@@ -131,7 +131,7 @@ impl Diagnose {
             return self.batch.run(manifest, &self.out, console);
         }
         let stage = progress::stages(console, "reading recordings");
-        let (model, recordings) = match Read::of(&self.reading, &self.recordings)? {
+        let (model, mut recordings) = match Read::of(&self.reading, &self.recordings)? {
             Read::Forces(alone) => {
                 stage.finish_and_clear();
                 return forces::alone(self, *alone, console);
@@ -143,9 +143,9 @@ impl Diagnose {
         outputs.check(self.inputs())?;
         let seed = self.seed.settle();
         stage.set_message("drive torques: fit, search, proof");
-        let drives = Drives::where_recorded(&model, &recordings, self.band, seed)?;
+        let drives = Drives::where_recorded(&model, &mut recordings, self.band, seed)?;
         stage.set_message("positions: fit, search, proof");
-        let found = Found { drives, ..Found::of(model, recordings, seed)? };
+        let found = Found::with_drives(model, recordings, drives, seed)?;
         let reports = found.reports();
         stage.set_message("pictures and files");
         found.put(&mut outputs, &reports, &self.out)?;
@@ -182,7 +182,33 @@ pub(super) fn outputs(outputs: Outputs, dir: &Path) -> Outputs {
 }
 
 impl Found {
-    /// Diagnoses `base` by `recordings`.
+    /// Diagnoses `base` by `recordings`, beside what their torques say; no recordings are left where torques are all that was recorded.
+    ///
+    /// # Errors
+    /// Recordings that make no campaign.
+    fn with_drives(
+        base: RobotModel,
+        recordings: Vec<Recording>,
+        drives: Option<Drives>,
+        seed: u64,
+    ) -> Result<Self, Failure> {
+        if drives.is_some() && recordings.is_empty() {
+            return Ok(Self {
+                base,
+                seed,
+                diagnosis: None,
+                entries: Vec::new(),
+                doubts: Vec::new(),
+                notes: Vec::new(),
+                rows: 0,
+                has_positions: false,
+                drives,
+            });
+        }
+        Ok(Self { drives, ..Self::of(base, recordings, seed)? })
+    }
+
+    /// Diagnoses `base` by what `recordings` say of positions.
     ///
     /// # Errors
     /// Recordings that make no campaign.
@@ -197,9 +223,6 @@ impl Found {
             let (diagnosis, entries, drives) = (None, Vec::new(), None);
             Ok(Self { base, seed, diagnosis, entries, doubts, notes, rows, has_positions, drives })
         };
-        if !has_positions && drives::are_recorded(&recordings) {
-            return nothing(base, Vec::new(), Vec::new(), 0);
-        }
         let Ingested { notes, doubts } = ingest(arm, &mut recordings);
         if !doubts.is_empty() {
             return nothing(base, doubts, notes, 0);

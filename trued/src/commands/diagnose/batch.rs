@@ -138,10 +138,10 @@ fn rows(manifest: &Manifest, item: &Item<'_>) -> Result<Vec<Row>, Failure> {
             let found = Forces::of(model, &recording, seed)?;
             Ok(told::rows(&[told::Report::of_forces(&found)], &temperatures))
         }
-        Read::Robot(model, recordings) => {
+        Read::Robot(model, mut recordings) => {
             let temperatures = Temperatures::of(&recordings);
-            let drives = Drives::where_recorded(&model, &recordings, manifest.band_hz, seed)?;
-            let found = Found { drives, ..Found::of(*model, recordings, seed)? };
+            let drives = Drives::where_recorded(&model, &mut recordings, manifest.band_hz, seed)?;
+            let found = Found::with_drives(*model, recordings, drives, seed)?;
             Ok(told::rows(&found.reports(), &temperatures))
         }
     }

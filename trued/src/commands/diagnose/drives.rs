@@ -2,6 +2,8 @@
 //!
 //! Promises: what acts in one recording alone (a payload of that day) is told and not written into the model. Never: a fit of its own.
 
+use std::borrow::Cow;
+
 use diagnosis::torque::{self, Diagnosis, Doubt, Finding, Refit, Stated};
 use recording::model::{EffectEntry, Numbers, Parameter, RobotModel, SiParameter};
 use recording::series::{Channel, Recording};
@@ -39,20 +41,27 @@ pub(super) fn positions_are_recorded(recordings: &[Recording]) -> bool {
 }
 
 impl Drives {
-    /// What is found in the torques, where there are any.
+    /// What is found in the torques, where there are any. Recordings without positions are taken: nothing else is asked of them, and they are large.
     pub(super) fn where_recorded(
         base: &RobotModel,
-        recordings: &[Recording],
+        recordings: &mut Vec<Recording>,
         band_hz: Option<f64>,
         seed: u64,
     ) -> Result<Option<Self>, Failure> {
-        let drives = are_recorded(recordings).then(|| Self::of(base, recordings, band_hz, seed));
-        drives.transpose()
+        if !are_recorded(recordings) {
+            return Ok(None);
+        }
+        let recordings = if positions_are_recorded(recordings) {
+            Cow::Borrowed(recordings.as_slice())
+        } else {
+            Cow::Owned(std::mem::take(recordings))
+        };
+        Self::of(base, recordings, band_hz, seed).map(Some)
     }
 
     fn of(
         base: &RobotModel,
-        recordings: &[Recording],
+        recordings: Cow<'_, [Recording]>,
         band_hz: Option<f64>,
         seed: u64,
     ) -> Result<Self, Failure> {
@@ -62,10 +71,8 @@ impl Drives {
         let model = base.with_drives().map_err(Failure::input)?;
         let sigma: Vec<Vec<f64>> = base.sigma.iter().chain(&base.drives_sigma).cloned().collect();
         let stated = Stated { model: &model, sigma: &sigma, delay_s: delay_s(base) };
-        Ok(Self {
-            result: torque::diagnose(&stated, recordings, band_hz, seed),
-            recordings: recordings.iter().map(name).collect(),
-        })
+        let names = recordings.iter().map(name).collect();
+        Ok(Self { result: torque::diagnose(&stated, recordings, band_hz, seed), recordings: names })
     }
 
     /// The model's effects with what was found, and its own numbers as they were fitted along.
