@@ -266,7 +266,7 @@ impl Client {
         self.link.ports().and_then(|ports| ports.monitor.vibration())
     }
 
-    /// How the connection is.
+    /// State of the connection.
     pub fn connection(&mut self) -> Connection {
         self.link.refresh();
         self.link.connection()

@@ -23,7 +23,7 @@ pub enum ErrorKind {
     WrongUser,
     /// Another process has this role.
     RoleTaken,
-    /// The daemon is joined and says nothing.
+    /// Connected, but the daemon does not respond.
     DaemonSilent,
     /// No answer in time.
     TimedOut,
@@ -31,7 +31,7 @@ pub enum ErrorKind {
     MessageLost,
     /// The transport refused.
     Transport,
-    /// The operating system refused.
+    /// Error of the operating system.
     System,
 }
 

@@ -30,7 +30,7 @@ pub(crate) trait Ports: Sized + Send + 'static {
     fn open(joined: &Joined) -> Result<Self, PortError>;
 }
 
-/// How the connection is.
+/// State of the connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Connection {
     /// Joined, and the daemon lives.

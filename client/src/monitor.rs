@@ -88,7 +88,7 @@ impl Asker {
     }
 }
 
-/// Looks at a cell, and asks its daemon: any number of processes may.
+/// Monitors a cell and sends requests to its daemon; any number of processes can do so.
 pub struct Monitor {
     link: Link<MonitorPorts>,
     asker: Asker,
@@ -124,7 +124,7 @@ impl Monitor {
         self.link.ports().and_then(MonitorPorts::vibration)
     }
 
-    /// How the connection is.
+    /// State of the connection.
     pub fn connection(&mut self) -> Connection {
         self.link.refresh();
         self.link.connection()

@@ -8,7 +8,7 @@ use shm_schema::{InCut, Operation, Request};
 /// by the level of the forces.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProcessState {
-    /// Spindle speed, 1/min; 0 where it stands, NaN where unknown.
+    /// Spindle speed, 1/min; 0 if stopped, NaN if unknown.
     pub spindle_rpm: f64,
     /// Teeth of the cutter; 0 where unknown.
     pub teeth: u32,

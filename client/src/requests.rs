@@ -93,7 +93,7 @@ macro_rules! requests {
                 self.ask($crate::requests::record(action), limit)
             }
 
-            /// Tells what the process does, in place of what was told before.
+            /// Reports the state of the process, replacing the previous one.
             ///
             /// # Errors
             /// See [`crate::AskError`]; a refusal is an answer, not an error.

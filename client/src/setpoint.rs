@@ -13,7 +13,7 @@ pub enum WrenchFrame {
     Base,
 }
 
-/// One commanded joint target, with what is known beside it.
+/// One commanded joint target with optional inputs.
 #[derive(Debug, Clone, Copy)]
 pub struct Setpoint {
     joints: usize,

@@ -2,16 +2,16 @@
 
 use shm_schema::JOINTS_MAX;
 
-/// What the correction in a target is.
+/// Origin of the correction in a target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Source {
-    /// The daemon's, for this very command.
+    /// The daemon's correction for this command.
     Corrected,
-    /// The daemon's newest, which it made for an earlier command.
+    /// The daemon's newest correction, computed for an earlier command.
     LastCorrection,
-    /// On its way to what the daemon asks for, or to zero as the daemon is silent.
+    /// Being ramped to the daemon's correction, or to zero because the daemon does not respond.
     Ramping,
-    /// None, and no daemon that asks for any: the target is the command.
+    /// No correction, and no daemon that requests one: the target is the command.
     Plain,
 }
 

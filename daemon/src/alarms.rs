@@ -1,18 +1,18 @@
-//! Which moments keep the recording: events of the vibration watch that become an alarm.
+//! Detects new vibration alarms, which mark the recording to be kept.
 //!
-//! Each is told once, when it begins. Called by the recorder for all verdicts that it takes from its ring, whether it writes them or not.
+//! Each event is reported once, when its alarm begins. The recorder passes every verdict of its ring, also those that it does not write.
 
 use shm_schema::{Verdict, VibrationState};
 
-/// What has been told already.
+/// The alarms that have been reported.
 #[derive(Debug, Default)]
 pub struct Alarms {
-    /// Events of the vibration watch that alarm now.
+    /// Vibration events with an active alarm.
     events: Vec<u64>,
 }
 
 impl Alarms {
-    /// Whether an alarm begins with this verdict; in words.
+    /// A description of the alarm that begins with this verdict; none if no alarm begins.
     pub fn vibration(&mut self, verdict: &Verdict) -> Option<String> {
         let alarms =
             matches!(verdict.state(), Ok(VibrationState::Alarm | VibrationState::Confirmed));
@@ -36,7 +36,7 @@ mod tests {
     }
 
     #[test]
-    fn each_event_that_alarms_is_told_once() {
+    fn each_alarm_is_reported_once() {
         let mut alarms = Alarms::default();
         assert_eq!(alarms.vibration(&verdict(1, VibrationState::Warn)), None);
         let said = alarms.vibration(&verdict(1, VibrationState::Alarm)).expect("it begins");

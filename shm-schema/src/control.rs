@@ -42,13 +42,13 @@ plain_struct! {
         pub teeth: u32,
         /// An [`InCut`], for [`Operation::ProcessState`].
         pub in_cut: u32,
-        /// How long the process state holds, ms; 0: until another one is told.
+        /// How long the process state holds, ms; 0: until the next one.
         pub holds_ms: u32,
         /// How many joints `q` has, for [`Operation::Measured`].
         pub joints: u32,
         /// 1 where [`Operation::Reload`] may load a model of another robot, or one whose limits the arm is outside of: obeyed in shadow mode only.
         pub other_robot: u32,
-        /// From which side each joint came, −1 or 1; 0 where unknown, for [`Operation::Measured`].
+        /// Direction of approach of each joint, −1 or 1; 0 where unknown, for [`Operation::Measured`].
         pub direction: [i8; JOINTS_MAX],
         /// The model for [`Operation::Reload`], absolute; empty: the one loaded now, read again. The text, for [`Operation::Mark`].
         pub path: Text<PATH_BYTES_MAX>,
@@ -57,7 +57,7 @@ plain_struct! {
 payload!(Request = "trued.Request/4", layout 4, check |_| Ok(()));
 
 impl Request {
-    /// What is asked.
+    /// The requested operation.
     ///
     /// # Errors
     /// [`UnknownCode`] where the client is of a later version.
@@ -65,7 +65,7 @@ impl Request {
         self.operation.try_into()
     }
 
-    /// Where the tool is, for [`Operation::ProcessState`].
+    /// Whether the tool is in the cut, for [`Operation::ProcessState`].
     ///
     /// # Errors
     /// [`UnknownCode`] where the client is of a later version.
@@ -107,7 +107,7 @@ impl Response {
         }
     }
 
-    /// What was answered.
+    /// The result.
     ///
     /// # Errors
     /// [`UnknownCode`] where the daemon is of a later version.
@@ -117,21 +117,21 @@ impl Response {
 }
 
 codes! {
-    /// What may be asked.
+    /// The requests.
     pub enum Operation {
-        /// Answer, nothing else.
+        /// Answer only.
         Ping = 0 "ping",
-        /// Load a model and swap it in between two cycles.
+        /// Load a model and activate it between two cycles.
         Reload = 1 "reload",
-        /// Ramp the correction out, or in again.
+        /// Ramp the correction to zero, or restore it.
         Bypass = 2 "bypass",
         /// Go to shadow mode, or back to the configured one.
         Arm = 3 "arm",
-        /// Tell what the process does: spindle, teeth, feed, cut.
+        /// Report the state of the process: spindle speed, teeth, feed, cut.
         ProcessState = 4 "process_state",
-        /// Tell where the tool was measured: does the model still hold?
+        /// Report a measurement of the tool, to check whether the model still holds.
         Measured = 5 "measured",
-        /// Go to a mode, at most to the one that the configuration allows.
+        /// Change the mode, at most to the one that the configuration allows.
         Mode = 6 "mode",
         /// Write a marker into the recording.
         Mark = 7 "mark",
@@ -141,31 +141,31 @@ codes! {
 }
 
 codes! {
-    /// What a recorder is asked to do.
+    /// Action of the recorder.
     pub enum RecorderAction {
-        /// Close the recording; write nothing until the next start.
+        /// Close the recording and stop until the next start.
         Stop = 0 "stop",
         /// Begin a recording.
         Start = 1 "start",
-        /// Keep the present recording: the removal of old ones leaves it alone.
+        /// Mark the present recording to be kept: it is exempt from the removal of old files.
         Keep = 2 "keep",
     }
 }
 
 codes! {
-    /// Where the tool is.
+    /// Whether the tool is in the cut.
     pub enum InCut {
-        /// Not told: the watch judges by the forces.
+        /// Not stated: the vibration monitor decides by the forces.
         Unknown = 0 "unknown",
-        /// It cuts nothing.
+        /// Not cutting.
         Air = 1 "air",
-        /// It cuts.
+        /// Cutting.
         Cut = 2 "cut",
     }
 }
 
 codes! {
-    /// What became of a request.
+    /// Result of a request.
     pub enum Answer {
         /// Done.
         Done = 0 "done",
@@ -173,7 +173,7 @@ codes! {
         Refused = 1 "refused",
         /// The request cannot be read.
         Malformed = 2 "malformed",
-        /// The daemon failed in doing it; the message says where.
+        /// The daemon failed while executing it; the message says where.
         Failed = 3 "failed",
     }
 }

@@ -44,7 +44,7 @@ payload!(ForceBlock = "trued.ForceBlock/1", layout 1, check |b| {
 });
 
 impl ForceBlock {
-    /// The samples stand in the base's axes (else the tool's).
+    /// The samples are in base axes (else tool axes).
     pub const IN_BASE: u32 = 1;
     /// The source had single precision.
     pub const INPUT_F32: u32 = 1 << 1;

@@ -27,7 +27,7 @@ plain_struct! {
 payload!(MeasuredPoint = "trued.MeasuredPoint/1", layout 1, check |_| Ok(()));
 
 impl MeasuredPoint {
-    /// `t_ns` holds; else the daemon takes the latency that its cell states.
+    /// `t_ns` is set; otherwise the daemon assumes the configured latency.
     pub const HAS_TIME: u32 = 1;
 
     /// Whether all bits of `flag` are set.
@@ -38,41 +38,41 @@ impl MeasuredPoint {
 }
 
 codes! {
-    /// What the trim by measurements does.
+    /// State of the trim.
     pub enum TrimState {
         /// The cell has no instrument, or it is switched off.
         Off = 0 "off",
-        /// No measurement is believed yet, or none comes any more: nothing is trimmed.
+        /// No valid measurement yet, or none any more; the trim is zero.
         Waiting = 1 "waiting",
-        /// The model's error is found and told; nothing is trimmed.
+        /// The model's error is estimated and reported; the trim is zero.
         Observing = 2 "observing",
         /// The tool is trimmed.
         Trimming = 3 "trimming",
-        /// Measurements are missing; the trim stands.
+        /// Measurements are missing; the trim is held.
         Holding = 4 "holding",
-        /// The trim is on its way to zero.
+        /// The trim is being ramped to zero.
         Ramping = 5 "ramping",
     }
 }
 
 codes! {
-    /// Why the trim is so.
+    /// Reason for the state of the trim.
     pub enum TrimReason {
         /// Nothing to say.
         None = 0 "none",
-        /// No measurement comes.
+        /// No measurement arrives.
         NoMeasurement = 1 "no_measurement",
-        /// A measurement holds a number that is none, or is further away than any robot.
+        /// A coordinate is not finite, or the point is implausibly far away.
         NotFinite = 2 "not_finite",
-        /// It is not later than its forerunner.
+        /// Its time stamp is not later than the previous one.
         OutOfOrder = 3 "out_of_order",
-        /// It is older than twice what the cell states.
+        /// It is older than twice the configured latency and interval.
         Late = 4 "late",
-        /// Its stamp lies ahead of the clock.
+        /// Its time stamp is ahead of the daemon's clock.
         Ahead = 5 "ahead",
-        /// The model does not say where the tool was then: no command, a refused one, or an effect beyond its law.
+        /// The model gives no tool position for that time: no command, a rejected one, or an effect outside its range of validity.
         NotPredicted = 6 "not_predicted",
-        /// The instrument has jumped: its registration is to be looked after.
+        /// The instrument has jumped: its registration must be checked.
         Jumped = 7 "jumped",
         /// The trim is at its bound.
         Bounded = 8 "bounded",

@@ -24,7 +24,7 @@ plain_struct! {
         pub layout: u32,
         /// How many joints, 1 to 16.
         pub joints: u32,
-        /// What else the message holds: the constants of [`Command`].
+        /// Which fields are set: the constants of [`Command`].
         pub flags: u32,
         /// Directions of approach, −1, 0 or 1 each, where `HAS_DIRECTION` is set.
         pub direction: [i8; JOINTS_MAX],
@@ -32,7 +32,7 @@ plain_struct! {
         pub reserved: u32,
         /// Commanded joint angles or lengths.
         pub q: [f64; JOINTS_MAX],
-        /// Force then moment at the TCP, where `HAS_WRENCH` is set: what acts on the robot.
+        /// Force, then moment, acting on the robot at the TCP, where `HAS_WRENCH` is set.
         pub wrench: [f64; 6],
         /// Ambient, then one per joint, °C, where `HAS_TEMPERATURE` is set; NaN where unknown.
         pub temperature_c: [f64; JOINTS_MAX + 1],
@@ -43,9 +43,9 @@ payload!(Command = "trued.Command/1", layout 1, check |c| {
 });
 
 impl Command {
-    /// `wrench` holds; in the tool's axes unless `WRENCH_IN_BASE` is set too.
+    /// `wrench` is set; in tool axes unless `WRENCH_IN_BASE` is set too.
     pub const HAS_WRENCH: u32 = 1;
-    /// `wrench` stands in the base's axes, still at the TCP.
+    /// `wrench` is in base axes, at the TCP.
     pub const WRENCH_IN_BASE: u32 = 1 << 1;
     /// A pose at rest: without rate or jerk bound. Honoured only in a lockstep replay.
     pub const SETTLED: u32 = 1 << 2;
@@ -81,11 +81,11 @@ plain_struct! {
         pub command_session: u64,
         /// The `t_ns` of that command.
         pub t_ns: u64,
-        /// When the daemon took that command, `CLOCK_MONOTONIC`.
+        /// When the daemon received that command, `CLOCK_MONOTONIC`.
         pub received_ns: u64,
         /// When this answer was made, `CLOCK_MONOTONIC`.
         pub made_ns: u64,
-        /// Which model made it: plus 1 with each swap.
+        /// Epoch of the model that computed it: plus 1 with each change of the model.
         pub model_epoch: u64,
         /// Layout version.
         pub layout: u32,
@@ -97,15 +97,15 @@ plain_struct! {
         pub reason: u32,
         /// A [`WrenchGate`].
         pub wrench_gate: u32,
-        /// Newton steps spent.
+        /// Newton iterations.
         pub iterations: u32,
-        /// What is to be added to the commanded joints, within the envelope.
+        /// Correction of the commanded joints, within the correction limits.
         pub correction: [f64; JOINTS_MAX],
-        /// How fast `correction` changes, per s.
+        /// Rate of `correction`, per s.
         pub correction_rate: [f64; JOINTS_MAX],
-        /// How fast that changes, per s².
+        /// Its acceleration, per s².
         pub correction_acceleration: [f64; JOINTS_MAX],
-        /// What the model asks for, before the envelope; in shadow mode `correction` is zero, this is not.
+        /// The correction requested by the model, before limiting; not zero in shadow mode, unlike `correction`.
         pub wanted: [f64; JOINTS_MAX],
         /// Undamped residual of the solution, position, m.
         pub residual_m: f64,
@@ -152,35 +152,35 @@ impl Corrected {
 }
 
 codes! {
-    /// How a correction was made.
+    /// How a correction was computed.
     pub enum CorrectionStatus {
-        /// By the model, for this command.
+        /// Computed by the model for this command.
         Corrected = 0 "corrected",
-        /// The last correction stands.
+        /// The last correction is held.
         Held = 1 "held",
-        /// The correction is on its way to another state, or to zero.
+        /// The correction is being ramped to another value, or to zero.
         Ramping = 2 "ramping",
-        /// By order, nothing is corrected.
+        /// Bypass: nothing is corrected.
         Bypassed = 3 "bypassed",
-        /// The command was refused; the correction is held for a while, then ramps out.
+        /// The command was rejected; the correction is held briefly, then ramped to zero.
         Rejected = 4 "rejected",
-        /// No correction is sent; `wanted` holds what it would be.
+        /// No correction is sent; `wanted` holds the one that would be applied.
         Shadow = 5 "shadow",
-        /// The best correction within bounds: something is left, see the residual and the reason.
+        /// The best correction within the limits; a tool error remains, see residual and reason.
         Limited = 6 "limited",
     }
 }
 
 codes! {
-    /// Why a correction was made as it was.
+    /// Why the status of a correction is not simply `corrected`.
     pub enum Reason {
         /// Nothing to say.
         None = 0 "none",
-        /// The command holds a number that is none.
+        /// The command contains a value that is not finite.
         NotFinite = 1 "not_finite",
-        /// The command is outside the model's joint limits; it passes as it came.
+        /// The command is outside the model's joint limits; it is sent unchanged.
         OutOfLimits = 2 "out_of_limits",
-        /// The command is older than its forerunner.
+        /// The command is older than the previous one.
         OutOfOrder = 3 "out_of_order",
         /// No fresh command.
         Stale = 4 "stale",
@@ -188,41 +188,41 @@ codes! {
         Duplicate = 5 "duplicate",
         /// The command has another number of joints than the model.
         WrongJointCount = 6 "wrong_joint_count",
-        /// The solve failed: an effect is beyond what its law holds for, or a value is not finite.
+        /// The solve failed: an effect is outside its range of validity, or a value is not finite.
         NotConverged = 7 "not_converged",
-        /// The envelope bounds the correction.
+        /// The correction is restricted by the correction limits.
         Envelope = 8 "envelope",
-        /// Bypass was asked for.
+        /// Bypass was requested.
         Bypass = 9 "bypass",
-        /// The model was swapped; its change is ramped.
+        /// The model was replaced; the change of the correction is ramped.
         ModelChanged = 10 "model_changed",
         /// The daemon starts.
         Starting = 11 "starting",
         /// No command has come yet.
         NoCommand = 12 "no_command",
-        /// Time of the commands jumped.
+        /// The time stamps of the commands jumped.
         TimeJump = 13 "time_jump",
         /// The message cannot be read: layout, counts, flags.
         Malformed = 14 "malformed",
-        /// The command moved a joint faster than its stated speed allows; it passes, and memory of the path starts anew.
+        /// The command moved a joint faster than its stated speed allows; it is accepted, and the path history is reset.
         CommandJump = 15 "command_jump",
-        /// The daemon stands in shadow mode.
+        /// The daemon is in shadow mode.
         ShadowMode = 16 "shadow_mode",
-        /// The joint limits cut the correction.
+        /// The correction is restricted by a joint limit.
         JointLimit = 17 "joint_limit",
         /// The wrench is not used (stale, or its loop gain is too high).
         WrenchGated = 18 "wrench_gated",
-        /// A singular pose: the joints cannot move the tool the way that is needed.
+        /// Singular pose: the joints cannot move the tool in the required direction.
         Singular = 19 "singular",
     }
 }
 
 codes! {
-    /// Whether the measured wrench takes part in the correction.
+    /// State of the force-compensation gate: whether the measured wrench is used in the correction.
     pub enum WrenchGate {
-        /// No wrench has come.
+        /// No wrench received.
         Absent = 0 "absent",
-        /// It takes part.
+        /// The wrench is used.
         Open = 1 "open",
         /// It is being faded in or out.
         Ramping = 2 "ramping",

@@ -15,31 +15,31 @@ pub fn channel_name(channel: u32) -> &'static str {
 }
 
 codes! {
-    /// What is wrong with the force signal itself.
+    /// Fault of the force signal.
     pub enum SensorFault {
         /// Nothing.
         None = 0 "none",
-        /// A channel stands at its end of range.
+        /// A channel is at the end of its range.
         Saturated = 1 "saturated",
-        /// A channel does not move at all.
+        /// A channel's value is frozen.
         Stuck = 2 "stuck",
-        /// A channel holds numbers that are none.
+        /// A channel contains values that are not finite.
         NotFinite = 3 "not_finite",
         /// Blocks or samples are missing, or time jumped.
         Gaps = 4 "gaps",
-        /// The rate is not the configured one, by the blocks' own word or by their times.
+        /// The sampling rate differs from the configured one, by the rate stated in the blocks or by their time stamps.
         WrongRate = 5 "wrong_rate",
-        /// A channel holds nothing but zero, or has no noise beside channels that have some.
+        /// A channel reads only zero, or has no noise while other channels have some.
         Dead = 6 "dead",
-        /// The blocks have another number of channels than the configuration, or cannot be read.
+        /// The number of channels differs from the configuration, or the blocks cannot be read.
         WrongShape = 7 "wrong_shape",
-        /// Blocks come twice, or after later ones.
+        /// Blocks arrive twice or out of order.
         OutOfOrder = 8 "out_of_order",
-        /// No block comes at all.
+        /// No block arrives.
         Silent = 9 "silent",
-        /// Blocks are stamped in the future: by another clock, or one that was set.
+        /// Block time stamps lie in the future: another clock, or a clock that was set.
         InFuture = 10 "in_future",
-        /// Blocks are stamped long before they come: by another clock, or held up on the way.
+        /// Block time stamps are much older than their arrival: another clock, or a delay in transit.
         Late = 11 "late",
     }
 }

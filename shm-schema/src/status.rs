@@ -31,7 +31,7 @@ plain_struct! {
 }
 
 plain_struct! {
-    /// The daemon's own account of itself. The first one is published before the epoch is announced.
+    /// State of the daemon. The first one is published before the epoch is announced.
     pub struct Status = "trued.Status/6" {
         /// From 1, plus 1 with each message of this daemon's epoch.
         pub seq: u64,
@@ -39,7 +39,7 @@ plain_struct! {
         pub t_ns: u64,
         /// When the daemon started, `CLOCK_MONOTONIC`.
         pub started_ns: u64,
-        /// Plus 1 with each swap of the model.
+        /// Plus 1 with each change of the model.
         pub model_epoch: u64,
         /// Hash of the model's text: its effects, tool and limits included.
         pub model_hash: u64,
@@ -55,23 +55,23 @@ plain_struct! {
         pub rejected: u64,
         /// Targets with the last correction held.
         pub held: u64,
-        /// Times that the commands fell silent.
+        /// Interruptions of the command stream.
         pub stale: u64,
-        /// Commands that never came, by their numbers.
+        /// Commands lost, by gaps in their numbers.
         pub commands_lost: u64,
-        /// Targets that could not be handed over.
+        /// Targets that could not be sent.
         pub corrected_lost: u64,
         /// Force blocks taken.
         pub force_blocks: u64,
-        /// Force blocks that never came, by their numbers.
+        /// Force blocks lost, by gaps in their numbers.
         pub force_gaps: u64,
         /// Force blocks refused: another rate or shape than configured, or out of order.
         pub force_refused: u64,
         /// Messages that could not be read.
         pub malformed: u64,
-        /// Entries that the black box dropped.
+        /// Records dropped by the recorder.
         pub recorder_dropped: u64,
-        /// From the command's sending to its answer: the middle, ns.
+        /// Latency from sending a command to its answer: median, ns.
         pub latency_p50_ns: u64,
         /// The same at 99 %.
         pub latency_p99_ns: u64,
@@ -81,15 +81,15 @@ plain_struct! {
         pub latency_max_ns: u64,
         /// Loop gain of the wrench correction as estimated (dimensionless; NaN where unknown).
         pub wrench_loop_gain: f64,
-        /// Spindle speed that the vibration watch goes by, 1/min (NaN where unknown).
+        /// Spindle speed used by the vibration monitor, 1/min (NaN where unknown).
         pub spindle_rpm: f64,
-        /// Feed that it goes by, mm/s: as told, or by the commanded path (NaN where unknown).
+        /// Feed that it uses, mm/s: as reported, or from the commanded path (NaN where unknown).
         pub feed_mm_s: f64,
-        /// Since when measurements of the tool say that the model does not hold, `CLOCK_MONOTONIC`; 0 while it holds.
+        /// Since when measurements of the tool contradict the model, `CLOCK_MONOTONIC`; 0 while it holds.
         pub model_broken_since_ns: u64,
         /// Measurements of the tool since the model was loaded.
         pub model_measurements: u64,
-        /// How far the last of them were from what the model says, root mean square, m (NaN where there are none).
+        /// RMS deviation of the latest of them from the model, m (NaN where there are none).
         pub model_residual_m: f64,
         /// Layout version.
         pub layout: u32,
@@ -109,17 +109,17 @@ plain_struct! {
         pub recorder: u32,
         /// A [`WatchState`].
         pub watch: u32,
-        /// Effects in the model that the cycle does not correct.
+        /// Effects of the model that are not compensated.
         pub uncompensated_effects: u32,
-        /// A [`crate::InCut`], as told.
+        /// A [`crate::InCut`], as reported.
         pub in_cut: u32,
         /// What is wrong with the force stream: bit `n` is the [`crate::SensorFault`] of code `n`.
         pub stream_faults: u32,
         /// The same of each force channel.
         pub channel_faults: [u32; FORCE_CHANNELS_MAX],
-        /// The line of the force spectrum that matters most now; its state is `over` where there is none.
+        /// The dominant line of the force spectrum; its state is `over` where there is none.
         pub verdict: Verdict,
-        /// Temperatures that were known and are now older than the cell's age limit: bit 0 the ambient one, bit `n` that of joint `n`.
+        /// Temperatures older than the cell's age limit: bit 0 the ambient one, bit `n` that of joint `n`.
         pub stale_temperatures: u32,
         /// Zero.
         pub reserved: u32,
@@ -127,13 +127,13 @@ plain_struct! {
         pub trim_state: u32,
         /// A [`TrimReason`].
         pub trim_reason: u32,
-        /// What the tool's target is displaced by, base frame, m.
+        /// Displacement of the tool's target by the trim, base frame, m.
         pub trim_m: [f64; 3],
-        /// What the instrument finds of the model's error, base frame, m: real minus predicted.
+        /// Estimated error of the model, base frame, m: measured minus predicted.
         pub trim_found_m: [f64; 3],
-        /// Measured points that came.
+        /// Measured points received.
         pub trim_measurements: u64,
-        /// Those of them that were refused.
+        /// Measured points refused.
         pub trim_refused: u64,
         /// Limits of joints and correction.
         pub bounds: JointBounds,
@@ -141,13 +141,13 @@ plain_struct! {
         pub q_command: [f64; JOINTS_MAX],
         /// The correction that the daemon allowed for it, rad or m; 0 before the first. In shadow mode the client sends none of it.
         pub correction: [f64; JOINTS_MAX],
-        /// The robot's maker as the model states it; empty where it does not.
+        /// The robot's manufacturer as the model states it; empty where it does not.
         pub robot_maker: Text<ROBOT_BYTES_MAX>,
         /// The robot's type, likewise.
         pub robot_type: Text<ROBOT_BYTES_MAX>,
         /// The robot's serial number, likewise.
         pub robot_serial: Text<ROBOT_BYTES_MAX>,
-        /// What a person should know, in words.
+        /// Message for the operator.
         pub message: Text<512>,
     }
 }
@@ -156,7 +156,7 @@ payload!(Status = "trued.Status/6", layout 6, check |s| {
 });
 
 impl Status {
-    /// How the daemon is.
+    /// State of the daemon.
     ///
     /// # Errors
     /// [`UnknownCode`] where the daemon is of a later version.
@@ -172,7 +172,7 @@ impl Status {
         self.mode.try_into()
     }
 
-    /// What the vibration watch does.
+    /// State of the vibration monitor.
     ///
     /// # Errors
     /// [`UnknownCode`] where the daemon is of a later version.
@@ -180,7 +180,7 @@ impl Status {
         self.watch.try_into()
     }
 
-    /// What the trim by measurements does.
+    /// State of the trim.
     ///
     /// # Errors
     /// [`UnknownCode`] where the daemon is of a later version.
@@ -188,7 +188,7 @@ impl Status {
         self.trim_state.try_into()
     }
 
-    /// Why the trim is so.
+    /// Reason for the state of the trim.
     ///
     /// # Errors
     /// [`UnknownCode`] where the daemon is of a later version.
@@ -203,15 +203,15 @@ impl Status {
 }
 
 codes! {
-    /// How the daemon is.
+    /// State of the daemon.
     pub enum Health {
         /// It starts.
         Starting = 0 "starting",
-        /// It stands ready; no command comes.
+        /// Ready; no commands arrive.
         Idle = 1 "idle",
         /// It corrects.
         Running = 2 "running",
-        /// It goes on, with something missing; `message` says what.
+        /// It works with restrictions; `message` states them.
         Degraded = 3 "degraded",
         /// It corrects nothing; `message` says why.
         Fault = 4 "fault",
@@ -233,25 +233,25 @@ codes! {
 }
 
 codes! {
-    /// What the vibration watch does.
+    /// State of the vibration monitor.
     pub enum WatchState {
-        /// The cell has none.
+        /// The cell has no vibration monitor.
         Off = 0 "off",
         /// It learns the noise floor: no line is reported yet.
         Learning = 1 "learning",
-        /// It watches.
+        /// Monitoring.
         Watching = 2 "watching",
     }
 }
 
 codes! {
-    /// How the black box is.
+    /// State of the recorder.
     pub enum RecorderState {
         /// It is switched off.
         Off = 0 "off",
         /// It writes.
         Recording = 1 "recording",
-        /// It drops: the disk is too slow or full.
+        /// It drops records: the disk is too slow or full.
         Dropping = 2 "dropping",
         /// It cannot write.
         Failed = 3 "failed",

@@ -10,11 +10,11 @@ plain_struct! {
     pub struct Verdict = "trued.Verdict/2" {
         /// From 1, plus 1 with each verdict of this daemon's epoch.
         pub seq: u64,
-        /// Time of the last force sample that took part.
+        /// Time of the last force sample used.
         pub t_ns: u64,
         /// When the verdict was made, `CLOCK_MONOTONIC`.
         pub made_ns: u64,
-        /// Names one ringing from its first warning to its end.
+        /// Number of the vibration event, from its first warning to its end.
         pub event: u64,
         /// Frequency, Hz.
         pub frequency_hz: f64,
@@ -42,11 +42,11 @@ plain_struct! {
         pub state: u32,
         /// A [`VibrationClass`].
         pub class: u32,
-        /// Classes not ruled out: bit `n` is the class of code `n`.
+        /// Possible classes: bit `n` is the class of code `n`.
         pub rivals: u32,
         /// Channel: 0 to 5 for `Fx Fy Fz Mx My Mz`.
         pub axis: u32,
-        /// 1 where the line may stand above half the sampling rate in truth.
+        /// 1 if the line may be an alias of a frequency above half the sampling rate.
         pub suspect_alias: u32,
         /// An [`Advice`].
         pub advice: u32,
@@ -54,7 +54,7 @@ plain_struct! {
         pub sensor_faults: u32,
         /// The number of the pocket that the advice names: waves of the mode between two teeth (0 where it names none).
         pub advice_lobe: u32,
-        /// The joint whose gear train turns at this frequency, from 1 (0 where none does, or the feed is not known).
+        /// The joint with a gear shaft at this frequency, from 1 (0 where none does, or the feed is not known).
         pub gear_joint: u32,
         /// Its shaft, from 1, motor side first.
         pub gear_shaft: u32,
@@ -67,7 +67,7 @@ payload!(Verdict = "trued.Verdict/2", layout 2, check |v| {
 });
 
 impl Verdict {
-    /// How far the ringing has come.
+    /// State of the vibration event.
     ///
     /// # Errors
     /// [`UnknownCode`] where the daemon is of a later version.
@@ -75,7 +75,7 @@ impl Verdict {
         self.state.try_into()
     }
 
-    /// What kind of ringing it is.
+    /// Class of a vibration.
     ///
     /// # Errors
     /// [`UnknownCode`] where the daemon is of a later version.
@@ -85,57 +85,57 @@ impl Verdict {
 }
 
 codes! {
-    /// How far a ringing has come.
+    /// State of a vibration event.
     pub enum VibrationState {
-        /// It has ended, or there is none.
+        /// Ended, or none detected.
         Over = 0 "over",
-        /// A line stands above the floor.
+        /// A spectral line rises above the noise floor.
         Warn = 1 "warn",
-        /// It lasts or grows.
+        /// It persists or grows.
         Alarm = 2 "alarm",
-        /// Its class is known too.
+        /// It persists or grows, and its class is known.
         Confirmed = 3 "confirmed",
     }
 }
 
 codes! {
-    /// What kind of ringing it is.
+    /// Class of a vibration.
     pub enum VibrationClass {
-        /// Not decided.
+        /// Not classified.
         Unknown = 0 "unknown",
-        /// Driven by the spindle or its teeth.
+        /// Forced vibration at a spindle or tooth-passing harmonic.
         Forced = 1 "forced",
         /// Regenerative chatter.
         Chatter = 2 "chatter",
         /// Mode-coupling chatter.
         ModeCoupling = 3 "mode_coupling",
-        /// A gear's meshing.
+        /// Gear meshing.
         Gear = 4 "gear",
         /// A structural mode, excited from outside.
         Structural = 5 "structural",
-        /// Mains or inverter.
+        /// Electrical: mains or inverter.
         Electrical = 6 "electrical",
     }
 }
 
 codes! {
-    /// What would help.
+    /// Recommended action.
     pub enum Advice {
-        /// Nothing to advise.
+        /// No recommendation.
         None = 0 "none",
         /// Forced: go to `advice_rpm`, which moves the tooth harmonics off the mode.
         MoveOffMode = 1 "move_off_mode",
         /// Regenerative chatter: go to `advice_rpm`, a pocket between stability lobes.
         StabilityPocket = 2 "stability_pocket",
-        /// Speed does not help: change direction of cut, feed or depth.
+        /// A change of speed does not help: change the direction of cut, the feed or the depth.
         ChangeCut = 3 "change_cut",
-        /// Take less depth.
+        /// Reduce the depth of cut.
         ReduceDepth = 4 "reduce_depth",
         /// Sample faster, or filter before sampling: the line may be an alias.
         SampleFaster = 5 "sample_faster",
-        /// Look at the gear trains: the line follows the feed.
+        /// Check the gear trains: the line follows the feed.
         CheckGear = 6 "check_gear",
-        /// Look at cables, shields and grounding: a mains line.
+        /// Check cables, shielding and grounding: the line is at a mains frequency.
         CheckWiring = 7 "check_wiring",
     }
 }

@@ -1,9 +1,9 @@
-// What cell software in C++17 links: a thin layer over trued.h, in this header alone.
+// C++17 interface of the trued client library: a thin header-only layer over trued.h.
 //
-// Promise: handles close themselves and move, never copy; nothing here waits longer than the limit given.
-// What the daemon does comes back as a value (a trued::code, an empty optional): an outage in the robot's loop costs no exception.
-// What cannot go on, and what was called wrongly, is thrown as trued::error: connecting, asking, a wrong number of joints.
-// Threads: an object is used by one thread at a time. Never: a C++ type in the library's binary interface.
+// Handles close themselves and are move-only; no call waits longer than its time limit.
+// States of the daemon are returned as values (a trued::code, an empty optional), so that an outage throws no exception in the robot's loop.
+// Failed connections, failed requests and wrong arguments (such as the number of joints) throw trued::error.
+// An object must be used by one thread at a time. The binary interface of the library contains no C++ types.
 #ifndef TRUED_HPP
 #define TRUED_HPP
 
@@ -18,7 +18,7 @@
 #include <utility>
 #include "trued.h"
 
-// Inlined into a std::optional, GCC 12 takes an empty one's handle for uninitialised memory that is closed.
+// False positive of GCC 12 for the handle of an empty std::optional.
 #if defined(__GNUC__) && !defined(__clang__)
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
@@ -28,7 +28,7 @@ namespace trued {
 
 using std::chrono::nanoseconds;
 
-// What a call answers: the numbers of trued_code.
+// Result of a call: the values of trued_code.
 enum class code : std::int32_t {
     ok = TRUED_OK, nothing = TRUED_NOTHING, null_pointer = TRUED_ERROR_NULL, struct_size = TRUED_ERROR_STRUCT_SIZE,
     argument = TRUED_ERROR_ARGUMENT, closed = TRUED_ERROR_CLOSED, busy = TRUED_ERROR_BUSY,
@@ -43,19 +43,19 @@ enum class code : std::int32_t {
 // Its name in C: "TRUED_ERROR_DAEMON_LOST".
 inline const char *name(code c) noexcept { return ::trued_code_name(static_cast<std::int32_t>(c)); }
 
-// How much a cell corrects: the numbers of trued_mode.
+// How much a cell corrects: the values of trued_mode.
 enum class mode : std::uint32_t { shadow = TRUED_MODE_SHADOW, limited = TRUED_MODE_LIMITED, full = TRUED_MODE_FULL };
 
-// What a recorder is asked to do: the numbers of trued_recorder_action.
+// Action of the recorder: the values of trued_recorder_action.
 enum class recorder_action : std::uint32_t {
     stop = TRUED_RECORDER_ACTION_STOP, start = TRUED_RECORDER_ACTION_START, keep = TRUED_RECORDER_ACTION_KEEP,
 };
 
-// The words of this thread's last error.
+// The message of this thread's last error.
 inline const char *last_error() noexcept { return ::trued_last_error(); }
 
 inline std::uint64_t monotonic_ns() noexcept { return ::trued_monotonic_ns(); }
-// A call failed; what() has the library's words.
+// A call failed; what() is the library's message.
 class error : public std::runtime_error {
 public:
     error(code why, const char *words) : std::runtime_error(words), why_(why) {}
@@ -74,7 +74,7 @@ using answer = trued_answer;
 using robot_state = trued_robot_state;
 using measured = trued_measured;
 
-// A struct of C, to be given or filled in, with its size set, all else zero.
+// A C struct with its size set, otherwise zero.
 template <typename T> T made() {
     T value{};
     value.struct_size = static_cast<std::uint32_t>(sizeof(T));
@@ -85,18 +85,18 @@ namespace detail {
 
 [[noreturn]] inline void fail(code why) { throw error(why, ::trued_last_error()); }
 
-// Throws what is an error.
+// Throws if `c` is an error.
 inline void check(trued_code c) {
     if (c < 0) fail(static_cast<code>(c));
 }
 
-// The value where there is one; throws what is an error.
+// The value if there is one; throws on errors.
 template <typename T> std::optional<T> found(trued_code c, const T &value) {
     check(c);
     return c == TRUED_NOTHING ? std::nullopt : std::optional<T>(value);
 }
 
-// What a loop goes on after; throws what is called wrongly.
+// Returns codes after which a loop can continue; throws on wrong arguments.
 inline code gone_on(trued_code c) {
     if (c < 0 && c > TRUED_ERROR_NO_DAEMON) fail(static_cast<code>(c));
     return static_cast<code>(c);
@@ -145,7 +145,7 @@ T *connected(const std::string &cell, nanoseconds limit, const char *runtime_dir
 
 } // namespace detail
 
-// One commanded joint target, with what is known beside it.
+// One commanded joint target with optional inputs.
 class setpoint {
 public:
     // Joints: anything with data() and size(), doubles.
@@ -153,12 +153,12 @@ public:
         c_.joints = detail::count(q.size());
         for (std::size_t i = 0; i < q.size() && i < TRUED_JOINTS_MAX; i++) c_.q[i] = q.data()[i];
     }
-    // When the target holds, instead of now.
+    // Time for which the target is valid, instead of now.
     setpoint &at_ns(std::uint64_t t_ns) noexcept {
         c_.t_ns = t_ns;
         return *this;
     }
-    // What acts on the robot at the TCP: force N, then moment N m.
+    // Wrench acting on the robot at the TCP: force in N, then moment in N m.
     setpoint &wrench(const std::array<double, 6> &wrench, bool in_base = false) noexcept {
         for (std::size_t i = 0; i < wrench.size(); i++) c_.wrench[i] = wrench[i];
         c_.flags |= TRUED_HAS_WRENCH;
@@ -173,7 +173,7 @@ public:
         c_.flags |= TRUED_HAS_TEMPERATURE;
         return *this;
     }
-    // From which side each joint comes: -1, 0 or 1.
+    // Direction of approach of each joint: -1, 0 or 1.
     template <typename Sides> setpoint &direction(const Sides &sides) noexcept {
         for (std::size_t i = 0; i < sides.size() && i < TRUED_JOINTS_MAX; i++) {
             c_.direction[i] = static_cast<std::int8_t>((sides.data()[i] > 0) - (sides.data()[i] < 0));
@@ -192,7 +192,7 @@ private:
     trued_setpoint c_;
 };
 
-// What the process does, for the vibration watch. Left alone, it tells nothing.
+// State of the cutting process, for the vibration monitor. By default nothing is stated.
 struct process : trued_process {
     process() : trued_process(made<trued_process>()) {
         spindle_rpm = std::numeric_limits<double>::quiet_NaN();
@@ -200,7 +200,7 @@ struct process : trued_process {
     }
 };
 
-// A command is on its way: its number, or why it is not.
+// Result of sending a command: its number, or the error code.
 struct sent {
     code result;
     std::uint64_t seq;
@@ -209,7 +209,7 @@ struct sent {
 
 namespace detail {
 
-// The calls of each kind of handle.
+// The C functions of each type of handle.
 struct client_calls {
     using raw = trued_client;
     static constexpr auto connect = &::trued_client_connect;
@@ -261,7 +261,7 @@ struct force_calls {
     static constexpr auto next_event = &::trued_force_next_event;
 };
 
-// What every handle can: be connected, and tell of it.
+// Common to all handles: the connection and its state.
 template <typename Calls> class linked {
 public:
     trued::connection connection() {
@@ -269,7 +269,7 @@ public:
         check(Calls::connection(raw(), &value));
         return value;
     }
-    // What happened to the connection, oldest first.
+    // Events of the connection, oldest first.
     std::optional<trued::connection> next_event() {
         auto value = made<trued_connection>();
         const auto c = Calls::next_event(raw(), &value);
@@ -285,7 +285,7 @@ private:
     handle<typename Calls::raw, Calls::close> handle_;
 };
 
-// What those can that look and ask.
+// Common to handles that monitor and send requests.
 template <typename Calls> class looking : public linked<Calls> {
 public:
     std::optional<trued::status> status() {
@@ -300,23 +300,23 @@ public:
         return found(c, value);
     }
 
-    // Requests wait, within their limit: not for the robot's loop. A refusal is thrown, with the daemon's words.
+    // Requests block within their time limit: do not use them in the robot's loop. A refusal throws, with the daemon's message.
     answer ping(nanoseconds limit) { return asked(Calls::ping, limit); }
-    // NULL: the model that is loaded now, read again.
+    // NULL: the active model, read again.
     answer reload(const char *path, nanoseconds limit) { return asked(Calls::reload, limit, path); }
     answer bypass(bool on, nanoseconds limit) { return asked(Calls::bypass, limit, on ? 1u : 0u); }
-    // Goes to shadow mode, or back to the configured one; where that is shadow, it is refused.
+    // Changes to shadow mode, or back to the configured mode; refused where that is shadow mode.
     answer arm(bool on, nanoseconds limit) { return asked(Calls::arm, limit, on ? 1u : 0u); }
-    // Goes to a mode: at most to the one that the configuration allows.
+    // Changes the mode, at most to the one that the configuration allows.
     answer mode(trued::mode to, nanoseconds limit) { return asked(Calls::mode, limit, static_cast<std::uint32_t>(to)); }
     // Writes a marker into the recording.
     answer mark(const std::string &text, nanoseconds limit) { return asked(Calls::mark, limit, text.c_str()); }
-    // Starts or stops recording, or keeps the present recording.
+    // Starts or stops recording, or marks the present recording to be kept.
     answer record(recorder_action action, nanoseconds limit) {
         return asked(Calls::record, limit, static_cast<std::uint32_t>(action));
     }
     answer process_state(const process &p, nanoseconds limit) { return asked(Calls::process_state, limit, &p); }
-    // Where the tool was measured: whether the model still holds.
+    // Reports a measurement of the tool; the answer says whether the model still holds.
     answer tell_measured(const measured &m, nanoseconds limit) { return asked(Calls::measured, limit, &m); }
 
 protected:
@@ -336,7 +336,7 @@ public:
     explicit client(const std::string &cell, nanoseconds limit, const char *runtime_dir = nullptr)
         : looking(cell, limit, runtime_dir) {}
 
-    // Waits for nothing. Why nothing was sent is a value: the loop goes on with target_for().
+    // Does not block. If nothing was sent, the reason is returned; the loop continues with target_for().
     sent send(const setpoint &command) {
         sent said{code::ok, 0};
         said.result = detail::gone_on(::trued_client_send(raw(), &command.c(), &said.seq));
@@ -351,20 +351,20 @@ public:
     code send_state(const robot_state &state) {
         return detail::gone_on(::trued_client_send_state(raw(), &state));
     }
-    // What to send to the robot for `q_cmd`, whatever has become of the daemon. Waits for nothing. Throws for a command that is no number:
-    // nothing has changed then, and last_target() is what was sent last.
+    // The joint target to send to the robot for `q_cmd`, whatever the state of the daemon. Does not block. Throws if the command is not finite:
+    // the state is then unchanged, and last_target() is the last target sent.
     template <typename Joints> target target_for(const Joints &q_cmd, std::uint64_t now_ns = ::trued_monotonic_ns()) {
         auto value = made<trued_target>();
         detail::check(::trued_client_target(raw(), q_cmd.data(), detail::count(q_cmd.size()), now_ns, &value));
         return value;
     }
-    // What was sent to the robot last; nothing before the first target.
+    // The last target sent to the robot; empty before the first one.
     std::optional<target> last_target() {
         auto value = made<trued_target>();
         const auto c = ::trued_client_last_target(raw(), &value);
         return detail::found(c, value);
     }
-    // Sends and waits within the limit; answers like target_for() in any case.
+    // Sends and waits within the time limit; in any case returns a target, as target_for() does.
     template <typename Joints> target exchange(const Joints &q_cmd, nanoseconds limit) {
         auto value = made<trued_target>();
         detail::check(::trued_client_exchange(raw(), q_cmd.data(), detail::count(q_cmd.size()),
@@ -377,7 +377,7 @@ public:
         const auto c = ::trued_client_newest(raw(), &value);
         return detail::found(c, value);
     }
-    // The answer to the command of that number within the limit; nothing where none came. `why` tells why not.
+    // The answer to the command with that number within the time limit; empty if none arrived, with the reason in `why`.
     std::optional<corrected> wait_corrected(std::uint64_t seq, nanoseconds limit, code *why = nullptr) {
         auto value = made<trued_corrected>();
         const code said = detail::gone_on(::trued_client_wait_corrected(raw(), seq, detail::ns(limit), &value));
@@ -386,20 +386,20 @@ public:
     }
     void set_fresh(nanoseconds fresh) { detail::check(::trued_client_set_fresh(raw(), detail::ns(fresh))); }
     void start_anew() { detail::check(::trued_client_start_anew(raw())); }
-    // Begins another run. The robot is at its command plus this correction, rad or m; without one, at its command: its program was restarted.
+    // Starts a new run. The robot is at its command plus this correction, rad or m; without one, at its command: its program was restarted.
     void start_from() { detail::check(::trued_client_start_from(raw(), nullptr, 0)); }
     template <typename Joints> void start_from(const Joints &correction) {
         detail::check(::trued_client_start_from(raw(), correction.data(), detail::count(correction.size())));
     }
 };
 
-// Looks at a cell, and asks its daemon: any number of processes may.
+// Monitors a cell and sends requests to its daemon; any number of processes can do so.
 class monitor : public detail::looking<detail::monitor_calls> {
 public:
     explicit monitor(const std::string &cell, nanoseconds limit, const char *runtime_dir = nullptr)
         : looking(cell, limit, runtime_dir) {}
 
-    // As reload(), for a model of another robot, or one whose limits the arm is already outside of: done in shadow mode only.
+    // As reload(), for a model of another robot, or one whose joint limits the arm already exceeds: in shadow mode only.
     answer reload_other_robot(const char *path, nanoseconds limit) {
         return asked(&::trued_monitor_reload_other_robot, limit, path);
     }
@@ -411,7 +411,7 @@ public:
     explicit force_source(const std::string &cell, nanoseconds limit, const char *runtime_dir = nullptr)
         : linked(cell, limit, runtime_dir) {}
 
-    // Sample by sample, `channels` numbers each; what is not handed over is lost, counted, and told by the code.
+    // Sample by sample, `channels` numbers each. A block that cannot be sent is lost and counted; the returned code reports it.
     template <typename Samples>
     code send(std::uint64_t t_ns, double rate_hz, std::uint32_t channels, const Samples &samples, bool in_base = false) {
         using number = std::remove_cv_t<std::remove_pointer_t<decltype(samples.data())>>;
@@ -445,8 +445,8 @@ public:
     explicit instrument(const std::string &cell, nanoseconds limit, const char *runtime_dir = nullptr)
         : linked(cell, limit, runtime_dir) {}
 
-    // A point in the instrument's own coordinates, m, measured at `t_ns` of CLOCK_MONOTONIC; 0: the daemon takes the latency that its cell states.
-    // What is not handed over is lost, counted, and told by the code.
+    // A point in the instrument's own coordinates, m, measured at `t_ns` of CLOCK_MONOTONIC; 0: the daemon assumes the configured latency.
+    // A point that cannot be sent is lost and counted; the returned code reports it.
     code send(const std::array<double, 3> &point_m, std::uint64_t t_ns = 0) {
         return detail::gone_on(::trued_instrument_send(raw(), point_m.data(), t_ns));
     }

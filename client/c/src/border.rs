@@ -10,7 +10,7 @@ use std::path::Path;
 
 use crate::code::Fault;
 
-/// Longest wait that may be asked for, ns: an hour.
+/// Longest time limit of a call, ns: one hour.
 pub const TRUED_LIMIT_NS_MAX: u64 = 3_600_000_000_000;
 /// No struct comes near this; a size beyond it is a struct that was not set up.
 const STRUCT_BYTES_MAX: usize = 1 << 16;

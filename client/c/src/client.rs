@@ -13,7 +13,7 @@ use crate::{translate, trued_code};
 
 pub(crate) static CLIENTS: Handles<Client> = Handles::new(1);
 
-/// Joins the daemon of `cell` within the limit. `runtime_dir` is the directory that the daemon was given by
+/// Connects to the daemon of `cell` within the time limit. `runtime_dir` is the directory given to the daemon by
 /// TRUED_RUNTIME_DIR; NULL: that of this process, or /dev/shm. `*client` is NULL where it fails.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_connect(
@@ -26,13 +26,13 @@ pub unsafe extern "C" fn trued_client_connect(
     guard(|| unsafe { connect(&CLIENTS, cell, runtime_dir, limit_ns, client, Client::connect_to) })
 }
 
-/// Leaves the daemon and frees the handle, within about a second. NULL is no error.
+/// Disconnects and frees the handle, within about a second. NULL is not an error.
 #[unsafe(no_mangle)]
 pub extern "C" fn trued_client_close(client: *mut trued_client) -> trued_code {
     guard(|| close(&CLIENTS, client))
 }
 
-/// How old an answer of the daemon may be for trued_client_target(): 10 ms unless told otherwise.
+/// Age limit of the daemon's answers in trued_client_target(); default 10 ms.
 #[unsafe(no_mangle)]
 pub extern "C" fn trued_client_set_fresh(client: *mut trued_client, fresh_ns: u64) -> trued_code {
     guard(|| {
@@ -44,7 +44,7 @@ pub extern "C" fn trued_client_set_fresh(client: *mut trued_client, fresh_ns: u6
     })
 }
 
-/// Begins another run: nothing of the path so far is remembered. The correction goes on from where it stands.
+/// Starts a new run: the path history is reset. The correction continues from its present value.
 #[unsafe(no_mangle)]
 pub extern "C" fn trued_client_start_anew(client: *mut trued_client) -> trued_code {
     guard(|| {
@@ -59,7 +59,7 @@ fn send(client: *mut trued_client, setpoint: &Setpoint) -> Result<u64, Fault> {
     CLIENTS.with(client.addr(), |client| Ok(client.send(setpoint)?))
 }
 
-/// Sends a commanded target. `seq` (may be NULL) gets its number. Waits for nothing.
+/// Sends a commanded target. `seq` (may be NULL) gets its number. Does not block.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_send(
     client: *mut trued_client,
@@ -94,7 +94,7 @@ pub unsafe extern "C" fn trued_client_send_joints(
     })
 }
 
-/// Sends what the robot measures of itself.
+/// Sends the measured state of the robot.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_send_state(
     client: *mut trued_client,
@@ -110,10 +110,10 @@ pub unsafe extern "C" fn trued_client_send_state(
     })
 }
 
-/// What to send to the robot for `q_cmd` at `now_ns` (trued_monotonic_ns()), whatever has become of the daemon: `q_cmd` plus a
-/// correction that goes on from what was sent last within the daemon's limits: towards the daemon's while an answer is fresh, else to
-/// zero. Waits for nothing. TRUED_ERROR_ARGUMENT where `q_cmd` holds no finite number: nothing has changed then, and
-/// trued_client_last_target() is what was sent last.
+/// The joint target to send to the robot for `q_cmd` at `now_ns` (trued_monotonic_ns()), whatever the state of the daemon: `q_cmd` plus a
+/// correction that continues from the last one sent, within the daemon's limits: towards the daemon's while its answer is fresh, else to
+/// zero. Does not block. TRUED_ERROR_ARGUMENT if `q_cmd` is not finite: the state is then unchanged, and
+/// trued_client_last_target() returns the last target sent.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_target(
     client: *mut trued_client,
@@ -132,7 +132,7 @@ pub unsafe extern "C" fn trued_client_target(
     })
 }
 
-/// What was sent to the robot last, for a loop that has to send something and has no command; TRUED_NOTHING before the first target.
+/// The last target sent to the robot, for a loop that must send something and has no command; TRUED_NOTHING before the first target.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_last_target(
     client: *mut trued_client,
@@ -146,7 +146,7 @@ pub unsafe extern "C" fn trued_client_last_target(
     })
 }
 
-/// Begins another run. The robot is at its command plus this correction: rad or m, one number per joint. NULL and 0 joints mean zero:
+/// Starts a new run. The robot is at its command plus this correction: rad or m, one number per joint. NULL and 0 joints mean zero:
 /// the robot's program was restarted, and the controller's sum of corrections with it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_start_from(
@@ -168,7 +168,7 @@ pub unsafe extern "C" fn trued_client_start_from(
     })
 }
 
-/// Sends joints and waits for their answer within the limit; fills in `target` like trued_client_target() in any case.
+/// Sends joints and waits for the answer within the time limit; fills in `target` like trued_client_target() in any case.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_exchange(
     client: *mut trued_client,
@@ -253,7 +253,7 @@ pub unsafe extern "C" fn trued_client_vibration(
     })
 }
 
-/// How the connection is.
+/// State of the connection.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_connection(
     client: *mut trued_client,

@@ -9,7 +9,7 @@ use crate::reply::ask;
 use crate::structs::*;
 use crate::{translate, trued_code};
 
-/// Asks for a sign of life. `answer` may be NULL, here and in all requests.
+/// Checks that the daemon responds. `answer` may be NULL, here and in all requests.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_ping(
     client: *mut trued_client,
@@ -23,7 +23,7 @@ pub unsafe extern "C" fn trued_client_ping(
     })
 }
 
-/// Asks to load a model file and to swap it in; `path` NULL: the one loaded now, read again.
+/// Requests that a model file be loaded and activated; `path` NULL: the active one, read again.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_reload(
     client: *mut trued_client,
@@ -40,7 +40,7 @@ pub unsafe extern "C" fn trued_client_reload(
     })
 }
 
-/// Asks to ramp the correction out (`on` not 0), or in again.
+/// Requests bypass: ramps the correction to zero (`on` not 0), or restores it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_bypass(
     client: *mut trued_client,
@@ -55,7 +55,7 @@ pub unsafe extern "C" fn trued_client_bypass(
     })
 }
 
-/// Asks to go to shadow mode (`on` 0), or back to the configured one; where that is shadow, the answer is a refusal.
+/// Requests shadow mode (`on` 0), or a return to the configured mode; refused where that is shadow mode.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_arm(
     client: *mut trued_client,
@@ -70,7 +70,7 @@ pub unsafe extern "C" fn trued_client_arm(
     })
 }
 
-/// Asks to go to a mode, a trued_mode: at most to the one that the configuration of the cell allows; else the answer is a refusal.
+/// Requests a mode, a trued_mode; refused if it exceeds the one that the cell's configuration allows.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_mode(
     client: *mut trued_client,
@@ -86,7 +86,7 @@ pub unsafe extern "C" fn trued_client_mode(
     })
 }
 
-/// Writes a marker with this text into the recording; where nothing is recorded, the answer is a refusal.
+/// Writes a marker with this text into the recording; refused if nothing is being recorded.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_mark(
     client: *mut trued_client,
@@ -103,7 +103,7 @@ pub unsafe extern "C" fn trued_client_mark(
     })
 }
 
-/// Asks the recorder to start, to stop, or to keep the present recording: `action` is a trued_recorder_action.
+/// Starts or stops the recorder, or marks the present recording to be kept: `action` is a trued_recorder_action.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_record(
     client: *mut trued_client,
@@ -119,7 +119,7 @@ pub unsafe extern "C" fn trued_client_record(
     })
 }
 
-/// Tells what the process does, in place of what was told before.
+/// Reports the state of the process, replacing the previous one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_process_state(
     client: *mut trued_client,
@@ -137,7 +137,7 @@ pub unsafe extern "C" fn trued_client_process_state(
     })
 }
 
-/// Tells where the tool was measured; the answer says whether the model still holds.
+/// Reports a measurement of the tool; the answer says whether the model still holds.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_measured(
     client: *mut trued_client,

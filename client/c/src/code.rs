@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use ::trued_client::{AskError, ConnectError, ErrorKind, NotATarget, NotSent, Response};
 
-/// What a function answers. Below zero: an error, whose words are in trued_last_error().
+/// Return value of every function. Negative: an error, whose message is in trued_last_error().
 ///
 /// cbindgen:rename-all=None
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +26,7 @@ pub enum trued_code {
     TRUED_ERROR_NULL = -1,
     /// A struct_size is not that of any version of the struct.
     TRUED_ERROR_STRUCT_SIZE = -2,
-    /// A value makes no sense; the words say which.
+    /// Invalid argument; the message says which.
     TRUED_ERROR_ARGUMENT = -3,
     /// The handle has been closed, or never was one.
     TRUED_ERROR_CLOSED = -4,
@@ -34,13 +34,13 @@ pub enum trued_code {
     TRUED_ERROR_BUSY = -5,
     /// Too many handles are open.
     TRUED_ERROR_TOO_MANY = -6,
-    /// The library failed; its fault. Close the handle and connect anew.
+    /// Internal error of the library. Close the handle and reconnect.
     TRUED_ERROR_INTERNAL = -7,
     /// Connecting: no daemon announced itself in time.
     TRUED_ERROR_NO_DAEMON = -10,
-    /// The daemon was there and is gone; it is joined again by itself when it comes back.
+    /// The daemon is gone; the library reconnects when it returns.
     TRUED_ERROR_DAEMON_LOST = -11,
-    /// Another daemon than before was joined. Said once, and nothing was sent: call again.
+    /// The library has connected to a new daemon. Reported once, and nothing was sent: call again.
     TRUED_ERROR_DAEMON_RESTARTED = -12,
     /// Daemon and library are of different versions.
     TRUED_ERROR_VERSION_MISMATCH = -13,
@@ -48,19 +48,19 @@ pub enum trued_code {
     TRUED_ERROR_WRONG_USER = -14,
     /// Another process has this role.
     TRUED_ERROR_ROLE_TAKEN = -15,
-    /// The daemon is joined and says nothing.
+    /// Connected, but the daemon does not respond.
     TRUED_ERROR_DAEMON_SILENT = -16,
     /// No answer in time.
     TRUED_ERROR_TIMED_OUT = -17,
-    /// The daemon does not take messages fast enough: this one is lost, and counted.
+    /// The daemon does not read messages fast enough: this one is lost, and counted.
     TRUED_ERROR_MESSAGE_LOST = -18,
-    /// The shared memory refused.
+    /// Error of the shared memory.
     TRUED_ERROR_TRANSPORT = -19,
-    /// The operating system refused.
+    /// Error of the operating system.
     TRUED_ERROR_SYSTEM = -20,
-    /// The daemon refused what was asked; the words are its own.
+    /// The daemon refused the request; the message is the daemon's.
     TRUED_ERROR_REFUSED = -21,
-    /// The daemon failed in doing what was asked; the words are its own.
+    /// The daemon failed to execute the request; the message is the daemon's.
     TRUED_ERROR_FAILED = -22,
 }
 
@@ -203,14 +203,14 @@ fn said(panic: &(dyn Any + Send)) -> String {
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_default()
 }
 
-/// The words of this thread's last error, empty where there was none: never NULL, UTF-8. They stay until the next error of
+/// The message of this thread's last error, empty if there was none: never NULL, UTF-8. It stays valid until the next error of
 /// this thread.
 #[unsafe(no_mangle)]
 pub extern "C" fn trued_last_error() -> *const c_char {
     WORDS.with_borrow(|words| words.bytes.as_ptr().cast())
 }
 
-/// The name of a code, "TRUED_OK"; "TRUED_UNKNOWN" for a number that is none. Never NULL, never to be freed.
+/// The name of a code, such as "TRUED_OK"; "TRUED_UNKNOWN" for any other number. Never NULL; do not free.
 #[unsafe(no_mangle)]
 pub extern "C" fn trued_code_name(code: i32) -> *const c_char {
     let name = match code {

@@ -14,7 +14,7 @@ use crate::{translate, trued_code};
 
 static SOURCES: Handles<ForceSource> = Handles::new(3);
 
-/// Joins the daemon of `cell`, as trued_client_connect() does.
+/// Connects to the daemon of `cell`, as trued_client_connect() does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_force_connect(
     cell: *const c_char,
@@ -27,13 +27,13 @@ pub unsafe extern "C" fn trued_force_connect(
     guard(|| unsafe { connect(&SOURCES, cell, runtime_dir, limit_ns, force, connect_to) })
 }
 
-/// Leaves the daemon and frees the handle, within about a second. NULL is no error.
+/// Disconnects and frees the handle, within about a second. NULL is not an error.
 #[unsafe(no_mangle)]
 pub extern "C" fn trued_force_close(force: *mut trued_force) -> trued_code {
     guard(|| close(&SOURCES, force))
 }
 
-/// Sends one block. What cannot be handed over is lost and counted, on both sides; nothing is waited for.
+/// Sends one block. Does not block; a block that cannot be sent is lost, and counted on both sides.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_force_send(
     force: *mut trued_force,
@@ -65,7 +65,7 @@ pub unsafe extern "C" fn trued_force_lost(force: *mut trued_force, lost: *mut u6
     })
 }
 
-/// How the connection is.
+/// State of the connection.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_force_connection(
     force: *mut trued_force,

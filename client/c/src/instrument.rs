@@ -14,7 +14,7 @@ use crate::{translate, trued_code};
 
 static INSTRUMENTS: Handles<Instrument> = Handles::new(4);
 
-/// Joins the daemon of `cell`, as trued_client_connect() does.
+/// Connects to the daemon of `cell`, as trued_client_connect() does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_instrument_connect(
     cell: *const c_char,
@@ -27,14 +27,14 @@ pub unsafe extern "C" fn trued_instrument_connect(
     guard(|| unsafe { connect(&INSTRUMENTS, cell, runtime_dir, limit_ns, instrument, connect_to) })
 }
 
-/// Leaves the daemon and frees the handle, within about a second. NULL is no error.
+/// Disconnects and frees the handle, within about a second. NULL is not an error.
 #[unsafe(no_mangle)]
 pub extern "C" fn trued_instrument_close(instrument: *mut trued_instrument) -> trued_code {
     guard(|| close(&INSTRUMENTS, instrument))
 }
 
-/// Sends a point in the instrument's own coordinates, three numbers, m, that was measured at `t_ns` of CLOCK_MONOTONIC; 0: the daemon takes the latency
-/// that its cell states. What is not measured (the beam is broken) is not sent. What cannot be handed over is lost and counted; nothing is waited for.
+/// Sends a point in the instrument's own coordinates, three numbers, m, that was measured at `t_ns` of CLOCK_MONOTONIC; 0: the daemon assumes the latency
+/// of its configuration. Send nothing while there is no measurement (beam interrupted). Does not block; a point that cannot be sent is lost and counted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_instrument_send(
     instrument: *mut trued_instrument,
@@ -69,7 +69,7 @@ pub unsafe extern "C" fn trued_instrument_lost(
     })
 }
 
-/// How the connection is.
+/// State of the connection.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_instrument_connection(
     instrument: *mut trued_instrument,

@@ -38,14 +38,14 @@ use core::ffi::c_char;
 /// The version of what is declared here: major in the upper 16 bits, minor in the lower ones.
 pub const TRUED_ABI_VERSION: u32 = 0x0001_0001;
 
-/// The version of the library that is loaded. Another major than TRUED_ABI_VERSION's does not fit; a smaller minor lacks
-/// something that this header has.
+/// The version of the loaded library. A major version other than TRUED_ABI_VERSION's is incompatible; a smaller minor version lacks
+/// parts of this header.
 #[unsafe(no_mangle)]
 pub extern "C" fn trued_abi_version() -> u32 {
     TRUED_ABI_VERSION
 }
 
-/// The version of the library for people, with the contract that it shares with the daemon. Never NULL, never to be freed.
+/// The version of the library as text, with the version of the shared-memory contract. Never NULL; do not free.
 #[unsafe(no_mangle)]
 pub extern "C" fn trued_version() -> *const c_char {
     static WORDS: std::sync::OnceLock<std::ffi::CString> = std::sync::OnceLock::new();

@@ -2,37 +2,37 @@
 //!
 //! Promise: a number keeps its meaning; a later daemon may send numbers that are not here.
 
-/// How a correction was made.
+/// How a correction was computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_correction_status {
-    /// By the model, for this command.
+    /// Computed by the model for this command.
     Corrected = 0,
-    /// The last correction stands.
+    /// The last correction is held.
     Held = 1,
-    /// The correction is on its way to another state, or to zero.
+    /// The correction is being ramped to another value, or to zero.
     Ramping = 2,
-    /// By order, nothing is corrected.
+    /// Bypass: nothing is corrected.
     Bypassed = 3,
-    /// The command was refused; the correction is held for a while, then ramps out.
+    /// The command was rejected; the correction is held briefly, then ramped to zero.
     Rejected = 4,
-    /// The command itself; `wanted` tells what would have been.
+    /// The command is sent unchanged; `wanted` holds the correction that would be applied.
     Shadow = 5,
-    /// The best correction within bounds: something is left, see the residual and the reason.
+    /// The best correction within the limits; a tool error remains, see residual and reason.
     Limited = 6,
 }
 
-/// Why a correction was made as it was.
+/// Why the status of a correction is not simply `corrected`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_reason {
     /// Nothing to say.
     None = 0,
-    /// The command holds a number that is none.
+    /// The command contains a value that is not finite.
     NotFinite = 1,
     /// The command is outside the joint limits.
     OutOfLimits = 2,
-    /// The command is older than its forerunner.
+    /// The command is older than the previous one.
     OutOfOrder = 3,
     /// No fresh command.
     Stale = 4,
@@ -40,41 +40,41 @@ pub enum trued_reason {
     Duplicate = 5,
     /// The command has another number of joints than the model.
     WrongJointCount = 6,
-    /// The solve failed: an effect is beyond what its law holds for, or a value is not finite.
+    /// The solve failed: an effect is outside its range of validity, or a value is not finite.
     NotConverged = 7,
-    /// The envelope bounds the correction.
+    /// The correction is restricted by the correction limits.
     Envelope = 8,
-    /// Bypass was asked for.
+    /// Bypass was requested.
     Bypass = 9,
-    /// The model was swapped; its change is ramped.
+    /// The model was replaced; the change of the correction is ramped.
     ModelChanged = 10,
     /// The daemon starts.
     Starting = 11,
     /// No command has come yet.
     NoCommand = 12,
-    /// Time of the commands jumped.
+    /// The time stamps of the commands jumped.
     TimeJump = 13,
     /// The message cannot be read: layout, counts, flags.
     Malformed = 14,
     /// The command jumped further than a robot can move.
     CommandJump = 15,
-    /// The daemon stands in shadow mode.
+    /// The daemon is in shadow mode.
     ShadowMode = 16,
-    /// The joint limits cut the correction.
+    /// The correction is restricted by a joint limit.
     JointLimit = 17,
     /// The wrench is not used (stale, or its loop gain is too high).
     WrenchGated = 18,
-    /// A singular pose: the joints cannot move the tool the way that is needed.
+    /// Singular pose: the joints cannot move the tool in the required direction.
     Singular = 19,
 }
 
-/// Whether the measured wrench takes part in the correction.
+/// State of the force-compensation gate: whether the measured wrench is used in the correction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_wrench_gate {
-    /// No wrench has come.
+    /// No wrench received.
     Absent = 0,
-    /// It takes part.
+    /// The wrench is used.
     Open = 1,
     /// It is being faded in or out.
     Ramping = 2,
@@ -88,17 +88,17 @@ pub enum trued_wrench_gate {
     SensorFault = 6,
 }
 
-/// How the daemon is.
+/// State of the daemon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_health {
     /// It starts.
     Starting = 0,
-    /// It stands ready; no command comes.
+    /// Ready; no commands arrive.
     Idle = 1,
     /// It corrects.
     Running = 2,
-    /// It goes on, with something missing; `message` says what.
+    /// It works with restrictions; `message` states them.
     Degraded = 3,
     /// It corrects nothing; `message` says why.
     Fault = 4,
@@ -118,19 +118,19 @@ pub enum trued_mode {
     Full = 2,
 }
 
-/// What the vibration watch does.
+/// State of the vibration monitor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_watch_state {
-    /// The cell has none.
+    /// The cell has no vibration monitor.
     Off = 0,
     /// It learns the noise floor: no line is reported yet.
     Learning = 1,
-    /// It watches.
+    /// Monitoring.
     Watching = 2,
 }
 
-/// How the black box is.
+/// State of the recorder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_recorder_state {
@@ -138,7 +138,7 @@ pub enum trued_recorder_state {
     Off = 0,
     /// It writes.
     Recording = 1,
-    /// It drops: the disk is too slow or full.
+    /// It drops records: the disk is too slow or full.
     Dropping = 2,
     /// It cannot write.
     Failed = 3,
@@ -146,159 +146,159 @@ pub enum trued_recorder_state {
     Stopped = 4,
 }
 
-/// What the trim by measurements does.
+/// State of the trim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_trim_state {
     /// The cell has no instrument, or it is switched off.
     Off = 0,
-    /// No measurement is believed yet, or none comes any more: nothing is trimmed.
+    /// No valid measurement yet, or none any more; the trim is zero.
     Waiting = 1,
-    /// The model's error is found and told; nothing is trimmed.
+    /// The model's error is estimated and reported; the trim is zero.
     Observing = 2,
     /// The tool is trimmed.
     Trimming = 3,
-    /// Measurements are missing; the trim stands.
+    /// Measurements are missing; the trim is held.
     Holding = 4,
-    /// The trim is on its way to zero.
+    /// The trim is being ramped to zero.
     Ramping = 5,
 }
 
-/// Why the trim is so.
+/// Reason for the state of the trim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_trim_reason {
     /// Nothing to say.
     None = 0,
-    /// No measurement comes.
+    /// No measurement arrives.
     NoMeasurement = 1,
-    /// A measurement holds a number that is none, or is further away than any robot.
+    /// A coordinate is not finite, or the point is implausibly far away.
     NotFinite = 2,
-    /// It is not later than its forerunner.
+    /// Its time stamp is not later than the previous one.
     OutOfOrder = 3,
-    /// It is older than twice what the cell states.
+    /// It is older than twice the configured latency and interval.
     Late = 4,
-    /// Its stamp lies ahead of the clock.
+    /// Its time stamp is ahead of the daemon's clock.
     Ahead = 5,
-    /// The model does not say where the tool was then: no command, a refused one, or an effect beyond its law.
+    /// The model gives no tool position for that time: no command, a rejected one, or an effect outside its range of validity.
     NotPredicted = 6,
-    /// The instrument has jumped: its registration is to be looked after.
+    /// The instrument has jumped: its registration must be checked.
     Jumped = 7,
     /// The trim is at its bound.
     Bounded = 8,
 }
 
-/// What a recorder is asked to do.
+/// Action of the recorder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_recorder_action {
-    /// Close the recording; write nothing until the next start.
+    /// Close the recording and stop until the next start.
     Stop = 0,
     /// Begin a recording.
     Start = 1,
-    /// Keep the present recording: the removal of old ones leaves it alone.
+    /// Mark the present recording to be kept: it is exempt from the removal of old files.
     Keep = 2,
 }
 
-/// How far a ringing has come.
+/// State of a vibration event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_vibration_state {
-    /// It has ended, or there is none.
+    /// Ended, or none detected.
     Over = 0,
-    /// A line stands above the floor.
+    /// A spectral line rises above the noise floor.
     Warn = 1,
-    /// It lasts or grows.
+    /// It persists or grows.
     Alarm = 2,
-    /// Its class is known too.
+    /// It persists or grows, and its class is known.
     Confirmed = 3,
 }
 
-/// What kind of ringing it is.
+/// Class of a vibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_vibration_class {
-    /// Not decided.
+    /// Not classified.
     Unknown = 0,
-    /// Driven by the spindle or its teeth.
+    /// Forced vibration at a spindle or tooth-passing harmonic.
     Forced = 1,
     /// Regenerative chatter.
     Chatter = 2,
     /// Mode-coupling chatter.
     ModeCoupling = 3,
-    /// A gear's meshing.
+    /// Gear meshing.
     Gear = 4,
     /// A structural mode, excited from outside.
     Structural = 5,
-    /// Mains or inverter.
+    /// Electrical: mains or inverter.
     Electrical = 6,
 }
 
-/// What would help.
+/// Recommended action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_advice {
-    /// Nothing to advise.
+    /// No recommendation.
     None = 0,
     /// Forced: go to `advice_rpm`, which moves the tooth harmonics off the mode.
     MoveOffMode = 1,
     /// Regenerative chatter: go to `advice_rpm`, a pocket between stability lobes.
     StabilityPocket = 2,
-    /// Speed does not help: change direction of cut, feed or depth.
+    /// A change of speed does not help: change the direction of cut, the feed or the depth.
     ChangeCut = 3,
-    /// Take less depth.
+    /// Reduce the depth of cut.
     ReduceDepth = 4,
     /// Sample faster, or filter before sampling: the line may be an alias.
     SampleFaster = 5,
-    /// Look at the gear trains: the line follows the feed.
+    /// Check the gear trains: the line follows the feed.
     CheckGear = 6,
-    /// Look at cables, shields and grounding: a mains line.
+    /// Check cables, shielding and grounding: the line is at a mains frequency.
     CheckWiring = 7,
 }
 
-/// What is wrong with the force signal itself.
+/// Fault of the force signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_sensor_fault {
     /// Nothing.
     None = 0,
-    /// A channel stands at its end of range.
+    /// A channel is at the end of its range.
     Saturated = 1,
-    /// A channel does not move at all.
+    /// A channel's value is frozen.
     Stuck = 2,
-    /// A channel holds numbers that are none.
+    /// A channel contains values that are not finite.
     NotFinite = 3,
     /// Blocks or samples are missing, or time jumped.
     Gaps = 4,
-    /// The rate is not the configured one, by the blocks' own word or by their times.
+    /// The sampling rate differs from the configured one, by the rate stated in the blocks or by their time stamps.
     WrongRate = 5,
-    /// A channel holds nothing but zero, or has no noise beside channels that have some.
+    /// A channel reads only zero, or has no noise while other channels have some.
     Dead = 6,
-    /// The blocks have another number of channels than the configuration, or cannot be read.
+    /// The number of channels differs from the configuration, or the blocks cannot be read.
     WrongShape = 7,
-    /// Blocks come twice, or after later ones.
+    /// Blocks arrive twice or out of order.
     OutOfOrder = 8,
-    /// No block comes at all.
+    /// No block arrives.
     Silent = 9,
-    /// Blocks are stamped in the future: by another clock, or one that was set.
+    /// Block time stamps lie in the future: another clock, or a clock that was set.
     InFuture = 10,
-    /// Blocks are stamped long before they come: by another clock, or held up on the way.
+    /// Block time stamps are much older than their arrival: another clock, or a delay in transit.
     Late = 11,
 }
 
-/// Where the tool is.
+/// Whether the tool is in the cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_in_cut {
-    /// Not told: the watch judges by the forces.
+    /// Not stated: the vibration monitor decides by the forces.
     Unknown = 0,
-    /// It cuts nothing.
+    /// Not cutting.
     Air = 1,
-    /// It cuts.
+    /// Cutting.
     Cut = 2,
 }
 
-/// What became of a request.
+/// Result of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_answer_code {
@@ -308,21 +308,21 @@ pub enum trued_answer_code {
     Refused = 1,
     /// The request cannot be read.
     Malformed = 2,
-    /// The daemon failed in doing it; the message says where.
+    /// The daemon failed while executing it; the message says where.
     Failed = 3,
 }
 
-/// What the correction in a target is.
+/// Origin of the correction in a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_source {
-    /// The daemon's, for this very command.
+    /// The daemon's correction for this command.
     Corrected = 0,
-    /// The daemon's newest, which it made for an earlier command.
+    /// The daemon's newest correction, computed for an earlier command.
     LastCorrection = 1,
-    /// On its way to what the daemon asks for, or to zero as the daemon is silent.
+    /// Being ramped to the daemon's correction, or to zero because the daemon does not respond.
     Ramping = 2,
-    /// None, and no daemon that asks for any: the target is the command.
+    /// No correction, and no daemon that requests one: the target is the command.
     Plain = 3,
 }
 

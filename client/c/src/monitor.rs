@@ -14,7 +14,7 @@ use crate::{translate, trued_code};
 
 static MONITORS: Handles<Monitor> = Handles::new(2);
 
-/// Joins the daemon of `cell`, as trued_client_connect() does.
+/// Connects to the daemon of `cell`, as trued_client_connect() does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_monitor_connect(
     cell: *const c_char,
@@ -27,7 +27,7 @@ pub unsafe extern "C" fn trued_monitor_connect(
     guard(|| unsafe { connect(&MONITORS, cell, runtime_dir, limit_ns, monitor, connect_to) })
 }
 
-/// Leaves the daemon and frees the handle, within about a second. NULL is no error.
+/// Disconnects and frees the handle, within about a second. NULL is not an error.
 #[unsafe(no_mangle)]
 pub extern "C" fn trued_monitor_close(monitor: *mut trued_monitor) -> trued_code {
     guard(|| close(&MONITORS, monitor))
@@ -61,7 +61,7 @@ pub unsafe extern "C" fn trued_monitor_vibration(
     })
 }
 
-/// How the connection is.
+/// State of the connection.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_monitor_connection(
     monitor: *mut trued_monitor,
@@ -90,7 +90,7 @@ pub unsafe extern "C" fn trued_monitor_next_event(
     })
 }
 
-/// Asks for a sign of life. `answer` may be NULL, here and in all requests.
+/// Checks that the daemon responds. `answer` may be NULL, here and in all requests.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_monitor_ping(
     monitor: *mut trued_monitor,
@@ -104,7 +104,7 @@ pub unsafe extern "C" fn trued_monitor_ping(
     })
 }
 
-/// Asks to load a model file and to swap it in; `path` NULL: the one loaded now, read again.
+/// Requests that a model file be loaded and activated; `path` NULL: the active one, read again.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_monitor_reload(
     monitor: *mut trued_monitor,
@@ -121,7 +121,7 @@ pub unsafe extern "C" fn trued_monitor_reload(
     })
 }
 
-/// The same, for a model of another robot, or one whose limits the arm is already outside of: done in shadow mode only.
+/// The same for a model of another robot, or one whose joint limits the arm already exceeds: in shadow mode only.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_monitor_reload_other_robot(
     monitor: *mut trued_monitor,
@@ -141,7 +141,7 @@ pub unsafe extern "C" fn trued_monitor_reload_other_robot(
     })
 }
 
-/// Asks to ramp the correction out (`on` not 0), or in again.
+/// Requests bypass: ramps the correction to zero (`on` not 0), or restores it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_monitor_bypass(
     monitor: *mut trued_monitor,
@@ -157,7 +157,7 @@ pub unsafe extern "C" fn trued_monitor_bypass(
     })
 }
 
-/// Asks to go to shadow mode (`on` 0), or back to the configured one; where that is shadow, the answer is a refusal.
+/// Requests shadow mode (`on` 0), or a return to the configured mode; refused where that is shadow mode.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_monitor_arm(
     monitor: *mut trued_monitor,
@@ -172,7 +172,7 @@ pub unsafe extern "C" fn trued_monitor_arm(
     })
 }
 
-/// Asks to go to a mode, a trued_mode: at most to the one that the configuration of the cell allows; else the answer is a refusal.
+/// Requests a mode, a trued_mode; refused if it exceeds the one that the cell's configuration allows.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_monitor_mode(
     monitor: *mut trued_monitor,
@@ -188,7 +188,7 @@ pub unsafe extern "C" fn trued_monitor_mode(
     })
 }
 
-/// Writes a marker with this text into the recording; where nothing is recorded, the answer is a refusal.
+/// Writes a marker with this text into the recording; refused if nothing is being recorded.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_monitor_mark(
     monitor: *mut trued_monitor,
@@ -205,7 +205,7 @@ pub unsafe extern "C" fn trued_monitor_mark(
     })
 }
 
-/// Asks the recorder to start, to stop, or to keep the present recording: `action` is a trued_recorder_action.
+/// Starts or stops the recorder, or marks the present recording to be kept: `action` is a trued_recorder_action.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_monitor_record(
     monitor: *mut trued_monitor,
@@ -222,7 +222,7 @@ pub unsafe extern "C" fn trued_monitor_record(
     })
 }
 
-/// Tells what the process does, in place of what was told before.
+/// Reports the state of the process, replacing the previous one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_monitor_process_state(
     monitor: *mut trued_monitor,
@@ -241,7 +241,7 @@ pub unsafe extern "C" fn trued_monitor_process_state(
     })
 }
 
-/// Tells where the tool was measured; the answer says whether the model still holds.
+/// Reports a measurement of the tool; the answer says whether the model still holds.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_monitor_measured(
     monitor: *mut trued_monitor,

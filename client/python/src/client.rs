@@ -40,7 +40,7 @@ impl Client {
         self.held.with(py, trued_client::Client::start_anew)
     }
 
-    /// Begins another run. The robot is at its command plus this correction, rad or m; without one, at its command: its program was restarted.
+    /// Starts a new run. The robot is at its command plus this correction, rad or m; without one, at its command: its program was restarted.
     #[pyo3(signature = (correction = None))]
     fn start_from(&self, py: Python<'_>, correction: Option<Vec<f64>>) -> PyResult<()> {
         self.held.with(py, |client| client.start_from(&correction.unwrap_or_default()))
@@ -79,7 +79,7 @@ impl Client {
         self.held.with(py, |client| client.send(&setpoint))?.map_err(|e| e.raise(py))
     }
 
-    /// Sends what the robot measures of itself.
+    /// Sends the measured state of the robot.
     #[pyo3(signature = (q = None, *, tau = None, ambient_c = None, t_ns = 0))]
     fn send_state(
         &self,
@@ -169,12 +169,12 @@ impl Client {
         self.held.with(py, |client| client.vibration().as_ref().map(Vibration::from))
     }
 
-    /// How the connection is.
+    /// State of the connection.
     fn connection(&self, py: Python<'_>) -> PyResult<Connection> {
         self.held.with(py, |client| Connection::new(client.connection(), client.away()))
     }
 
-    /// What happened to the connection, oldest first.
+    /// Events of the connection, oldest first.
     fn next_event(&self, py: Python<'_>) -> PyResult<Option<Connection>> {
         self.held.with(py, |client| client.next_event().map(Connection::from))
     }
@@ -210,7 +210,7 @@ impl Client {
         self.held.ask(py, timeout, |client, limit| client.mode(mode, limit))
     }
 
-    /// Writes a marker with this text into the recording; where nothing is recorded, the answer is a refusal.
+    /// Writes a marker with this text into the recording; refused if nothing is being recorded.
     #[pyo3(signature = (text, timeout = 1.0))]
     fn mark(&self, py: Python<'_>, text: &str, timeout: f64) -> PyResult<Answer> {
         self.held.ask(py, timeout, |client, limit| client.mark(text, limit))
@@ -223,7 +223,7 @@ impl Client {
         self.held.ask(py, timeout, |client, limit| client.record(action, limit))
     }
 
-    /// Tells what the process does, in place of what was told before.
+    /// Reports the state of the process, replacing the previous one.
     #[pyo3(signature = (*, spindle_rpm = f64::NAN, teeth = 0, feed_mm_s = f64::NAN, in_cut = None, holds_for = None, timeout = 1.0))]
     #[expect(clippy::too_many_arguments, reason = "keywords, in Python")]
     fn process_state(
@@ -241,7 +241,7 @@ impl Client {
         self.held.ask(py, timeout, |client, limit| client.process_state(&process, limit))
     }
 
-    /// Tells where the tool was measured; the answer says whether the model still holds.
+    /// Reports a measurement of the tool; the answer says whether the model still holds.
     #[pyo3(signature = (q, point_m, sigma_m, *, direction = Vec::new(), ambient_c = f64::NAN, timeout = 1.0))]
     #[expect(clippy::too_many_arguments, reason = "keywords, in Python")]
     fn measured(

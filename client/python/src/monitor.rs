@@ -35,12 +35,12 @@ impl Monitor {
         self.held.with(py, |monitor| monitor.vibration().as_ref().map(Vibration::from))
     }
 
-    /// How the connection is.
+    /// State of the connection.
     fn connection(&self, py: Python<'_>) -> PyResult<Connection> {
         self.held.with(py, |monitor| Connection::new(monitor.connection(), monitor.away()))
     }
 
-    /// What happened to the connection, oldest first.
+    /// Events of the connection, oldest first.
     fn next_event(&self, py: Python<'_>) -> PyResult<Option<Connection>> {
         self.held.with(py, |monitor| monitor.next_event().map(Connection::from))
     }
@@ -89,7 +89,7 @@ impl Monitor {
         self.held.ask(py, timeout, |monitor, limit| monitor.mode(mode, limit))
     }
 
-    /// Writes a marker with this text into the recording; where nothing is recorded, the answer is a refusal.
+    /// Writes a marker with this text into the recording; refused if nothing is being recorded.
     #[pyo3(signature = (text, timeout = 1.0))]
     fn mark(&self, py: Python<'_>, text: &str, timeout: f64) -> PyResult<Answer> {
         self.held.ask(py, timeout, |monitor, limit| monitor.mark(text, limit))
@@ -102,7 +102,7 @@ impl Monitor {
         self.held.ask(py, timeout, |monitor, limit| monitor.record(action, limit))
     }
 
-    /// Tells what the process does, in place of what was told before.
+    /// Reports the state of the process, replacing the previous one.
     #[pyo3(signature = (*, spindle_rpm = f64::NAN, teeth = 0, feed_mm_s = f64::NAN, in_cut = None, holds_for = None, timeout = 1.0))]
     #[expect(clippy::too_many_arguments, reason = "keywords, in Python")]
     fn process_state(
@@ -120,7 +120,7 @@ impl Monitor {
         self.held.ask(py, timeout, |monitor, limit| monitor.process_state(&process, limit))
     }
 
-    /// Tells where the tool was measured; the answer says whether the model still holds.
+    /// Reports a measurement of the tool; the answer says whether the model still holds.
     #[pyo3(signature = (q, point_m, sigma_m, *, direction = Vec::new(), ambient_c = f64::NAN, timeout = 1.0))]
     #[expect(clippy::too_many_arguments, reason = "keywords, in Python")]
     fn measured(

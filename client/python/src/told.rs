@@ -47,7 +47,7 @@ impl Target {
     }
 }
 
-/// What the daemon answers to a command.
+/// The daemon's answer to a command.
 #[pyclass(frozen, get_all, module = "trued")]
 pub(crate) struct Corrected {
     seq: u64,
@@ -93,7 +93,7 @@ impl Corrected {
     }
 }
 
-/// How the daemon is.
+/// State of the daemon.
 #[pyclass(frozen, get_all, module = "trued")]
 pub(crate) struct Status {
     pid: u32,
@@ -313,7 +313,7 @@ impl From<&Verdict> for Vibration {
     }
 }
 
-/// How the connection is, or what happened to it.
+/// State of the connection, or an event.
 #[pyclass(frozen, get_all, module = "trued")]
 pub(crate) struct Connection {
     is_connected: bool,
@@ -353,7 +353,7 @@ impl From<ConnectionEvent> for Connection {
     }
 }
 
-/// What the daemon answered to a request.
+/// The daemon's answer to a request.
 #[pyclass(frozen, get_all, module = "trued")]
 pub(crate) struct Answer {
     t_ns: u64,

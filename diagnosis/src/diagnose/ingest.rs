@@ -1,9 +1,9 @@
-//! Screening of recordings before anything is fitted: time stamps, rows without readings, stations of the instrument, channels that stand still, saturate, are held
-//! or are coarsely quantised.
+//! Screening of recordings before anything is fitted: time stamps, rows without readings, stations of the instrument, channels that are frozen, saturated,
+//! repeated over several rows or coarsely quantised.
 //!
-//! Read in this order: `stamps` (time), `straight` (what a channel should have shown, whatever the frame), `channel` (what is wrong with one).
+//! Read in this order: `stamps` (time), `straight` (what a channel should show, independent of the measuring frame), `channel` (what is wrong with one).
 //!
-//! Readings that stand still or saturate while the arm moves are excluded, and reported with channel, time and number; a recording without usable readings is
+//! Readings that are frozen or saturated while the arm moves are excluded and reported with channel, time and number; a recording without usable readings is
 //! refused with the reason. Fits no physics, changes no value.
 
 mod channel;
@@ -17,16 +17,16 @@ use crate::from_recording::Positions;
 use crate::nests::Nests;
 use channel::Looking;
 
-/// What was seen, and what was done.
+/// Result of the screening.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ingested {
-    /// For people, one sentence each.
+    /// Messages for the user, one sentence each.
     pub notes: Vec<String>,
-    /// Why nothing can be said; empty where something is left to be judged.
+    /// Reasons against any statement; empty if usable readings remain.
     pub doubts: Vec<String>,
 }
 
-/// Looks at recordings of the robot `arm` and takes out what is no reading.
+/// Screens recordings of the robot `arm` and excludes unusable readings.
 pub fn ingest(arm: &Arm, recordings: &mut [Recording]) -> Ingested {
     let mut all = Ingested::default();
     let several = recordings.len() > 1;

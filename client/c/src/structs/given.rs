@@ -4,25 +4,25 @@
 
 use super::{TRUED_JOINTS_MAX, TRUED_TEMPERATURES_MAX, grows};
 
-/// trued_setpoint: `wrench` holds; in the tool's axes unless TRUED_WRENCH_IN_BASE is set too.
+/// trued_setpoint: `wrench` is set; in tool axes unless TRUED_WRENCH_IN_BASE is set too.
 pub const TRUED_HAS_WRENCH: u32 = 1;
-/// trued_setpoint: `wrench` stands in the base's axes, still at the TCP.
+/// trued_setpoint: `wrench` is in base axes, at the TCP.
 pub const TRUED_WRENCH_IN_BASE: u32 = 2;
 /// trued_setpoint: a pose at rest, without rate or jerk bound. Honoured only in a lockstep replay.
 pub const TRUED_SETTLED: u32 = 4;
-/// trued_setpoint: `direction` holds.
+/// trued_setpoint: `direction` is set.
 pub const TRUED_HAS_DIRECTION: u32 = 8;
-/// trued_setpoint: `temperature_c` holds.
+/// trued_setpoint: `temperature_c` is set.
 pub const TRUED_HAS_TEMPERATURE: u32 = 16;
 
-/// trued_robot_state: `q_measured` holds.
+/// trued_robot_state: `q_measured` is set.
 pub const TRUED_STATE_HAS_Q: u32 = 1;
-/// trued_robot_state: `tau` holds.
+/// trued_robot_state: `tau` is set.
 pub const TRUED_STATE_HAS_TAU: u32 = 2;
-/// trued_robot_state: `temperature_c` holds.
+/// trued_robot_state: `temperature_c` is set.
 pub const TRUED_STATE_HAS_TEMPERATURE: u32 = 4;
 
-/// One commanded joint target, with what is known beside it.
+/// One commanded joint target with optional inputs.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct trued_setpoint {
@@ -30,7 +30,7 @@ pub struct trued_setpoint {
     pub struct_size: u32,
     /// How many joints, 1 to 16.
     pub joints: u32,
-    /// What else holds: TRUED_HAS_... and its neighbours.
+    /// Which fields are set: the TRUED_HAS_... flags.
     pub flags: u32,
     /// Zero.
     pub reserved: u32,
@@ -38,15 +38,15 @@ pub struct trued_setpoint {
     pub t_ns: u64,
     /// Joint angles or lengths.
     pub q: [f64; TRUED_JOINTS_MAX],
-    /// What acts on the robot at the TCP: force, then moment.
+    /// Force, then moment, acting on the robot at the TCP.
     pub wrench: [f64; 6],
     /// Ambient, then one per joint, degrees Celsius; NaN where unknown.
     pub temperature_c: [f64; TRUED_TEMPERATURES_MAX],
-    /// From which side each joint comes: -1, 0 or 1.
+    /// Direction of approach of each joint: -1, 0 or 1.
     pub direction: [i8; TRUED_JOINTS_MAX],
 }
 
-/// What the robot measures of itself.
+/// Measured state of the robot.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct trued_robot_state {
@@ -54,7 +54,7 @@ pub struct trued_robot_state {
     pub struct_size: u32,
     /// How many joints, 1 to 16.
     pub joints: u32,
-    /// What holds: TRUED_STATE_HAS_...
+    /// Which fields are set: TRUED_STATE_HAS_...
     pub flags: u32,
     /// Zero.
     pub reserved: u32,
@@ -68,7 +68,7 @@ pub struct trued_robot_state {
     pub temperature_c: [f64; TRUED_TEMPERATURES_MAX],
 }
 
-/// Evenly spaced force samples of one stretch of time.
+/// A block of evenly spaced force samples.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct trued_force_samples {
@@ -78,7 +78,7 @@ pub struct trued_force_samples {
     pub channels: u32,
     /// Samples per channel, 1 to 512.
     pub count: u32,
-    /// 1: the samples stand in the base's axes; 0: in the tool's.
+    /// 1: the samples are in base axes; 0: in tool axes.
     pub in_base: u32,
     /// Time of the first sample.
     pub t_ns: u64,
@@ -90,7 +90,7 @@ pub struct trued_force_samples {
     pub floats: *const f32,
 }
 
-/// What the process does, for the vibration watch.
+/// State of the cutting process, for the vibration monitor.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct trued_process {
@@ -102,15 +102,15 @@ pub struct trued_process {
     pub in_cut: u32,
     /// Zero.
     pub reserved: u32,
-    /// How long this holds; 0: until the next word.
+    /// How long this holds; 0: until the next one.
     pub holds_ns: u64,
-    /// Spindle speed, 1/min; 0 where it stands, NaN where unknown.
+    /// Spindle speed, 1/min; 0 if stopped, NaN if unknown.
     pub spindle_rpm: f64,
     /// Feed along the path, mm/s; NaN: the daemon takes it from the commanded path.
     pub feed_mm_s: f64,
 }
 
-/// Where an instrument saw the tool centre point, at rest and with nothing pulling at the tool.
+/// The tool centre point as measured by an instrument, at rest and without external force.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct trued_measured {
@@ -126,7 +126,7 @@ pub struct trued_measured {
     pub sigma_m: f64,
     /// Temperature around the robot, degrees Celsius; NaN where unknown.
     pub ambient_c: f64,
-    /// From which side each joint came: -1 or 1; 0 where unknown.
+    /// Direction of approach of each joint: -1 or 1; 0 where unknown.
     pub direction: [i8; TRUED_JOINTS_MAX],
 }
 

@@ -13,9 +13,9 @@ pub use told::*;
 pub const TRUED_JOINTS_MAX: usize = 16;
 /// Ambient and one per joint.
 pub const TRUED_TEMPERATURES_MAX: usize = 17;
-/// Room for the words of a struct, the zero at their end included.
+/// Size of a message in a struct, including the terminating zero.
 pub const TRUED_WORDS_MAX: usize = 520;
-/// Room for a name of the robot, the zero at its end included.
+/// Size of a name of the robot, including the terminating zero.
 pub const TRUED_NAME_MAX: usize = 72;
 
 /// Which struct, of what size when it was first released, of which types in turn: checked to have no padding.
@@ -38,7 +38,7 @@ pub struct trued_client {
     _opaque: (),
 }
 
-/// Looks at a cell, and asks its daemon: any number of processes may.
+/// Monitors a cell and sends requests to its daemon; any number of processes can do so.
 pub struct trued_monitor {
     _opaque: (),
 }

@@ -14,7 +14,7 @@ pub struct trued_target {
     pub struct_size: u32,
     /// As many as the command had.
     pub joints: u32,
-    /// What the correction in it is: a trued_source.
+    /// Origin of the correction: a trued_source.
     pub source: u32,
     /// Zero.
     pub reserved: u32,
@@ -22,13 +22,13 @@ pub struct trued_target {
     pub q: [f64; TRUED_JOINTS_MAX],
 }
 
-/// What the daemon answers to a command.
+/// The daemon's answer to a command.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct trued_corrected {
     /// sizeof(trued_corrected).
     pub struct_size: u32,
-    /// How many joints; 0 where no good command has come yet.
+    /// How many joints; 0 before the first valid command.
     pub joints: u32,
     /// A trued_correction_status.
     pub status: u32,
@@ -36,27 +36,27 @@ pub struct trued_corrected {
     pub reason: u32,
     /// A trued_wrench_gate.
     pub wrench_gate: u32,
-    /// Newton steps spent.
+    /// Newton iterations.
     pub iterations: u32,
     /// From 1, plus 1 with each answer of this daemon.
     pub seq: u64,
-    /// The number of the command that it answers, as trued_client_send() told it.
+    /// The number of the command that it answers, as returned by trued_client_send().
     pub command_seq: u64,
     /// The `t_ns` of that command.
     pub t_ns: u64,
-    /// When the daemon took that command.
+    /// When the daemon received that command.
     pub received_ns: u64,
-    /// When this answer was made.
+    /// When this answer was computed.
     pub made_ns: u64,
-    /// Which model made it: plus 1 with each swap.
+    /// Epoch of the model that computed it: plus 1 with each change of the model.
     pub model_epoch: u64,
-    /// What of `q` is correction.
+    /// The correction contained in `q`.
     pub correction: [f64; TRUED_JOINTS_MAX],
-    /// How fast that changes, per s.
+    /// Its rate, per s.
     pub correction_rate: [f64; TRUED_JOINTS_MAX],
-    /// How fast the rate changes, per s^2.
+    /// Its acceleration, per s^2.
     pub correction_acceleration: [f64; TRUED_JOINTS_MAX],
-    /// What the model asks for before the envelope; in shadow mode `correction` is zero, this is not.
+    /// The correction requested by the model, before limiting; not zero in shadow mode, unlike `correction`.
     pub wanted: [f64; TRUED_JOINTS_MAX],
     /// Undamped residual of the solution, position, m.
     pub residual_m: f64,
@@ -64,7 +64,7 @@ pub struct trued_corrected {
     pub residual_rad: f64,
 }
 
-/// How the daemon is. Numbers that are not known are NaN.
+/// State of the daemon. Unknown values are NaN.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct trued_status {
@@ -78,7 +78,7 @@ pub struct trued_status {
     pub t_ns: u64,
     /// When the daemon started.
     pub started_ns: u64,
-    /// Plus 1 with each swap of the model.
+    /// Plus 1 with each change of the model.
     pub model_epoch: u64,
     /// Identity of the model.
     pub model_hash: u64,
@@ -92,23 +92,23 @@ pub struct trued_status {
     pub rejected: u64,
     /// Targets with the last correction held.
     pub held: u64,
-    /// Times that the commands fell silent.
+    /// Interruptions of the command stream.
     pub stale: u64,
-    /// Commands that never came.
+    /// Commands lost.
     pub commands_lost: u64,
-    /// Targets that could not be handed over.
+    /// Targets that could not be sent.
     pub corrected_lost: u64,
     /// Force blocks taken.
     pub force_blocks: u64,
-    /// Force blocks that never came.
+    /// Force blocks lost.
     pub force_gaps: u64,
     /// Force blocks refused.
     pub force_refused: u64,
     /// Messages that could not be read.
     pub malformed: u64,
-    /// Entries that the black box dropped.
+    /// Records dropped by the recorder.
     pub recorder_dropped: u64,
-    /// From a command's sending to its answer, the middle.
+    /// Latency from sending a command to its answer: median.
     pub latency_p50_ns: u64,
     /// The same at 99 %.
     pub latency_p99_ns: u64,
@@ -116,17 +116,17 @@ pub struct trued_status {
     pub latency_p999_ns: u64,
     /// The worst.
     pub latency_max_ns: u64,
-    /// Since when the model does not hold, by measurements of the tool; 0 while it holds.
+    /// Since when measurements of the tool contradict the model; 0 while they agree.
     pub model_broken_since_ns: u64,
     /// Measurements of the tool since the model was loaded.
     pub model_measurements: u64,
-    /// How far the last of them were from the model, root mean square, m.
+    /// RMS deviation of the latest of them from the model, m.
     pub model_residual_m: f64,
     /// Loop gain of the wrench correction.
     pub wrench_loop_gain: f64,
-    /// Spindle speed that the vibration watch goes by, 1/min.
+    /// Spindle speed used by the vibration monitor, 1/min.
     pub spindle_rpm: f64,
-    /// Feed that it goes by, mm/s.
+    /// Feed that it uses, mm/s.
     pub feed_mm_s: f64,
     /// A trued_health.
     pub health: u32,
@@ -142,9 +142,9 @@ pub struct trued_status {
     pub recorder: u32,
     /// A trued_watch_state.
     pub watch: u32,
-    /// A trued_in_cut, as told.
+    /// A trued_in_cut, as reported.
     pub in_cut: u32,
-    /// Effects in the model that the cycle does not correct.
+    /// Effects of the model that are not compensated.
     pub uncompensated_effects: u32,
     /// What is wrong with the force stream: bit n is the trued_sensor_fault n.
     pub stream_faults: u32,
@@ -160,15 +160,15 @@ pub struct trued_status {
     pub correction_rate_max: [f64; TRUED_JOINTS_MAX],
     /// Largest jerk of the correction, per s^3.
     pub correction_jerk_max: [f64; TRUED_JOINTS_MAX],
-    /// What a person should know.
+    /// Message for the operator.
     pub message: [c_char; TRUED_WORDS_MAX],
     /// Hash of the robot's nominal geometry: kinds and axes of the joints, nothing else.
     pub geometry_hash: u64,
-    /// Temperatures that were known and are too old: bit 0 the ambient one, bit n that of joint n.
+    /// Temperatures that are stale: bit 0 the ambient one, bit n that of joint n.
     pub stale_temperatures: u32,
     /// Zero.
     pub reserved: u32,
-    /// The robot's maker as the model states it; empty where it does not.
+    /// The robot's manufacturer as the model states it; empty where it does not.
     pub robot_maker: [c_char; TRUED_NAME_MAX],
     /// The robot's type, likewise.
     pub robot_type: [c_char; TRUED_NAME_MAX],
@@ -182,17 +182,17 @@ pub struct trued_status {
     pub trim_state: u32,
     /// A trued_trim_reason.
     pub trim_reason: u32,
-    /// What the tool's target is displaced by, base frame, m.
+    /// Displacement of the tool's target by the trim, base frame, m.
     pub trim_m: [f64; 3],
-    /// What the instrument finds of the model's error, base frame, m: real minus predicted.
+    /// Estimated error of the model, base frame, m: measured minus predicted.
     pub trim_found_m: [f64; 3],
-    /// Measured points that came.
+    /// Measured points received.
     pub trim_measurements: u64,
-    /// Those of them that were refused.
+    /// Measured points refused.
     pub trim_refused: u64,
 }
 
-/// One verdict on one line of the force spectrum. Numbers that are not known are NaN.
+/// One verdict on one line of the force spectrum. Unknown values are NaN.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct trued_vibration {
@@ -202,11 +202,11 @@ pub struct trued_vibration {
     pub state: u32,
     /// A trued_vibration_class.
     pub kind: u32,
-    /// Classes not ruled out: bit n is the trued_vibration_class n.
+    /// Possible classes: bit n is the trued_vibration_class n.
     pub rivals: u32,
     /// Channel: 0 to 5 for Fx Fy Fz Mx My Mz.
     pub axis: u32,
-    /// 1 where the line may stand above half the sampling rate in truth.
+    /// 1 if the line may be an alias of a frequency above half the sampling rate.
     pub suspect_alias: u32,
     /// A trued_advice.
     pub advice: u32,
@@ -214,7 +214,7 @@ pub struct trued_vibration {
     pub sensor_faults: u32,
     /// The number of the stability pocket that the advice names; 0: none.
     pub advice_lobe: u32,
-    /// The joint whose gear train turns at this frequency, from 1; 0: none.
+    /// The joint with a gear shaft at this frequency, from 1; 0: none.
     pub gear_joint: u32,
     /// Its shaft, from 1, motor side first.
     pub gear_shaft: u32,
@@ -222,11 +222,11 @@ pub struct trued_vibration {
     pub reserved: u32,
     /// From 1, plus 1 with each verdict of this daemon.
     pub seq: u64,
-    /// Time of the last force sample that took part.
+    /// Time of the last force sample used.
     pub t_ns: u64,
     /// When the verdict was made.
     pub made_ns: u64,
-    /// Names one ringing from its first warning to its end.
+    /// Number of the vibration event, from its first warning to its end.
     pub event: u64,
     /// Frequency, Hz.
     pub frequency_hz: f64,
@@ -248,17 +248,17 @@ pub struct trued_vibration {
     pub nearest_alias_hz: f64,
     /// Distance to it, Hz.
     pub alias_distance_hz: f64,
-    /// All of it as a sentence: what rings, why, and what to do.
+    /// The verdict as a sentence: what vibrates, why, and what to do.
     pub sentence: [c_char; TRUED_WORDS_MAX],
 }
 
-/// How the connection is, or what happened to it.
+/// State of the connection, or an event.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct trued_connection {
     /// sizeof(trued_connection).
     pub struct_size: u32,
-    /// 1: joined, and the daemon lives; 0: the library is trying.
+    /// 1: connected to a live daemon; 0: the library is trying to connect.
     pub is_connected: u32,
     /// The daemon's process; 0 while there is none.
     pub pid: u32,
@@ -270,7 +270,7 @@ pub struct trued_connection {
     pub words: [c_char; TRUED_WORDS_MAX],
 }
 
-/// What the daemon answered to a request.
+/// The daemon's answer to a request.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct trued_answer {
@@ -280,7 +280,7 @@ pub struct trued_answer {
     pub answer: u32,
     /// When it was made.
     pub t_ns: u64,
-    /// What was done, or why not.
+    /// What was done, or why it was refused.
     pub message: [c_char; TRUED_WORDS_MAX],
 }
 
