@@ -223,6 +223,13 @@ files = ["a.csv"]
     }
 
     #[test]
+    fn a_time_without_quotes_is_refused_with_the_remedy() {
+        let quoted = "\"1970-01-02T01:00:00.5+01:00\"";
+        let bare = SHORT.replace(quoted, quoted.trim_matches('"'));
+        Manifest::parse("m.toml", &bare).unwrap_err().assert_say("a string, in quotes");
+    }
+
+    #[test]
     fn two_robots_of_one_name_and_a_list_without_recordings_are_refused() {
         let twice = SHORT.replace("name = \"R08\"", "name = \"R07\"");
         Manifest::parse("m.toml", &twice).unwrap_err().assert_say("is \"R07\" again");

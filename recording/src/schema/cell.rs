@@ -169,7 +169,7 @@ struct Temperature {
 #[derive(JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Measured {
-    /// `off`: measurements are not read; `observe`: the model's error is found and reported; `trim`: the tool is trimmed by it.
+    /// `off`: measurements are not read; `observe`: the model's error is estimated and reported; `trim`: it is also corrected.
     #[schemars(extend("default" = "observe"))]
     mode: Option<MeasuredMode>,
     /// Measurements per second.
@@ -178,10 +178,10 @@ struct Measured {
     /// From a measurement to its arrival, ms.
     #[schemars(range(min = 0.0, max = 200.0))]
     latency_ms: f64,
-    /// From a command to the tool's being there, ms.
+    /// From a command to the motion of the tool, ms.
     #[schemars(range(min = 0.0, max = 200.0), extend("default" = 10.0))]
     reaction_ms: Option<f64>,
-    /// Standard deviation of a measurement, of each axis, mm.
+    /// Standard deviation of a measurement per axis, mm.
     #[schemars(range(min = 1e-4, max = 10.0))]
     noise_mm: f64,
     /// Rows of the rotation from the instrument's axes to base axes; default: identity.
@@ -198,13 +198,13 @@ struct Measured {
     /// A larger change of the model's error from one measurement to the next is a jump of the instrument, mm.
     #[schemars(range(min = 0.01, max = 100.0), extend("default" = 0.3))]
     jump_mm: Option<f64>,
-    /// Without measurements the trim holds for so long, ms; then it is ramped to zero.
+    /// How long the trim is held without measurements, ms; then it is ramped to zero.
     #[schemars(range(min = 0.0, max = 60_000.0), extend("default" = 500.0))]
     hold_ms: Option<f64>,
     /// The largest trim, mm.
     #[schemars(range(min = 0.01, max = 10.0), extend("default" = 1.0))]
     limit_mm: Option<f64>,
-    /// How well the model was proven, standard uncertainty of each axis, mm; what the trim finds is then watched for ageing of the model.
+    /// Standard uncertainty of the model per axis, mm; with it, the daemon monitors the estimated error for ageing of the model.
     #[schemars(range(min = 0.001, max = 100.0))]
     model_mm: Option<f64>,
 }

@@ -140,7 +140,8 @@ impl<'d, 's> Table<'d, 's> {
         let value = self.raw(key)?;
         let text = value.get_ref().as_str();
         if text.is_none() {
-            self.wrong_type(key, value, "a string");
+            let is_time = value.get_ref().is_datetime();
+            self.wrong_type(key, value, if is_time { "a string, in quotes" } else { "a string" });
         }
         text
     }

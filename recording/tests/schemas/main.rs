@@ -71,6 +71,34 @@ fn every_file_and_every_example_in_the_tree_fits_its_schema() {
     }
 }
 
+#[test]
+fn the_complete_examples_name_every_key_of_their_schema() {
+    for file in ["deploy/cell.toml", "deploy/bridge-egm.toml", "deploy/bridge-rsi.toml"] {
+        // A key without a default may be a comment.
+        let text = read(&root().join(file)).replace("\n# ", "\n");
+        let Sample { format, value, .. } = sample(file.to_owned(), &text).unwrap();
+        let schema = &known_as(&format).schema;
+        let missing = missing_keys(schema, schema, &value);
+        assert!(missing.is_empty(), "{file} lacks {missing:?}");
+    }
+}
+
+/// Keys that `schema`, a part of `root`, lists and `value` lacks.
+fn missing_keys(root: &Value, schema: &Value, value: &Value) -> Vec<String> {
+    let definition = schema["$ref"].as_str().and_then(|to| root.pointer(to.strip_prefix('#')?));
+    let Some(properties) = definition.unwrap_or(schema)["properties"].as_object() else {
+        return Vec::new();
+    };
+    let of_key = |(key, schema): (&String, &Value)| match value.get(key) {
+        None => vec![key.clone()],
+        Some(value) => {
+            let missing = missing_keys(root, schema, value);
+            missing.into_iter().map(|below| format!("{key}.{below}")).collect()
+        }
+    };
+    properties.iter().flat_map(of_key).collect()
+}
+
 fn samples() -> Vec<Sample> {
     let folders = ["deploy", "deploy/etc", "deploy/presets", "deploy/mappings"];
     let files = folders.iter().flat_map(|folder| files_in(folder));
