@@ -11,8 +11,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut trued = Client::connect(&cell, Duration::from_secs(2))?;
     for cycle in 0..10_000 {
         let q_cmd = next_target_rad(cycle);
-        let _ = trued.send(&q_cmd.into()); // no daemon now? the next line answers all the same
-        let target = trued.target_for(&q_cmd, monotonic_ns())?; // an error: no numbers
+        let _ = trued.send(&q_cmd.into()); // can fail without a daemon; the next line still works
+        let target = trued.target_for(&q_cmd, monotonic_ns())?; // fails only if q_cmd is not finite
         publish_to_robot(target.joints());
         std::thread::sleep(Duration::from_millis(1));
     }

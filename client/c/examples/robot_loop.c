@@ -37,7 +37,7 @@ int main(int argc, char **argv) {
     for (unsigned cycle = 0; cycle < cycles; cycle++) {
         double q_cmd[6];
         next_target(cycle, q_cmd); /* rad */
-        trued_client_send_joints(trued, q_cmd, 6, NULL); /* no daemon now? the next line answers all the same */
+        trued_client_send_joints(trued, q_cmd, 6, NULL); /* can fail without a daemon; the next line still works */
         trued_target target = TRUED_INIT(trued_target);
         trued_client_target(trued, q_cmd, 6, trued_monotonic_ns(), &target);
         publish_to_robot(target.q, target.joints);

@@ -24,7 +24,7 @@ static void run(const std::string &cell, unsigned cycles) {
     trued::client trued(cell, 2s);
     for (unsigned cycle = 0; cycle < cycles; cycle++) {
         const auto q_cmd = next_target(cycle); // rad
-        trued.send_joints(q_cmd); // no daemon now? the next line answers all the same
+        trued.send_joints(q_cmd); // can fail without a daemon; the next line still works
         const trued::target target = trued.target_for(q_cmd);
         publish_to_robot(target.q, target.joints);
         std::this_thread::sleep_for(1ms);

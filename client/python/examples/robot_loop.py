@@ -25,7 +25,7 @@ def main(cell: str = "cell-1", cycles: str = "10000") -> None:
     with trued.Client(cell, timeout=2.0) as client:
         for cycle in range(int(cycles)):
             q_cmd = next_target(cycle)  # rad
-            with contextlib.suppress(trued.NotSent):  # no daemon now? the next line answers all the same
+            with contextlib.suppress(trued.NotSent):  # can fail without a daemon; the next line still works
                 client.send(q_cmd)
             target = client.target_for(q_cmd)
             publish_to_robot(target.joints)

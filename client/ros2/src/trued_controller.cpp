@@ -88,7 +88,7 @@ return_type TruedController::update_and_write_commands(const rclcpp::Time &, con
     const auto known = [](double q) { return std::isfinite(q); };
     if (!client_ || !std::all_of(reference_interfaces_.begin(), reference_interfaces_.end(), known)) return return_type::OK;
     try {
-        client_->send_joints(reference_interfaces_); // no daemon now? the next line answers all the same
+        client_->send_joints(reference_interfaces_); // can fail without a daemon; the next line still works
         const trued::target target = client_->target_for(reference_interfaces_);
         bool written = true;
         for (std::size_t i = 0; i < joints_.size(); i++) written &= command_interfaces_[i].set_value(target.q[i]);
