@@ -2,7 +2,7 @@
 //!
 //! Everything is linear here: effects as columns over the whitened values, with what is fitted anyway taken out (registration, unknown
 //! targets, the model's own numbers with their uncertainty as one more reading each). `z` is the length of what is left of an effect;
-//! `ρ = z/√N`; the gain over a rival is half the square of what the rival leaves of it (contract `diagnosis.md`).
+//! `ρ = z/√N`; the gain over a rival is half the square of what the rival leaves of it (docs/diagnosis.md).
 //!
 //! Promises: no answer of a solver is looked at. Never: noise drawn; expected values alone.
 
@@ -180,7 +180,7 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// Names of one family (contract `effects.md`, last section): where they show the same, either is right.
+/// Names of one family (docs/reference/effects.md, last section): where they show the same, either is right.
 fn one_family(truth: Kind, name: &str) -> bool {
     let family = |name: &str| match name {
         "gravity_compliance" | "load_compliance" | "joint_compliance" => 1,

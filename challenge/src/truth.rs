@@ -11,7 +11,7 @@ use crate::case::Tier;
 use crate::draw::Drawn;
 use crate::law::{Effect, Law, Trial};
 
-/// Below this z nothing can be asked (contract `diagnosis.md`).
+/// Below this z nothing can be asked (docs/diagnosis.md).
 pub const LEAST_Z: f64 = 8.0;
 
 /// The truth about one hidden effect.

@@ -1,6 +1,6 @@
 //! What a cycle proposes: a correction, and how and why it was made so.
 //!
-//! The words are those of the contract (`cli.md`, `status`); the transport has the same ones as numbers.
+//! The words are those of docs/reference/status.md; the transport has the same codes as numbers.
 
 use physics::{JOINTS_MAX, Joints};
 

@@ -2,7 +2,7 @@
 //!
 //! Columns are taken in order, those that are nearly made of the ones before them last. One whose rest, after all columns taken before it, shows less than [`SHOWN`] noises for the largest change
 //! that a sound robot may have is not determined: it moves together with those before it. This is a QR factorisation pivoted by
-//! preference instead of by size (contract `effects.md`, last section, says whose a shared direction is).
+//! preference instead of by size (docs/reference/effects.md, last section, says whose a shared direction is).
 //!
 //! Promises: what is kept is independent; what is not kept is named with its partners and their shares.
 //! Never: a guess: what is not determined stays where it is believed to be.

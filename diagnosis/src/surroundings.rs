@@ -1,7 +1,7 @@
 //! What stands around the robot: measuring frames, targets on the tool, fixed points, planes and spheres; known or fitted.
 //!
 //! Fitted numbers come before the effects' in every fit, in the order of the fields here: what an unknown measuring frame or an unknown
-//! target takes with it (contract `effects.md`, last section) is theirs, not the arm's.
+//! target takes with it (docs/reference/effects.md, last section) is theirs, not the arm's.
 //!
 //! Promises: a step of the fit keeps rotations orthonormal and normals of unit length.
 //! Never: a residual; see `residual.rs`.

@@ -1,6 +1,6 @@
 //! What of a robot's motion lags, rings and snaps: delay lines, servo lags, flexible modes, spikes at reversals.
 //!
-//! Laws: contract `effects.md` (`time_delay`, `servo_lag`, `flexible_mode`, `reversal_spike`), each solved exactly over the curve through the
+//! Laws: docs/reference/effects.md (`time_delay`, `servo_lag`, `flexible_mode`, `reversal_spike`), each solved exactly over the curve through the
 //! samples, so that no step size enters. They need a whole path and a heap, which the correction's cycle has not.
 //!
 //! Promises: nothing of it moves an arm at rest; numbers of zero do nothing. Never: what is static, which is `physics`'.

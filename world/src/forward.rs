@@ -1,6 +1,6 @@
 //! A recorded motion run through a model: where the tool really goes, row by row.
 //!
-//! Order (contract `effects.md`): command → delay → lag → errors by position, and play → compliance → modes. On a path the loads have
+//! Order (docs/reference/effects.md): command → delay → lag → errors by position, and play → compliance → modes. On a path the loads have
 //! their inertial part, from speeds and accelerations of the motors.
 //!
 //! Promises: the same rows give the same bits; a path begins settled. Never: an instrument; what it makes of this is the caller's.

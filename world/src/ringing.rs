@@ -1,7 +1,7 @@
 //! A cut that rings: chatter as a force that grows and then stays, and the structural mode that it shakes.
 //!
 //! The chatter is given, not self-excited: its growth and limit are stated, so that a test knows when it was how large.
-//! Mode (contract `effects.md`, `flexible_mode`, its force part): `x'' + 2ζω x' + ω² x = ω² C_d F`, exact between samples.
+//! Mode (docs/reference/effects.md, `flexible_mode`, its force part): `x'' + 2ζω x' + ω² x = ω² C_d F`, exact between samples.
 //!
 //! Promises: nothing outside its cut; deterministic. Never: randomness.
 

@@ -1,6 +1,6 @@
 //! The true robot, run forward at a fixed rate.
 //!
-//! Order (contract `effects.md`): command → delay → lag → errors of position, and play → compliance.
+//! Order (docs/reference/effects.md): command → delay → lag → errors of position, and play → compliance.
 //! Delay and lag are those of the servos, every joint alike, off by default. The arm is taken as quasi-static:
 //! speeds and accelerations are zero for the effects, good at machining feeds (mm/s), not at handling speeds.
 //!

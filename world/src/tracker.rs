@@ -16,7 +16,7 @@ use rand_distr::StandardNormal;
 pub struct Tracker {
     /// Base coordinates to measuring coordinates.
     pub measuring_from_base: Frame,
-    /// Standard uncertainty per axis of the measuring frame, m (contract `recording.md`, `sigma`).
+    /// Standard uncertainty per axis of the measuring frame, m (docs/reference/recording.md, `sigma`).
     pub sigma_m: DVec3,
     /// Readings per second, above zero.
     pub rate_hz: f64,

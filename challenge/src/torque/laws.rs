@@ -1,4 +1,4 @@
-//! The laws: what each effect adds to the torques that are recorded (contract `effects.md`, torque table), and laws that no library has.
+//! The laws: what each effect adds to the torques that are recorded (docs/reference/effects.md, torque table), and laws that no library has.
 //!
 //! Outside the library: drag with the cube of the speed (`SpeedCube`), dry friction that comes and goes along the way (`PlaceFriction`), oil that drags
 //! by the place (`PlaceDamping`), a hose that pulls at one joint as another turns (`CrossTorque`), a torque that wanders with time (`Wander`).

@@ -1,6 +1,6 @@
 //! What delays, lags, rings and snaps, where the arm moves along paths.
 //!
-//! Promises: settled poses ask none of it; joint positions that were read back ask no servo lag (contract `recording.md`). Never: a frequency that samples
+//! Promises: settled poses ask none of it; joint positions that were read back ask no servo lag (docs/reference/recording.md). Never: a frequency that samples
 //! cannot show.
 
 use super::{Candidate, List, Make, Probe, slot};

@@ -20,7 +20,7 @@ const WORD: f64 = 1.0;
 /// The same of a gap and of what builds up over a distance, which is one number more: half of a squared normal variate, 95 %.
 const DISTANCE: f64 = 1.92;
 
-/// A finding is claimed from this probability on (contract `diagnosis.md`): it is likelier than all else.
+/// A finding is claimed from this probability on (docs/diagnosis.md): it is likelier than all else.
 const CLAIMED: f64 = 0.5;
 /// A dearer name that is at least as probable as this keeps a cheaper one from being claimed.
 const LIKELY: f64 = 0.35;

@@ -1,6 +1,6 @@
 //! The candidates: every effect that moves the tool, on every joint, as a new one; and a change of every effect that the model states.
 //!
-//! The order is the order of preference among effects that explain the same (contract `effects.md`, "What may answer for what"). The candidates are those
+//! The order is the order of preference among effects that explain the same (docs/reference/effects.md, "What may answer for what"). The candidates are those
 //! of the crate `physics`; residuals are not used.
 
 use crate::campaign::Campaign;

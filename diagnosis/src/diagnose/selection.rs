@@ -24,7 +24,7 @@ use rayon::prelude::*;
 
 /// Rounds of the preselection.
 const PRESELECTION_ROUNDS: usize = 3;
-/// A rival within this many units of log-likelihood cannot be told apart (contract `diagnosis.md`).
+/// A rival within this many units of log-likelihood cannot be told apart (docs/diagnosis.md).
 pub(super) const ALIKE: f64 = 5.0;
 
 /// Another name for what a finding explains.
@@ -154,7 +154,7 @@ pub(super) fn restarted(search: &Search<'_>, bare: &Fit, first: Selection) -> Se
 
 impl Selected {
     /// What a rival pays, in log-likelihood, for the numbers that it takes beyond these and for its word: the fewest win, unless the evidence differs by
-    /// more than [`ALIKE`] (contract `effects.md`), of which the rows that were asked hold their share, beyond what as many numbers gain by chance.
+    /// more than [`ALIKE`] (docs/reference/effects.md), of which the rows that were asked hold their share, beyond what as many numbers gain by chance.
     /// `penalty`: of a number, in the sum of squares.
     pub(super) fn dearer(&self, rival: &Rival, penalty: f64) -> f64 {
         let more = rival.numbers as f64 - self.numbers as f64;

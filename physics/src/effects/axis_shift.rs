@@ -2,7 +2,7 @@
 //!
 //! `Oᵢ' = Oᵢ + s`, likewise all points beyond    s: `shift`, m, base axes at the zero configuration. Along the axis there is no
 //! shift (the next joint's would say the same), but at the last joint: a part along it above 1 µm is refused, and what
-//! rounding or a fit leaves there does nothing. Source: contract `effects.md`; thesis 3.1 to 3.4. Exact for any shift.
+//! rounding or a fit leaves there does nothing. Source: docs/reference/effects.md; thesis 3.1 to 3.4. Exact for any shift.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

@@ -1,7 +1,7 @@
 //! A joint's axis alone points elsewhere, turned about its pivot; the rest of the zero configuration stays.
 //!
 //! `eᵢ' = exp(t₁ n₁ + t₂ n₂) eᵢ`    t: `tilt`, rad, two numbers · n₁, n₂: the normals of [`crate::frame::normals`]
-//! · `pivot`: on the axis, the joint's point unless given. Source: contract `effects.md`.
+//! · `pivot`: on the axis, the joint's point unless given. Source: docs/reference/effects.md.
 //! Meant for small tilts; exact for any.
 
 use crate::deviation::Contribution;

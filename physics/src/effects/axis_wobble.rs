@@ -2,7 +2,7 @@
 //!
 //! As `axis_tilt`, with `t_m = A_m sin(n qᵢ + φ_m)`, m = 1, 2    A: `amplitude`, rad, two numbers · φ: `phase`, rad, two numbers · n: `cycles` per
 //! revolution of the joint, > 0 (prismatic: per metre, `sin(2π n q + φ)`) · `pivot`: on the axis, the joint's point unless given.
-//! Source: contract `effects.md`. Meant for small tilts; exact for any.
+//! Source: docs/reference/effects.md. Meant for small tilts; exact for any.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

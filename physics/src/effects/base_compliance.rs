@@ -1,7 +1,7 @@
 //! A foundation that gives way: the whole robot tilts.
 //!
 //! `ω = C (M_x, M_y, 0)` about the base frame's origin    C: `compliance`, rad/Nm, ≥ 0, the same about x and y · M: moment of
-//! gravity and wrench about the origin, base axes, Nm. Source: contract `effects.md`. Linear; its mean over
+//! gravity and wrench about the origin, base axes, Nm. Source: docs/reference/effects.md. Linear; its mean over
 //! the poses of a recording is part of an unknown measuring frame. Inertia does not act on it.
 
 use crate::deviation::Contribution;

@@ -2,7 +2,7 @@
 //!
 //! All that joint i carries turns by `C (M − (M·eᵢ) eᵢ)` about the pivot    C: `compliance`, rad/Nm, ≥ 0, the same about both normals ·
 //! M: moment of gravity and wrench about the pivot, Nm · `pivot`: on the axis, the joint's point unless given.
-//! Source: contract `effects.md`; Abele's virtual joints (thesis 1.10). Linear. Inertia and a counterbalance's spring do not act on it.
+//! Source: docs/reference/effects.md; Abele's virtual joints (thesis 1.10). Linear. Inertia and a counterbalance's spring do not act on it.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

@@ -2,7 +2,7 @@
 //!
 //! `δθᵢ = eᵢ · Σ_{k≥i} (R_k s_k × ĝ)`    `s_k`: three numbers of `sag` for each body that the joint carries, its own first,
 //! rad (compliance times mass times lever times g, zero configuration, base axes) · `R_k`: rotation of body k from the zero configuration ·
-//! eᵢ: the axis now · ĝ: unit gravity. Source: contract `effects.md`; thesis 3.10. Linear. Some of the numbers
+//! eᵢ: the axis now · ĝ: unit gravity. Source: docs/reference/effects.md; thesis 3.10. Linear. Some of the numbers
 //! cannot be told apart (those along an axis, those of bodies whose joint never turns): a fit sees that as missing rank.
 
 use crate::deviation::Contribution;

@@ -1,7 +1,7 @@
 //! Lost motion that builds up over a distance after each reversal.
 //!
 //! `δθᵢ = z`, `dz/d|q| = −(z + (h/2) sign(dq))/s`    h: `amplitude`, rad or m, ≥ 0 · s: `reversal`, rad or m, > 0 · dq: the motor's
-//! motion. Source: contract `effects.md`; the law is Dahl's, 1968. Rate does not matter. With a distance below
+//! motion. Source: docs/reference/effects.md; the law is Dahl's, 1968. Rate does not matter. With a distance below
 //! the step of the data, or at settled poses, it cannot be told from `backlash`.
 //!
 //! Memory: `[u, du/ds]` with `z = h u`.

@@ -1,7 +1,7 @@
 //! A joint that moves when another one does: wrist gears, parallel rods.
 //!
 //! `δθᵢ = k qⱼ`    k: `ratio`, joint i's unit per joint j's unit, any sign · j: `from_joint`, another joint, counted from 1.
-//! Source: contract `effects.md`. Memoryless; holds over the whole range.
+//! Source: docs/reference/effects.md. Memoryless; holds over the whole range.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

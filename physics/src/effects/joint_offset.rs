@@ -1,6 +1,6 @@
 //! A joint whose zero is not where the controller believes it.
 //!
-//! `δθᵢ = a`    a: `offset`, rad or m, any sign. Source: contract `effects.md`.
+//! `δθᵢ = a`    a: `offset`, rad or m, any sign. Source: docs/reference/effects.md.
 //! Memoryless, independent of everything.
 
 use crate::deviation::Contribution;

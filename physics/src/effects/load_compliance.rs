@@ -1,7 +1,7 @@
 //! A drive train that winds up under what the environment does to the tool.
 //!
 //! `δθᵢ = C (JᵀW)ᵢ`    C: `compliance`, rad/Nm or m/N, ≥ 0 · W: the wrench ON the tool at the TCP · J: Jacobian at the TCP,
-//! on the controller's geometry. Source: contract `effects.md`; Salisbury 1980. Linear.
+//! on the controller's geometry. Source: docs/reference/effects.md; Salisbury 1980. Linear.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

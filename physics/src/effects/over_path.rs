@@ -1,6 +1,6 @@
 //! What of a motion lags, rings and snaps: effects that need a whole path and have no place in a cycle.
 //!
-//! Laws: contract `effects.md`. They run over paths in `world::dynamics`; here stands what they are called and which numbers they have, so that files,
+//! Laws: docs/reference/effects.md. They run over paths in `world::dynamics`; here stands what they are called and which numbers they have, so that files,
 //! simulation and diagnosis speak of the same thing.
 //!
 //! Promises: they add nothing to a sample: [`crate::Model::evaluate`] is the same with and without them. Never: a state.

@@ -1,7 +1,7 @@
 //! A mass at the flange that the model does not know.
 //!
 //! It joins the last body: m: `mass`, kg, below zero where the model has too much · c: `com`, centre of mass at the zero configuration,
-//! base frame, m. Source: contract `effects.md`. A point mass. It moves nothing by itself: compliances and
+//! base frame, m. Source: docs/reference/effects.md. A point mass. It moves nothing by itself: compliances and
 //! drive torques feel it, and where compliances are free only the product is known.
 
 use crate::deviation::Contribution;

@@ -2,7 +2,7 @@
 //!
 //! `δz = k (T − T₀)`, or `k n` of the spindle's speed n; either followed with the lag where `lag` is given.
 //! k: `growth`, m/K; or `growth_um` per krpm, in m/(rev/min) inside · T: ambient, °C · T₀: `reference`, 20 unless given.
-//! Source: contract `effects.md`. Linear in speed holds for moderate speeds (bearing losses rise faster).
+//! Source: docs/reference/effects.md. Linear in speed holds for moderate speeds (bearing losses rise faster).
 
 use crate::Inputs;
 use crate::deviation::Contribution;

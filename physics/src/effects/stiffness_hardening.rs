@@ -1,7 +1,7 @@
 //! A drive train that gets stiffer as it winds up.
 //!
 //! `δθᵢ = −D τᵢ³` on top of a linear compliance C of the same joint    D: `cubic`, rad/Nm³ or m/N³, ≥ 0 · τᵢ: gravity, wrench and
-//! inertia at the joint. Source: contract `effects.md`; the first odd term of a stiffening characteristic. Physical for
+//! inertia at the joint. Source: docs/reference/effects.md; the first odd term of a stiffening characteristic. Physical for
 //! `|τ| < sqrt(C/3D)` only, where more load still means more deflection: an effect does not see its neighbours, so
 //! [`crate::Model`] asks for the linear compliance and says in [`crate::Evaluation`] when a load is beyond.
 

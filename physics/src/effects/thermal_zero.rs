@@ -2,7 +2,7 @@
 //!
 //! `δθᵢ = k (T − T₀)`, T followed with the lag where `lag` is given; or, where no temperature was recorded, `A (1 − e^(−t/t₀))`.
 //! k: `drift`, rad/K or m/K · T₀: `reference`, °C, 20 unless given · A: `amplitude`, rad or m · t₀: `time_constant`, s.
-//! Source: contract `effects.md`. A regression of what warmth does to a drive and its housing, good near the temperatures it was found at.
+//! Source: docs/reference/effects.md. A regression of what warmth does to a drive and its housing, good near the temperatures it was found at.
 
 use crate::Inputs;
 use crate::deviation::Contribution;

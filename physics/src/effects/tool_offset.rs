@@ -1,7 +1,7 @@
 //! A tool that is not where, or not turned as, the controller believes.
 //!
 //! `base_from_tool' = base_from_tool · (exp(turn), shift)`    `shift`: m, tool axes · `turn`: rotation vector, rad, tool axes;
-//! at least one of the two, the other one is zero. Source: contract `effects.md`. Exact for any shift and turn.
+//! at least one of the two, the other one is zero. Source: docs/reference/effects.md. Exact for any shift and turn.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

@@ -2,7 +2,7 @@
 //!
 //! `δθᵢ = A sin(n qᵢ + φ)`    A: `amplitude`, rad or m · n: `cycles` per revolution of the joint, > 0 (prismatic: the
 //! term is `sin(2π n q + φ)`, n per metre; inside, n is in radians of phase per unit of joint) · φ: `phase`, rad.
-//! Source: contract `effects.md`; thesis equation 3.5. Memoryless.
+//! Source: docs/reference/effects.md; thesis equation 3.5. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

@@ -1,7 +1,7 @@
 //! A force sensor that reads a constant too much.
 //!
 //! `truth = reading − b`    b: `bias`, N and Nm, three numbers each, sensor axes, which are taken as the tool's; either may be missing
-//! and is zero then. Source: contract `effects.md`. With `wrench_scale` and `wrench_misalignment` it combines as
+//! and is zero then. Source: docs/reference/effects.md. With `wrench_scale` and `wrench_misalignment` it combines as
 //! [`Contribution::Sensor`] says. It moves nothing by itself: compliances feel it.
 
 use crate::deviation::Contribution;

@@ -1,7 +1,7 @@
 //! A force sensor whose scale is wrong.
 //!
 //! `reading = (1 + s) truth + bias`, axis by axis    s: `scale`, six numbers (forces, then moments), sensor axes, which are taken as the
-//! tool's; above −0.5 and below 1, since a sensor further off is broken. Source: contract `effects.md`. It combines as
+//! tool's; above −0.5 and below 1, since a sensor further off is broken. Source: docs/reference/effects.md. It combines as
 //! [`Contribution::Sensor`] says and moves nothing by itself: compliances feel it.
 
 use crate::deviation::Contribution;

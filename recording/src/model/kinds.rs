@@ -1,7 +1,7 @@
 //! Every kind of effect that a model may hold: those of the physics, and those of the contract
 //! that the physics does not model yet.
 //!
-//! Contract: contract/effects.md. The physics' own word wins; the table here only lets a file
+//! Contract: docs/reference/effects.md. The physics' own word wins; the table here only lets a file
 //! load whole, so that its other effects can be listed as not compensated.
 
 use physics::JointKind;

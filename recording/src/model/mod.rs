@@ -1,6 +1,6 @@
 //! The model of a robot, `trued.model/1`: a document in the units of its file, and what it means.
 //!
-//! Contract: contract/model.md. A [`RobotModel`] that exists is whole and usable; what cannot be
+//! Contract: docs/reference/model.md. A [`RobotModel`] that exists is whole and usable; what cannot be
 //! read gives all its faults. The document keeps every number as it stands in the file, so that
 //! what is written reads back bit for bit; comments are not kept. [`physics`] sees SI.
 
@@ -113,7 +113,7 @@ pub struct ModeEntry {
 /// One `[[effect]]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EffectEntry {
-    /// A name of contract/effects.md.
+    /// A name of docs/reference/effects.md.
     pub kind: String,
     /// Joint, from 1; none for effects of the whole robot.
     pub joint: Option<usize>,

@@ -1,6 +1,6 @@
 //! What stands beside a recording: `NAME.toml`, or the `[recording]` table of a mapping.
 //!
-//! Contract: contract/recording.md. Values SI. Unknown keys are faults.
+//! Contract: docs/reference/recording.md. Values SI. Unknown keys are faults.
 
 use std::collections::BTreeMap;
 

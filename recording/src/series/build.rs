@@ -1,6 +1,6 @@
 //! From named columns to a consistent [`Recording`]: every check of the contract.
 //!
-//! Contract: contract/recording.md, "Bad input". Every fault is told, with row and column.
+//! Contract: docs/reference/recording.md, "Bad input". Every fault is told, with row and column.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,6 +1,6 @@
 //! The columns of `trued.recording/1`: their names, units and order.
 //!
-//! Contract: contract/recording.md. Joints and targets count from 0 here and from 1 in names.
+//! Contract: docs/reference/recording.md. Joints and targets count from 0 here and from 1 in names.
 
 use physics::JointKind;
 

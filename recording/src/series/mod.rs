@@ -1,6 +1,6 @@
 //! Recordings: `trued.recording/1` in memory, SI inside.
 //!
-//! Contract: contract/recording.md. A [`Recording`] that exists is consistent: equally long
+//! Contract: docs/reference/recording.md. A [`Recording`] that exists is consistent: equally long
 //! columns, finite strictly increasing times within each segment, no infinite value, unit
 //! quaternions, joints that either turn or slide. NaN stands for a sample that was not taken.
 

@@ -1,6 +1,6 @@
 //! A table in a Parquet file: flat columns of numbers, texts or truths; what is null was not taken.
 //!
-//! Contract: contract/recording.md. The same checks as for a text follow, since it becomes the same table; numbers stay what they are. Compression: none, Snappy or Zstandard.
+//! Contract: docs/reference/recording.md. The same checks as for a text follow, since it becomes the same table; numbers stay what they are. Compression: none, Snappy or Zstandard.
 //! No input makes it panic: what the library cannot read is a fault.
 
 use std::fs::File;

@@ -1,6 +1,6 @@
 //! Recordings as CSV: read with all faults, written whole or not at all.
 //!
-//! Contract: contract/recording.md. What is written in SI units reads back to the same bits; in
+//! Contract: docs/reference/recording.md. What is written in SI units reads back to the same bits; in
 //! degrees and millimetres what was read in them does.
 
 use std::borrow::Cow;

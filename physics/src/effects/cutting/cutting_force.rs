@@ -1,7 +1,7 @@
 //! A work that is harder to shear than the recording says: a force that goes with the chip.
 //!
 //! `F += k a h`, `h = f_t sin φ`    k: `coefficient`, tangential, radial, axial, N/m²; on top of what the recording's `[cut]` says.
-//! Source: contract `effects.md`; thesis 4.7. Memoryless.
+//! Source: docs/reference/effects.md; thesis 4.7. Memoryless.
 
 use crate::cut::ForceTerm;
 use crate::deviation::Contribution;

@@ -1,7 +1,7 @@
 //! Edges that rub: a force that goes with the depth of cut whatever the feed.
 //!
 //! `F += k a`    k: `coefficient`, tangential, radial, axial, N/m; on top of what the recording's `[cut]` says.
-//! Source: contract `effects.md`; Altintas, Manufacturing Automation, 2012, 2.3. Memoryless.
+//! Source: docs/reference/effects.md; Altintas, Manufacturing Automation, 2012, 2.3. Memoryless.
 
 use crate::cut::ForceTerm;
 use crate::deviation::Contribution;

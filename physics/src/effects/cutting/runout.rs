@@ -2,7 +2,7 @@
 //!
 //! Tooth j stands out by `r_j = ρ cos(λ − 2πj/N)` and takes `h + r_j − r_{j+1}`, tooth `j + 1` being the one that went before it.
 //! ρ: `radial`, m, ≥ 0 · λ: `phase`, rad, from tooth 0 towards tooth 1. With two teeth `ρ cos λ` alone acts; with one tooth nothing does.
-//! Source: contract `effects.md`; Kline, 1983. Holds while every tooth still cuts. Memoryless.
+//! Source: docs/reference/effects.md; Kline, 1983. Holds while every tooth still cuts. Memoryless.
 
 use crate::cut::ForceTerm;
 use crate::deviation::Contribution;

@@ -1,6 +1,6 @@
 //! Dry friction: it resists as much at any speed.
 //!
-//! `τ = F sign(v)`    F: `level`, Nm or N, ≥ 0. Source: contract `effects.md`; Coulomb, 1785. At rest it is nothing here: what holds an arm at rest
+//! `τ = F sign(v)`    F: `level`, Nm or N, ≥ 0. Source: docs/reference/effects.md; Coulomb, 1785. At rest it is nothing here: what holds an arm at rest
 //! is not told by its motion. Memoryless.
 
 use crate::deviation::Contribution;

@@ -1,6 +1,6 @@
 //! A drive whose torque is recorded too large or too small.
 //!
-//! Recorded is `1 + g` times what acts    g: `gain`. Source: contract `effects.md`. Beside free masses a gain common to all joints cannot be
+//! Recorded is `1 + g` times what acts    g: `gain`. Source: docs/reference/effects.md. Beside free masses a gain common to all joints cannot be
 //! told from them. Memoryless.
 
 use crate::deviation::Contribution;

@@ -1,6 +1,6 @@
 //! Friction that differs by direction.
 //!
-//! `τ = o + c |v|`    o: `offset`, Nm or N · c: `coefficient`, Nm s/rad or N s/m; one of them or both. Source: contract `effects.md`. A constant
+//! `τ = o + c |v|`    o: `offset`, Nm or N · c: `coefficient`, Nm s/rad or N s/m; one of them or both. Source: docs/reference/effects.md. A constant
 //! alone cannot be told from a torque sensor's bias. Memoryless.
 
 use crate::deviation::Contribution;

@@ -1,6 +1,6 @@
 //! Inertia about a joint that the model does not know: a motor's rotor behind its gear, a mass on a slide.
 //!
-//! `τ = J a`    J: `inertia`, kg m² (revolute) or `mass`, kg (prismatic), below zero where the model has too much. Source: contract `effects.md`.
+//! `τ = J a`    J: `inertia`, kg m² (revolute) or `mass`, kg (prismatic), below zero where the model has too much. Source: docs/reference/effects.md.
 //! It turns with its own joint alone. Memoryless.
 
 use crate::deviation::Contribution;

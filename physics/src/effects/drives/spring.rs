@@ -1,6 +1,6 @@
 //! A spring between a joint's link and what carries it.
 //!
-//! `τ = K (q − q₀)`    K: `stiffness`, Nm/rad or N/m · q₀: `rest_position`, rad or m. Source: contract `effects.md`. Far from its rest it is a constant
+//! `τ = K (q − q₀)`    K: `stiffness`, Nm/rad or N/m · q₀: `rest_position`, rad or m. Source: docs/reference/effects.md. Far from its rest it is a constant
 //! beside a slope. `spring_hardening` goes on top of it. Memoryless.
 
 use crate::deviation::Contribution;

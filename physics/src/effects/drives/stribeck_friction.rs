@@ -1,7 +1,7 @@
 //! Dry friction that is higher at low speed, before the oil carries.
 //!
 //! `τ = F exp(−(v/w)²) sign(v)`    F: `level`, by how much it is higher (`F_s − F_c`), Nm or N, ≥ 0 · w: `stribeck_speed`, rad/s or m/s, > 0.
-//! Source: contract `effects.md`; Stribeck, 1902; Bo and Pavelescu, 1982. Memoryless.
+//! Source: docs/reference/effects.md; Stribeck, 1902; Bo and Pavelescu, 1982. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;

@@ -1,7 +1,7 @@
 //! A torque that comes back with every turn: cogging of a motor, ripple of a gear.
 //!
 //! `τ = A sin(n q + φ)`    A: `amplitude`, Nm or N · n: `cycles` per revolution of the joint, > 0 (prismatic: per metre, as `transmission_error` has it) ·
-//! φ: `phase`, rad. Source: contract `effects.md`. Memoryless.
+//! φ: `phase`, rad. Source: docs/reference/effects.md. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;

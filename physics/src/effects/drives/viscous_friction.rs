@@ -1,6 +1,6 @@
 //! Friction of oil: it resists in proportion to speed.
 //!
-//! `τ = f v`    f: `coefficient`, Nm s/rad or N s/m, ≥ 0. Source: contract `effects.md`. `friction_temperature` changes it. Memoryless.
+//! `τ = f v`    f: `coefficient`, Nm s/rad or N s/m, ≥ 0. Source: docs/reference/effects.md. `friction_temperature` changes it. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;

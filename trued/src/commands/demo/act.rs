@@ -85,7 +85,7 @@ fn swap(console: &mut Console, cell: &str, folder: &Path) -> Result<bool, Failur
     Ok(swap.tell(console)? == Answer::Done)
 }
 
-/// Whether two names stand for the same thing (contract `effects.md`, "What may answer for what"): sag counts as gravity compliance.
+/// Whether two names stand for the same thing (docs/reference/effects.md, "What may answer for what"): sag counts as gravity compliance.
 fn same(said: &Named, hidden: &Named) -> bool {
     let family = |named: &Named| match named.effect.as_str() {
         "gravity_sag" => "gravity_compliance".to_owned(),
