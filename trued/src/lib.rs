@@ -1,6 +1,6 @@
 //! The command line: what every command shares, and one file for each under `commands`.
 //!
-//! Promises: the conventions of `contract/cli.md` (streams, `--json`, exit codes, files whole or not at all) hold for
+//! Promises: the conventions of docs/inputs.md and docs/reference/results.md (streams, `--json`, exit codes, files complete or not at all) hold for
 //! every command because they are kept here, once. Never: logic that a library of the house could offer.
 
 pub mod asked;
