@@ -1,7 +1,7 @@
 //! The key of a result: SHA-256 (FIPS 180-4) over everything that the result is computed from.
 //!
-//! Each part goes in with its length, so that no two sequences of parts give the same bytes. Files are hashed as they stream: memory does not grow with them.
-//! Never: a time, a place outside the manifest's folder, a machine.
+//! Each part is preceded by its length, so that different sequences of parts give different bytes. Files are hashed while being read: memory does not grow with their size.
+//! Never: a time, an absolute path, a machine name.
 
 use std::fmt;
 use std::fs::File;

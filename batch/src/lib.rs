@@ -1,9 +1,9 @@
-//! Many recordings of many robots, diagnosed apart from each other: one Parquet file per recording, named by what it was computed from.
+//! Batch diagnosis of many recordings: one Parquet file per recording, named by a hash of its inputs.
 //!
 //! Read in this order: [`key`] (the name of a result), [`shard`] (which process does which recordings), [`store`] (the folder of results), [`table`] (their
-//! columns), [`run`](run()). Promises: the same recording, model, options and version give the same bytes under the same name, whatever the shards, their order or
-//! where they were killed; a file under its final name is whole; a recording that cannot be diagnosed stops none of the others. Never: a diagnosis of its own,
-//! or a process, a thread or a network: those belong to the scheduler.
+//! columns), [`run`](run()). Promises: the same recording, model, options and version give the same bytes under the same name, for any number and order of shards and
+//! after any kill; a file under its final name is complete; a recording that cannot be diagnosed does not affect the others. Never: a diagnosis itself,
+//! a process, a thread or network access: these belong to the scheduler.
 
 pub mod key;
 pub mod run;

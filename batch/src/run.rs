@@ -1,7 +1,7 @@
 //! Diagnoses the recordings of one shard in turn: existing results are kept, new ones written, failures reported.
 //!
-//! One recording is in memory at a time. A recording whose content cannot be diagnosed gets a result that says why (it would say the same next time); one whose
-//! files cannot be read gets none, and is tried again by the next run.
+//! One recording is in memory at a time. A recording with unusable content gets a result with the reason (a repetition would give the same); one whose
+//! files cannot be read gets no result and is tried again by the next run.
 
 use std::io;
 use std::path::{Path, PathBuf};

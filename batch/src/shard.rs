@@ -1,6 +1,6 @@
-//! Which recordings of a manifest one process diagnoses: of N shards the I-th takes every N-th recording, by its place in the manifest.
+//! Selection of the recordings of a shard: shard I of N takes every N-th recording, by position in the manifest.
 //!
-//! By place, so that a process reads no file but its own. Neighbours (often of one robot, alike in size) go to different shards.
+//! Selection by position, so that a process reads only its own files. Neighbours (often of one robot and similar in size) go to different shards.
 
 use std::num::NonZeroUsize;
 use std::str::FromStr;

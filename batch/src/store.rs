@@ -1,7 +1,7 @@
 //! The folder of results: `KEY.parquet` for each recording, and the digest over all of them.
 //!
-//! A result appears whole or not at all (written beside its place, synced, renamed), so that a process may be killed at any time and several may share the
-//! folder. What a killed process left of a result, a hidden `.KEY.parquet.PID.part`, is removed by the one who writes that result.
+//! Results are written atomically (hidden temporary file, synced, renamed), so that a process can be killed at any time and several processes can share the
+//! folder. The temporary file `.KEY.parquet.PID.part` of a killed process is removed by the process that writes that result.
 
 use std::collections::BTreeMap;
 use std::fs;

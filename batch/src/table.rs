@@ -1,6 +1,6 @@
-//! A result as a Parquet file: one row for each domain that was recorded, one for each number of a finding, one for a refusal.
+//! A result as a Parquet file: one row per recorded domain, one per parameter of a finding, or one for a refusal.
 //!
-//! Columns, units and how rows are to be read: docs/reference/batch.md. The same rows give the same bytes: no compression, no statistics, one group of rows, no
+//! Columns, units and meaning of the rows: docs/reference/batch.md. The same rows give the same bytes: no compression, no statistics, one group of rows, no
 //! time, and the writer's name is fixed.
 
 use std::fs::File;

@@ -1,4 +1,4 @@
-//! What a caller may have to handle: where, what, what was expected, what to do.
+//! Errors of the client library: where, what, what was expected, what to do.
 
 use std::time::Duration;
 

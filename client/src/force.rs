@@ -1,7 +1,7 @@
-//! Force samples on their way to the vibration watch. An object of its own, as force is mostly
-//! sampled by another thread, or another process, than the robot's loop.
+//! Sends force samples to the vibration monitor. A separate object, because force is usually
+//! sampled by another thread or process than the robot's loop.
 //!
-//! Promise: a block is never waited for; what cannot be handed over is lost and counted on both sides.
+//! Promise: sending never blocks; a block that cannot be sent is lost and counted on both sides.
 
 use std::time::Duration;
 

@@ -1,6 +1,6 @@
-//! Measured points of the tool on their way to the trim. An object of its own, as an instrument has a program and a rate of its own.
+//! Sends measured points of the tool to the trim. A separate object, because an instrument has its own program and rate.
 //!
-//! Promise: nothing is waited for; what cannot be handed over is lost and counted.
+//! Promise: sending never blocks; a point that cannot be sent is lost and counted.
 
 use std::time::Duration;
 

@@ -1,6 +1,6 @@
-//! The one list of what may go wrong, the same in every language.
+//! The kinds of errors, the same in every language.
 //!
-//! Promise: every error of this crate has one kind, and a kind keeps its name. Never: words; those are the errors' own.
+//! Promise: every error of this crate has one kind, and a kind keeps its name. Never: messages; these belong to the errors.
 
 use shm_schema::JoinError;
 

@@ -1,4 +1,4 @@
-//! What cell software links: send commanded joint targets, take corrected ones.
+//! The client library for cell software: send commanded joint targets, receive corrected ones.
 //!
 //! ```no_run
 //! use std::time::Duration;
@@ -10,7 +10,7 @@
 //! let mut trued = Client::connect("cell-1", Duration::from_secs(2))?;
 //! loop {
 //!     let q_cmd = next_target(); // rad
-//!     let _ = trued.send(&q_cmd.into()); // refused while the daemon is away: see below
+//!     let _ = trued.send(&q_cmd.into()); // fails while no daemon runs: see below
 //!     match trued.target_for(&q_cmd, monotonic_ns()) {
 //!         Ok(target) => publish(target.joints()),
 //!         Err(not_a_target) => return Err(not_a_target.into()), // stop, or send `last_target` again
@@ -19,16 +19,16 @@
 //! # }
 //! ```
 //!
-//! What [`Client::target_for`] gives is always the command plus a correction that is limited here, in
-//! position, rate and jerk, from what was sent last: towards the daemon's while that is fresh (10 ms
-//! unless set otherwise), else towards zero. A daemon that dies, comes back, refuses a command, or
-//! changes its model, mode or bounds changes where the correction goes, never by a step. A command
-//! that is no number is an error; [`Client::last_target`] is what a loop that must send something
-//! sends then. What goes wrong has one [`ErrorKind`], the same in every language.
+//! [`Client::target_for`] always returns the command plus a correction that is limited here, in
+//! position, rate and jerk, relative to the last one sent: towards the daemon's while that is fresh (10 ms
+//! by default), otherwise towards zero. A daemon that dies, returns, rejects a command, or
+//! changes its model, mode or limits changes the goal of the correction, never causing a step. A command
+//! that is not finite is an error; a loop that must send something can then send
+//! [`Client::last_target`]. Every error has one [`ErrorKind`], the same in every language.
 //!
-//! Nothing here blocks without a time limit, panics, or logs. Joining, and watching whether the
-//! daemon lives, is done by a thread of the library; the calls of the robot's loop make no system
-//! call.
+//! Nothing here blocks without a time limit, panics, or logs. Connecting and monitoring the
+//! daemon are done by a thread of the library; the calls of the robot's loop make no system
+//! calls.
 
 mod client;
 mod error;

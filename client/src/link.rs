@@ -1,8 +1,8 @@
-//! The connection: a thread that joins, watches whether the daemon lives, and joins again.
+//! The connection: a thread that connects, monitors the daemon, and reconnects.
 //!
-//! Promise: the calling side only looks into a channel; all system calls of joining and leaving are
-//! made by the thread. A place taken by a dead forerunner is waited for; where the epoch cannot be
-//! joined for a while although the role is ours, the daemon is asked for a new one.
+//! Promise: the calling side only reads a channel; all system calls of connecting and disconnecting are
+//! made by the thread. A role still held by a dead process is waited for; if the epoch cannot be
+//! joined for a while although the role is held, a new epoch is requested.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};

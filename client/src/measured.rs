@@ -1,4 +1,4 @@
-//! What an instrument saw of the tool: by it the daemon tells whether its model still holds.
+//! A measurement of the tool, by which the daemon checks whether its model still holds.
 
 use shm_schema::{JOINTS_MAX, Operation, Request};
 

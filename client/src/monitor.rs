@@ -1,4 +1,4 @@
-//! Looking and asking: status, verdicts on vibration, requests. Several at once; never on the hot path.
+//! Monitoring and requests: status, vibration verdicts, requests. Several at once; never in the robot's loop.
 
 use std::path::Path;
 use std::time::{Duration, Instant};

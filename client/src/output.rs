@@ -1,12 +1,12 @@
-//! What goes out to the robot: the command of this very cycle plus a limited correction.
+//! The target sent to the robot: the command of the present cycle plus a limited correction.
 //!
-//! This is the one place where the correction is continuous. Its limiter starts from what was sent
-//! last and uses the time that has passed since (by the commands' stamps, while those agree with the clock), whatever the daemon asks for and why: a fresh
-//! answer, none, a refusal, a daemon that has just started, other bounds, another model, bypass. No
-//! clock, no IPC: time comes in.
+//! Continuity of the correction is ensured only here. The limiter starts from the last correction sent
+//! and uses the time elapsed since (by the time stamps of the commands, while they agree with the clock), whatever the daemon requests and why: a fresh
+//! answer, none, a rejection, a daemon that has just started, other limits, another model, bypass. No
+//! clock, no IPC: time is an argument.
 //!
-//! What is sent is the command bit for bit while the correction is zero, and the command plus the
-//! daemon's own correction, bit for bit, once that has been reached.
+//! The target is the command, bit for bit, while the correction is zero, and the command plus the
+//! daemon's correction, bit for bit, once that has been reached.
 
 use envelope::{Elapsed, Intervals, Limiters, Limits};
 use shm_schema::{Command, Corrected, JOINTS_MAX, JointBounds};

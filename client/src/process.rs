@@ -1,4 +1,4 @@
-//! What the cell tells the vibration watch of the process: spindle, teeth, feed, cut.
+//! State of the cutting process for the vibration monitor: spindle, teeth, feed, cut.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What the robot's side commands.
+//! Commanded joint targets and measured state of the robot.
 
 use shm_schema::{Command, JOINTS_MAX};
 

@@ -1,4 +1,4 @@
-//! What is to be sent to the robot.
+//! The joint target to send to the robot.
 
 use shm_schema::JOINTS_MAX;
 

@@ -1,21 +1,21 @@
-//! Whether a model still holds, by occasional measurements of the tool: a sequential test that remembers.
+//! Detects that a model no longer holds, from occasional measurements of the tool: a sequential test (CUSUM).
 //!
 //! Each measurement gives a whitened residual `z = (measured − predicted)/σ`, three numbers that are standard normal while the model holds. Sums run
 //! along it (Page, Biometrika 41, 1954), each the log-likelihood of a change against none, and never below zero:
 //!
 //! ```text
-//! shift along d:  S ← max(0, S + d·z − k)                            says so where S > h
-//! spread:         C ← max(0, C + |z|²/2 (1 − 1/κ²) − 3 ln κ)         says so where C > c
+//! shift along d:  S ← max(0, S + d·z − k)                            alarm if S > h
+//! spread:         C ← max(0, C + |z|²/2 (1 − 1/κ²) − 3 ln κ)         alarm if C > c
 //! ```
 //!
-//! d: 14 directions (axes and space diagonals, both ways): the drift goes one way, however small; k is half
-//! the shift that is sought · C: the drift turns with the pose, so only the residuals' size tells: N(0, κ²) against N(0, 1). Since when: the
-//! measurement after that sum was last zero. |z| is cut at 4, so that one wrong measurement says nothing.
+//! d: 14 directions (axes and space diagonals, both ways): a drift in one direction, however small; k is half
+//! the shift to be detected · C: a drift whose direction varies with the pose, so that only the size of the residuals shows it: N(0, κ²) against N(0, 1). Since when: the
+//! measurement after that sum was last zero. |z| is clipped at 4, so that a single wrong measurement raises no alarm.
 //!
-//! Thresholds are set for more than 10⁴ measurements on average between false words of all sums (test
+//! Thresholds are set for more than 10⁴ measurements on average between false alarms of all sums (test
 //! `a_model_that_holds_is_doubted_once_in_thousands_of_measurements`): at one measurement every ten minutes, months.
 //!
-//! Promises: what was said stays said until [`Ageing::default`] begins anew. Never: a clock, a heap, a guess at why.
+//! Promises: an alarm persists until the state is reset to [`Ageing::default`]. Never: a clock, a heap, a statement about the cause.
 
 use glam::DVec3;
 use libm::log;

@@ -1,6 +1,6 @@
 //! A strictly convex quadratic problem within bounds on each joint, by a primal active-set method.
 //!
-//! Promises: the answer is within the bounds, whatever the matrix; no heap. Never: a look at the robot.
+//! Promises: the answer is within the bounds, whatever the matrix; no heap. Never: knowledge of the robot.
 
 use libm::sqrt;
 use physics::{JOINTS_MAX, Joints};

@@ -1,7 +1,7 @@
-//! The cycle's state: what was commanded, what is remembered, what was proposed.
+//! State of the cycle: commands, memory of the effects, corrections.
 //!
-//! Every change of the requested correction (start, refused command, new model, bypass, mode) goes through one mechanism: the
-//! joints' [`Limiters`], one step per call of [`Corrector::bound`], over the time that has really passed since the last.
+//! Every change of the requested correction (start, rejected command, new model, bypass, mode) passes the joints'
+//! [`Limiters`], one step per call of [`Corrector::bound`], over the time elapsed since the last.
 
 use crate::joints::apply;
 use crate::judge::{Command, Follows, Judge};

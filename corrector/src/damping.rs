@@ -1,4 +1,4 @@
-//! The damping that keeps a bounded correction continuous through singular poses: only in directions in which the tool hardly moves.
+//! The damping that keeps a bounded correction continuous through singular poses: only in directions in which the joints hardly move the tool.
 //!
 //! It is a function of the matrix `JᵀJ` alone (each eigenvalue becomes its damping), thus as continuous as that function, also where eigenvalues meet.
 

@@ -1,6 +1,6 @@
-//! Which way each joint last moved, deaf to encoder noise.
+//! Direction of the last motion of each joint, with a deadband against encoder noise.
 //!
-//! Promises: a joint turns back only once its command has moved the dead band against its last motion.
+//! Promises: a reversal is detected only after the command has moved by the deadband against the last motion.
 //! Never: a speed.
 
 use physics::{JOINTS_MAX, Joints};

@@ -1,6 +1,6 @@
-//! Numbers of all joints looked at four side by side: one after the other, each would wait for the last.
+//! Reductions over the joints, four lanes at a time, so that they do not depend on each other.
 //!
-//! Promises: no way out in between, so that the compiler may take them together. Never: a judgement.
+//! Promises: no early exit, so that the compiler can vectorise them. Never: a decision.
 
 use core::array;
 use physics::lanes::{Lanes, Plain, WIDTH, Work, widest};

@@ -1,7 +1,7 @@
-//! Whether a command may be believed: right count, finite, in range, in order, fresh.
+//! Validation of a command: count, finite values, range, order, age.
 //!
-//! Promises: what another process wrote is a claim; a command that passes is safe to compute with, one that fails is named.
-//! Never: a repair of a command.
+//! Promises: data of another process is not trusted; a command that passes is safe to compute with, one that fails gets a reason.
+//! Never: modification of a command.
 
 use crate::outcome::Reason;
 use crate::settings::Settings;

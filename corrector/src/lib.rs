@@ -1,4 +1,4 @@
-//! One cycle without I/O: judge the command, say what is wanted, bound it.
+//! One cycle without I/O: validate the command, compute the requested correction, limit it.
 //!
 //! ```text
 //! let wanted  = corrector.correct(&model, &command, &world, now_ns);
@@ -6,8 +6,8 @@
 //! corrector.prepare(&model);
 //! ```
 //!
-//! Invariants, whatever comes in: `allowed.correction` is finite, within the envelope's angle, and changes no faster than the envelope
-//! allows; the same sequence of inputs gives the same bits.
+//! Invariants for any input: `allowed.correction` is finite, within the position limit, and changes within the rate and jerk
+//! limits; the same sequence of inputs gives the same bits.
 //! Never: a clock (time comes with the call), a heap, a log, a panic.
 #![cfg_attr(not(test), no_std)]
 

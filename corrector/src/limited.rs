@@ -1,14 +1,14 @@
-//! The best correction within bounds, where no exact one is: beyond the envelope, beyond a joint limit, at a singular pose.
+//! The best correction within bounds, where no exact one is: beyond the correction limits, beyond a joint limit, at a singular pose.
 //!
-//! Minimises `‖error(x)‖² + (x − r)ᵀ D (x − r)` over corrections `x` within the envelope's angle and the joint limits, by Gauss-Newton steps, each the lowest point of its
-//! bounded quadratic problem. A radian counts [`ORIENTATION_SHARE`] of the task's length, so that position comes first, where the joints can serve the whole task.
+//! Minimises `‖error(x)‖² + (x − r)ᵀ D (x − r)` over corrections `x` within the position limit and the joint limits, by Gauss-Newton steps, each the minimum of its
+//! bounded quadratic problem. A radian is weighted with [`ORIENTATION_SHARE`] of the task's length, so that position takes precedence, if the joints can satisfy the whole task.
 //!
-//! `D` damps the directions in which the tool hardly moves, else the correction would go from bound to bound as the arm passes a singular pose. It grows with how far an
-//! exact solution would leave the envelope. What it draws to, `r`, is that exact solution while it fits, so that exact and bounded corrections meet however weakly the
-//! tool moves, and falls to nothing with the inverse of its size beyond. They do not meet where an exact solution goes to the envelope's bound for less than a
-//! nanometre: rounding hides such directions.
+//! `D` damps the directions in which the joints hardly move the tool; otherwise the correction would jump between its limits as the arm passes a singular pose. It grows with the
+//! excess of an exact solution over the limits. The reference `r` is that exact solution while it is within the limits, so that exact and bounded corrections are continuous even in weakly
+//! observable directions, and decreases with the inverse of its size beyond. They are not continuous where an exact solution reaches its limit for less than a
+//! nanometre of tool error: rounding hides such directions.
 //!
-//! Promises: within the bounds; never worse for the tool than no correction. Never: a part in an exact solution.
+//! Promises: within the bounds; never worse for the tool than no correction. Never: influence on an exact solution.
 
 use crate::bounded::{Bounds, Square, free_step, lowest};
 use crate::damping::damping;

@@ -1,12 +1,12 @@
-//! How much of a force that the correction takes into account comes back as force: the loop gain, found on line.
+//! Online estimation of the loop gain of force compensation.
 //!
 //! In contact with stiffness k a robot of compliance C, corrected by a share g of the filtered force y along d, obeys
-//! `y = y₀ + γ w`, `w = g y` low-passed as y is, `γ = Ĉ k/(1 + k C)`. γ, the drift of y₀ and their standard errors are found from the
-//! one change of g that is needed anyway: from zero to one half. w depends on y, so that least squares would be biased by the force's own
-//! changes; g does not, and serves as the instrument. Source: Söderström and Stoica, Instrumental variable methods, 1983.
+//! `y = y₀ + γ w`, `w = g y` low-passed as y is, `γ = Ĉ k/(1 + k C)`. γ, the drift of y₀ and their standard errors are estimated from the
+//! one change of g that is needed anyway: from zero to one half. w depends on y, so that least squares would be biased by changes of the
+//! force itself; g does not, and serves as instrumental variable. Source: Söderström and Stoica, Instrumental variable methods, 1983.
 //!
-//! Not physical where the contact changes within the window; the residual then widens the standard error.
-//! Promises: γ is called known only where it is clear of one half. Never: a share of its own; the gate asks what it may open.
+//! Not valid if the contact changes within the window; the residual then widens the standard error.
+//! Promises: γ counts as known only if it is significantly different from one half. Never: a decision on the share; that is the gate's.
 
 use crate::low_pass::{LowPass, Pace};
 use glam::DVec3;

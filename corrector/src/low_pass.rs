@@ -1,9 +1,9 @@
-//! A second-order Butterworth low pass for steps that may vary from one to the next.
+//! A second-order Butterworth low-pass for variable time steps.
 //!
-//! `y'' = ω²(u − y) − √2 ω y'` with `u` straight from sample to sample, solved exactly over each step: the state is the output and its rate, in
-//! seconds, and forgets at the same pace whatever the steps. (Past outputs as a state mean another rate after a step of another length: a
-//! pause amid short steps made it grow without bound.) Source: any text on linear systems, the matrix exponential of a damped oscillator.
-//! Promises: finite in, finite out for inputs below 1e100; unit gain at rest; what it remembers never grows. Never: a reaction to a step of no time.
+//! `y'' = ω²(u − y) − √2 ω y'` with `u` linear between samples, solved exactly over each step: the state is the output and its rate per
+//! second, and decays at the same rate for any step. (With past outputs as state, the implied rate changes with the step length: a
+//! pause between short steps made it diverge.) Source: any text on linear systems, the matrix exponential of a damped oscillator.
+//! Promises: finite in, finite out for inputs below 1e100; unit gain at rest; its state never diverges. Never: a reaction to a step of zero duration.
 
 use core::f64::consts::{PI, SQRT_2};
 

@@ -1,6 +1,6 @@
 //! Normal equations of at most six rows, inverted for many right-hand sides.
 //!
-//! Promises: what is not positive definite has no inverse. Never: a heap, an index from outside.
+//! Promises: what is not positive definite has no inverse. Never: a heap, an external index.
 
 use physics::lanes::{Lanes, WIDTH};
 use physics::{JOINTS_MAX, Joints};

@@ -1,4 +1,4 @@
-//! What a cycle proposes: a correction, and how and why it was made so.
+//! Result of a cycle: a correction with its status and reason.
 //!
 //! The words are those of docs/reference/status.md; the transport has the same codes as numbers.
 

@@ -1,6 +1,6 @@
-//! What was commanded and what the effects remember of it.
+//! The commanded path and the memory of the effects.
 //!
-//! Promises: memory advances once per command that passed; time is the commands' own. Never: a solution.
+//! Promises: memory advances once per accepted command; time is that of the commands. Never: a solution.
 
 use crate::direction::Directions;
 use crate::judge::{Command, Follows};

@@ -1,4 +1,4 @@
-//! What is asked of the tool, as rows, and what is left between where it is and where it should be.
+//! The task as rows: residual between the actual and the desired pose of the tool.
 //!
 //! Promises: rows are m, rotations times the task's length. Never: a step of the joints.
 

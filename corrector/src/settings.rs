@@ -1,4 +1,4 @@
-//! What a cell sets of the correction.
+//! Settings of the correction.
 
 use envelope::Limits;
 use glam::DVec3;

@@ -1,9 +1,9 @@
 //! The task linearised at one trial, and the steps that follow from it.
 //!
-//! Each step stands on slopes of the geometry where the arm stands, and on those of the effects that tell theirs. The normal equations are inverted once; while each
-//! step is much smaller than the one before, the inverse is put right by what its step really does, along that step alone.
+//! Each step uses the Jacobian of the geometry at the present pose, and those of the effects that provide one. The normal equations are inverted once; while each
+//! step is much smaller than the previous one, the inverse is corrected by the observed effect of the step, along that step only (rank-one update).
 //!
-//! Promises: an undamped step foretells how large the next will be, a damped one nothing. Never: an evaluation of the model.
+//! Promises: an undamped step predicts the size of the next one, a damped one does not. Never: an evaluation of the model.
 
 use crate::joints::{apply, largest_in};
 use crate::normal::{Matrix, ROWS, invert};

@@ -1,13 +1,13 @@
-//! The joint positions that put the tool where the controller's geometry would have put it.
+//! Solves for the joint positions that bring the tool to the pose of the controller's geometry.
 //!
-//! Solves `FK_real(q + δθ(q, W, T)) = FK_nominal(q_cmd)` by at most [`STEPS_MAX`] Newton steps, weighted by the task: from `q_cmd`, or from where the last
-//! solutions lead ([`Solver::track`]). As many freedoms asked as joints there are, or fewer: least change of the joints; more: least squares.
+//! Solves `FK_real(q + δθ(q, W, T)) = FK_nominal(q_cmd)` by at most [`STEPS_MAX`] Newton steps, weighted by the task: from `q_cmd`, or from an extrapolation of the last
+//! solutions ([`Solver::track`]). With at most as many task coordinates as joints: minimum norm; with more: least squares.
 //!
-//! Promises: converged means that nothing is left over, or that an UNDAMPED step was taken after which the next is foretold to be below [`STEP_DONE`]:
-//! a singular pose, where damping hides what is left, is not. What is not converged, or outside the joint limits, gets the best correction within bounds
-//! (`limited.rs`). A trial never leaves `reach` (the envelope's angle) about the command.
-//! Where a solve begins decides how many evaluations it takes, not what it finds: to 1e-9 rad, as [`solve`] does.
-//! Never: a jump to another branch of solutions, memory of effects (what they remember stays as it is during the solve).
+//! Promises: converged means that the residual is zero, or that an UNDAMPED step was taken after which the next is predicted to be below [`STEP_DONE`]:
+//! a singular pose, where damping hides the residual, is not converged. A solve that does not converge, or is outside the joint limits, gets the best correction within bounds
+//! (`limited.rs`). A trial never leaves `reach` (the position limit) about the command.
+//! The starting point affects the number of evaluations, not the result (to 1e-9 rad, compared with [`solve`]).
+//! Never: a jump to another branch of solutions, a change of the effects' memory during the solve.
 
 use crate::joints::{apply, stays_within};
 use crate::outcome::{Reason, Residual};

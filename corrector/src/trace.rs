@@ -1,11 +1,11 @@
-//! Where the last solutions were: where the next will be, and whether one Newton step from there is enough.
+//! Warm start: extrapolates the last solutions, and decides whether one Newton step from there is enough.
 //!
-//! The correction is carried on in a straight line by how far the joints go. Where it was off last time by so little that the step after the first would
-//! have been foretold below [`STEP_DONE`], the next solve may begin there.
+//! The correction is extrapolated linearly in the joint positions. If the last extrapolation was so accurate that the step after the first would
+//! have been predicted below [`STEP_DONE`], the next solve may start there.
 //!
-//! Promises: what is foretold holds for the geometry whatever the memory (it is bound by the present slopes); for how effects bend, it is ten times what
-//! the last solve from a command showed, and at least [`BENDS`]. A pose where another solution could be near, or whose correction is large, is solved from its
-//! command; so is every command that comes [`RENEWED_S`] after the last such one of a motion. Never: a part in what a solution is.
+//! Promises: the prediction holds for the geometry (it is bounded by the present Jacobian); for the nonlinearity of the effects a bound of ten times the value observed in
+//! the last solve from a command is used, and at least [`BENDS`]. A pose where another solution could be near, or whose correction is large, is solved from its
+//! command; so is the first command more than [`RENEWED_S`] after the last such solve. Never: influence on the solution itself.
 
 use crate::joints::{are_within, largest, length, off, product};
 use crate::slopes::MARGIN;

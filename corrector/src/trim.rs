@@ -1,21 +1,21 @@
-//! Trims the tool by what an instrument keeps measuring of it: a disturbance observer on top of the model.
+//! Trims the tool by measurements during operation: a disturbance observer in addition to the model.
 //!
-//! The instrument's point is compared with where the model put it at the time of the measurement, with the correction that was sent then. What is left is the model's
-//! error, whatever the trim did meanwhile: the observer's estimate `d` follows it through two equal first-order low passes, and the tool's target is displaced by `-d`, within a bound.
+//! The measured point is compared with the model's prediction for the time of the measurement and the correction sent then. The difference is the model's
+//! error, independent of the trim: the observer's estimate `d` follows it through two equal first-order low passes, and the tool's target is displaced by `-d`, within a bound.
 //!
 //! ```text
 //! y(t) = measured(t) − model(command, correction sent)(t − reaction)     d = y / (1 + s T/2)²     trim = −share · d
 //! ```
 //!
-//! With the stated delay the trim cancels out of `y`: no loop is closed, at any gain. A delay that is not as stated closes one, `F (e^(−sτ) − e^(−sτ'))`, the internal model control of a
+//! With the stated delay the trim cancels out of `y`: no loop is closed, at any gain. A deviation from the stated delay closes one, `F (e^(−sτ) − e^(−sτ'))`, the internal model control of a
 //! static plant (Morari and Zafiriou, *Robust Process Control*, 1989, ch. 3). Two stated delays of time constant `T` keep a gain margin of 2 at every delay up to twice the stated one;
-//! the default [`DELAYS`] one of 3.7, and then a step is overshot by about 5 %. The stated delay is latency, interval of the measurements and reaction of the robot together.
+//! the default [`DELAYS`] one of 3.7, with about 5 % overshoot there. The stated delay is latency, interval of the measurements and reaction of the robot together.
 //!
-//! As the estimate is that of an error and no integral, it does not wind up where the correction is bounded, in shadow mode, or while a joint ramps.
+//! The estimate is of an error and not an integral, so it does not wind up while the correction is bounded, in shadow mode, or while a joint ramps.
 //! Noise of standard deviation `s` at an interval `h` leaves about `s √(h / 2T)` in the trim.
 //!
-//! Promises: finite; `‖trim‖ ≤ limit`; its share of the estimate comes and goes within a second, with minimum jerk; the same sequence of inputs gives the same bits. A change of model
-//! ends it at once: the limiters of the joints take it back. Never: a clock.
+//! Promises: finite; `‖trim‖ ≤ limit`; it is ramped in and out within a second, with minimum jerk; the same sequence of inputs gives the same bits. A change of model
+//! resets it at once: the joints' limiters ramp it to zero. Never: a clock.
 
 mod gate;
 mod history;

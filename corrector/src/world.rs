@@ -1,6 +1,6 @@
-//! What is known of the world besides the command.
+//! Inputs besides the command: wrench, temperatures, process state.
 //!
-//! Promises: after [`World::sound`] every number is finite and of a size that a robot cell can have, or counts as unknown.
+//! Promises: after [`World::sound`] every number is finite and plausible, or counts as unknown.
 //! Never: a guess in place of an unknown number.
 
 use glam::DVec3;

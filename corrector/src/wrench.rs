@@ -1,13 +1,13 @@
-//! The measured wrench on its way into the correction.
+//! The force-compensation gate: use of the measured wrench in the correction.
 //!
-//! Correcting for a force that the correction itself raises is positive feedback: it pushes into the cut. Therefore the wrench
-//! is low-passed well below the first mode, fades out when stale or when its sensor has a fault, and enters with a share that keeps the loop gain below its bound.
-//! With a known process stiffness k the loop gain is `k λmax(C_tcp)`: below the bound the share goes to one, above it to zero until the
-//! contact is over. Otherwise the share stops at one half, which is stable against any stiffness, since process and robot in series are
+//! Correcting for a force that the correction itself increases is positive feedback: it pushes into the cut. The wrench
+//! is therefore low-passed well below the first mode, ramped to zero when stale or when its sensor has a fault, and multiplied by a share that keeps the loop gain below its limit.
+//! With a known process stiffness k the loop gain is `k λmax(C_tcp)`: below the limit the share goes to one, above it to zero until the
+//! end of contact. Otherwise the share stops at one half, which is stable against any stiffness, since process and robot in series are
 //! never stiffer than the robot (small-gain theorem; holds while the model's compliance is below twice the true one), and
-//! [`LoopGain`] finds on the way there whether it may go on to one, along the force it has seen, or must go back to zero.
+//! [`LoopGain`] estimates meanwhile whether it can go to one, along the direction of the observed force, or must return to zero.
 //!
-//! Promises: the share takes [`FADE_S`] for its whole way, at least. Never: a clock.
+//! Promises: the share takes at least [`FADE_S`] from zero to one. Never: a clock.
 
 use crate::loop_gain::{CONTACT_N, LoopGain, Verdict};
 use crate::low_pass::{LowPass, Pace};

@@ -1,7 +1,7 @@
-//! Whether a model may take the place of the active one.
+//! Decides whether a model may replace the active one.
 //!
-//! Promises: a model of another robot, and one whose limits the arm is already outside of, do not come in by mistake; a refusal names what
-//! differs and the way out. Never: a change of anything.
+//! Promises: a model of another robot, or one whose limits the arm already exceeds, is not loaded by mistake; a refusal states the
+//! difference and the remedy. Never: a change of state.
 
 use crate::position::Positions;
 use crate::setup;

@@ -1,6 +1,6 @@
-//! Whether the model in use still holds: measurements of the tool, as they come, against what it says.
+//! Checks whether the active model still holds, by comparison with measurements of the tool.
 //!
-//! In the supervisor's thread. Promises: a measurement that makes no sense is refused and changes nothing; another model begins anew.
+//! In the supervisor's thread. Promises: an implausible measurement is refused without effect; a new model resets the test.
 //! Never: in the cycle; a change of the correction.
 
 use corrector::Ageing;

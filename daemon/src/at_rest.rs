@@ -1,7 +1,7 @@
-//! Reads a model file that somebody may be writing meanwhile.
+//! Reads a model file that may be being written at the same time.
 //!
-//! Promises: what was changed a moment ago is read only once it has stood still; never waits for a device or a pipe. A file that was
-//! cut off and left so is read as it stands: its own faults are all that can tell.
+//! Promises: a recently changed file is read only after it has stopped changing; never waits for a device or a pipe. A truncated
+//! file is read as it is: only its own errors can reveal the truncation.
 
 use recording::model::RobotModel;
 use std::fs::{self, Metadata};

@@ -1,8 +1,8 @@
-//! Changes of the daemon's state, for the log, at a rate that a person can read.
+//! Changes of the daemon's state, for the log, at a readable rate.
 //!
-//! Promises: a change of health is logged with its reason; what is counted (refused commands, missed cycles, losses) at its first time and
-//! then as a sum, at most every 10 s; a sensor's fault when it begins and when it ends; a resonance when it alarms, when it is confirmed and
-//! when it is over; a model when it no longer holds. Never: in a real-time thread.
+//! Promises: a change of health is logged with its reason; counted events (rejected commands, missed cycles, losses) at the first occurrence and
+//! then as a total, at most every 10 s; a sensor's fault when it begins and when it ends; a vibration event at its alarm, its confirmation and
+//! its end; a model when it no longer holds. Never: in a real-time thread.
 
 use crate::exchange::Exchange;
 use crate::sender;

@@ -1,6 +1,6 @@
-//! The mission, once per cycle: a commanded joint target comes in, the correction that puts the tool right goes out.
+//! The real-time cycle: receives a commanded joint target, computes and publishes its correction.
 //!
-//! Order is always: take, judge, correct, bound, publish, count. Thread `cycle`, at the commands' own rate.
+//! The order is always: receive, validate, correct, limit, publish, count. Thread `cycle`, at the rate of the commands.
 //! Nothing here allocates (the transport's one block per message aside), locks, logs or panics.
 
 use crate::exchange::{CycleRecord, Exchange, LoadedModel, count};

@@ -1,6 +1,6 @@
-//! What the threads share: bounded rings made at start, whole values swapped, counters.
+//! Data shared by the threads: bounded rings allocated at the start, atomically swapped values, counters.
 //!
-//! Promises: nobody waits for anybody; a full ring drops the newest and counts it.
+//! Promises: no thread waits for another; a full ring drops the newest and counts it.
 //! Never: a lock.
 
 use crate::latency::Latency;

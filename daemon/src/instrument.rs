@@ -1,6 +1,6 @@
-//! The instrument that measures the tool: its points on their way into the trim, and what the trim says on its way out.
+//! The instrument that measures the tool: passes its points to the trim, and the state of the trim to the status.
 //!
-//! In the cycle. Promises: no allocation; an unstamped point is as old as the cell states. Never: an equation.
+//! In the cycle. Promises: no allocation; a point without time stamp has the configured latency. Never: an equation.
 
 use crate::exchange::{MeasuredInBase, TrimCounters};
 use corrector::{PointSample, Trim};

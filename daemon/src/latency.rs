@@ -1,6 +1,6 @@
 //! Latency of the cycle, counted by the cycle and read by the supervisor.
 //!
-//! Promises: recording is two relaxed atomic operations; a quantile is right to 1/16 of its value (log-linear buckets).
+//! Promises: recording is two relaxed atomic operations; a quantile is accurate to 1/16 of its value (log-linear buckets).
 //! Never: a lock or an allocation after [`Latency::default`].
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};

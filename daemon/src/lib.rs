@@ -1,13 +1,13 @@
-//! Threads, shared memory, time, health, reload: what `trued run` is.
+//! The daemon (`trued run`): threads, shared memory, time, health, reload.
 //!
 //! | thread | does | rate |
 //! | --- | --- | --- |
-//! | `cycle` ([`cycle`]) | takes commands, corrects, publishes | the commands' |
-//! | `vibration` ([`vibration`]) | force blocks in, verdicts out, the newest wrench to the cycle | the blocks' |
-//! | `recorder` ([`recorder`]) | drains the rings into the black box | 20 per second |
+//! | `cycle` ([`cycle`]) | receives commands, corrects, publishes | that of the commands |
+//! | `vibration` ([`vibration`]) | force blocks in, verdicts out, the newest wrench to the cycle | that of the blocks |
+//! | `recorder` ([`recorder`]) | writes the rings to the recording | 20 per second |
 //! | `supervisor` ([`supervisor`]) | status, requests, reload, dead clients | 50 per second |
 //!
-//! Each cell has these four of its own; the caller's thread waits for their end.
+//! Each cell has its own four threads; the caller's thread waits for their end.
 //!
 //! Promises: the daemon never makes the robot step, whatever fails; a start that fails leaves nothing behind.
 //! Never: an equation. The cycle is one short file, [`cycle`].

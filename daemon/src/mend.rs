@@ -1,6 +1,6 @@
 //! Repairs recordings that were not closed: when the daemon starts, and when its disk has room again.
 //!
-//! Runs in a thread of its own, which ends with the last file. The file that is being written and the files of other cells are not touched. A file
+//! Runs in a separate thread, which ends with the last file. The file that is being written and the files of other cells are not touched. A file
 //! that cannot be repaired is left unchanged, with a warning in the log. The recorder does not wait for this thread.
 
 use crate::{notebook, shelf};

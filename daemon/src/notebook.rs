@@ -1,4 +1,4 @@
-//! What a cell's daemon says and how it is, for the recording: lines of its log, its states.
+//! Log lines and states of the daemon for the recording.
 //!
 //! Promises: a line costs its caller a copy, never a wait; without a recorder nothing is kept; while nothing can be written the newest
 //! lines wait for the next file. Never: in the cycle's thread, which does not log.

@@ -1,8 +1,8 @@
-//! What a service manager is told: ready, alive, ending (the protocol of `sd_notify(3)`; one datagram each).
+//! Notifications to the service manager: ready, watchdog, stopping (`sd_notify(3)`; one datagram each).
 //!
-//! Promises: the watchdog is fed only while the cycle of every cell that has not ended has gone on since the last time; the end is told when the last
-//! cell ends; without a manager nothing happens.
-//! Never: a wait, a socket that anyone could send to.
+//! Promises: the watchdog is triggered only while the cycles of all running cells have advanced since the last time; stopping is sent when the last
+//! cell ends; without a service manager nothing happens.
+//! Never: a wait, a socket that receives.
 
 use std::ffi::OsStr;
 use std::os::linux::net::SocketAddrExt;

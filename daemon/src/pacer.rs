@@ -2,12 +2,12 @@
 //!
 //! Promises: a wait ends at its deadline at the latest; between the calls of `look` it either spins or sleeps to
 //! absolute times, and never allocates, locks or logs.
-//! Never: a look at a message.
+//! Never: access to messages.
 //!
 //! Spinning is for an isolated core: a spinning `SCHED_FIFO` thread that shares its core is stalled for 50 ms each second
-//! by the kernel's fair server. Sleeping wakes shortly before the next command is due and looks again every
-//! `LOOK_EVERY_NS` until it is there, and less often once nobody seems to command; however short the period, it sleeps through a part of it. When a command is due follows from
-//! those before it, so that what a stall has held up and comes all at once is found at once.
+//! by the kernel's fair server. Sleeping wakes shortly before the next command is due and polls every
+//! `LOOK_EVERY_NS` until it arrives, and less often if no commands arrive; however short the period, it sleeps for a part of it. The due time follows from
+//! the preceding commands, so that commands delayed by a stall are found immediately.
 
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec};

@@ -1,7 +1,7 @@
-//! Where the arm was last, by the newest report: written by the cycle, read by the supervisor.
+//! Newest known position of the arm: written by the cycle, read by the supervisor.
 //!
-//! Promises: nobody waits; a joint's number is whole, the joints of one reading may be of two neighbouring cycles.
-//! Never: a judgement whether a number is true.
+//! Promises: no waiting; each joint's value is consistent, but the joints of one reading can be from two adjacent cycles.
+//! Never: a plausibility check.
 
 use shm_schema::JOINTS_MAX;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};

@@ -1,7 +1,7 @@
-//! What the process does, from whoever knows it best: the cell's word, the commanded path, the configuration.
+//! State of the cutting process, from the cell's report, the commanded path or the configuration, in this order.
 //!
-//! In the supervisor's thread. Promises: a word that has run out is not believed any more, and that is told; what is not known
-//! is said to be unknown. Never: a command to the spindle.
+//! In the supervisor's thread. Promises: an expired report is no longer used, and this is logged; unknown values
+//! are reported as unknown. Never: a command to the spindle.
 
 use crate::exchange::Exchange;
 use crate::setup;

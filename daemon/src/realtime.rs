@@ -1,6 +1,6 @@
-//! Real-time manners of a thread: policy, core, locked memory.
+//! Real-time settings of a thread: policy, core, locked memory.
 //!
-//! Promises: what was asked and refused is told, with what it takes, whoever asked; whether that ends the daemon is the configuration's word
+//! Promises: a refused request is reported with its remedy; whether it ends the daemon is decided by the configuration
 //! (`[realtime] enforce`). Never: a policy for the whole process, which its helper threads would inherit.
 
 use rustix::mm::{MlockAllFlags, mlockall};

@@ -1,8 +1,8 @@
-//! Drains the rings into the black box: what happened, for those who ask later.
+//! Writes the rings to the recording (MCAP).
 //!
-//! Thread `recorder`, 20 times a second. Promises: a disk that is full, slow or read-only costs records, which are counted, and nothing else;
-//! when it can be written again a new file is begun, and files that were not closed are repaired. A file or folder that was removed is
-//! made anew. The newest files stay, older ones are removed; one that is kept, because somebody asked for it or an alarm began in it, is not.
+//! Thread `recorder`, 20 times a second. Promises: a disk that is full, slow or read-only costs only records, which are counted;
+//! when it can be written again a new file is started, and files that were not closed are repaired. A removed file or folder is
+//! created again. The newest files are kept and older ones removed; files kept on request or because of an alarm are never removed.
 //! Never: anything that the cycle waits for.
 
 use crate::alarms::Alarms;

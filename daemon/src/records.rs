@@ -1,4 +1,4 @@
-//! What travels in shared memory as the messages of recordings and live views.
+//! Conversion of shared-memory messages to the messages of recordings and live views.
 
 use recording::blackbox::{StatusRecord, VerdictRecord};
 use shm_schema::{

@@ -1,6 +1,6 @@
 //! The cycle's side of the robot: commands in, corrected targets out.
 //!
-//! Promises: numbers and times are put on every message here; what cannot be read is counted and passed over. Time and messages
+//! Promises: every message gets its number and time here; unreadable messages are counted and skipped. Time and messages
 //! come through a [`Link`]: shared memory, or a simulation that brings its own time.
 //! Never: an equation.
 

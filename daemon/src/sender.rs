@@ -1,6 +1,6 @@
-//! Who sent a request to the daemon (program, process, user), for log, status and recording.
+//! Sender of a request (program, process, user), for log, status and recording.
 //!
-//! What `/proc` does not tell is left out. Reads files, so it must not run in a real-time thread.
+//! Information missing in `/proc` is omitted. Reads files, so it must not run in a real-time thread.
 
 use recording::blackbox::Utc;
 use std::fs;

@@ -1,6 +1,6 @@
-//! What the cycle knows of the world besides the command: the newest wrench, temperatures, spindle speed.
+//! Sensor inputs of the cycle: the newest wrench, temperatures, spindle speed.
 //!
-//! Promises: the newest value wins; its age is told, never hidden. Never: a wait.
+//! Promises: the newest value is used; its age is always available. Never: a wait.
 
 use crate::exchange::Exchange;
 use crate::instrument::Instrument;

@@ -1,4 +1,4 @@
-//! From the cell's configuration to what each thread needs.
+//! Converts the cell's configuration to the settings of each thread.
 //!
 //! Promises: nothing starts on a configuration or a model that does not fit; the error says what to change.
 

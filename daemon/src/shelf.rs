@@ -1,7 +1,7 @@
-//! The black boxes of a cell on the disk: what the next one is called, which of them are kept, which are removed.
+//! The recording files of a cell: names, kept files, removal of old files.
 //!
-//! A kept one is called `CELL-SECONDS-COUNT.kept.mcap`; no removal touches it. Promises: names sort by time even where the system's clock was
-//! set back; the file that is being written is never removed, nor one that is not of this very cell. Never: writes into a file.
+//! A kept file is called `CELL-SECONDS-COUNT.kept.mcap` and is never removed. Promises: names sort by time even if the system's clock was
+//! set back; the file being written and files of other cells are never removed. Never: writes into a file.
 
 use recording::blackbox::UNFINISHED;
 use std::fs;

@@ -1,6 +1,6 @@
-//! The daemon's own account of itself, made from the counters and from what the vibration thread says.
+//! The status of the daemon, from the counters and the state of the vibration thread.
 //!
-//! Promises: a status can be made at any time, without waiting for anybody; whatever is wrong with the force stream is named.
+//! Promises: a status can be generated at any time without waiting; every fault of the force stream is included.
 
 use crate::ageing::Age;
 use crate::exchange::{Exchange, Hearing};

@@ -1,7 +1,7 @@
-//! Looks after the others: status, requests, reload of the model, dead clients.
+//! Supervision: status, requests, reload of the model, dead clients.
 //!
-//! Thread of [`crate::run`], 20 times a second. Promises: a model that does not load changes nothing and its faults are told;
-//! one that does is swapped in between two cycles. Never: anything that the cycle waits for.
+//! Thread of [`crate::run`], 50 times a second. Promises: a model that cannot be loaded has no effect, and its errors are reported;
+//! a valid one is activated between two cycles. Never: anything that the cycle waits for.
 
 use crate::ageing::Age;
 use crate::change_log::{ChangeLog, RequestLog};

@@ -1,7 +1,7 @@
-//! Temperatures as they are known now: the newest number of each, until it is too old.
+//! Present temperatures: the newest value of each, until it is stale.
 //!
-//! In the cycle. Promises: a number holds until another one comes or its age limit is over, then it counts as unknown and its place in
-//! [`Temperatures::stale`] is set; no allocation. Never: a judgement whether a number is true.
+//! In the cycle. Promises: a value is used until a newer one arrives or it reaches its age limit; then it counts as unknown and its bit in
+//! [`Temperatures::stale`] is set; no allocation. Never: a plausibility check.
 
 use shm_schema::JOINTS_MAX;
 

@@ -1,6 +1,6 @@
-//! How often something is logged.
+//! Rate limit of repeated log messages.
 //!
-//! Promises: the first time at once; while it goes on, less and less often; after a pause at once again. Time comes with the call.
+//! Promises: immediately the first time; at increasing intervals while it continues; immediately again after a pause. Time is an argument.
 
 /// From one line on a count to the next at least, ns.
 const FIRST_NS: u64 = 10_000_000_000;

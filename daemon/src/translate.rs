@@ -1,7 +1,7 @@
-//! Schema to corrector and back: the only file of the daemon that names both.
+//! Conversion between messages and corrector types: the only file of the daemon that uses both.
 //!
-//! Promises: a foreign number is copied as a claim for the corrector to judge; codes have the same names on both sides (tested).
-//! Never: a judgement.
+//! Promises: foreign numbers are copied unchecked, for the corrector to validate; codes have the same names on both sides (tested).
+//! Never: a decision.
 
 use corrector::{Gate, Outcome, TrimReport};
 use physics::JOINTS_MAX;

@@ -1,7 +1,7 @@
-//! How the tool travels along the commanded path: its feed, and how far each joint turns per millimetre.
+//! Feed of the tool along the commanded path, and rotation of each joint per millimetre.
 //!
-//! Promises: goes by the controller's own geometry and the commands' own times, over the last fifth of a second; says nothing
-//! where it knows nothing. Holds for steady cuts; a corner is smeared. Never: anything in the cycle's thread.
+//! Promises: uses the controller's geometry and the times of the commands over the last 0.2 s; returns nothing
+//! if these are unknown. Valid for steady cuts; corners are averaged. Never: anything in the cycle's thread.
 
 use physics::gears::shafts;
 use physics::{Arm, Chain, JOINTS_MAX, JointKind, Joints};

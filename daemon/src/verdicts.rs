@@ -1,7 +1,6 @@
-//! The watch's words to the schema's: verdicts and faults as they travel.
+//! Conversion of the vibration monitor's verdicts and faults to messages.
 //!
-//! Promises: nothing is lost on the way, and codes have the same names on both sides (tested). No allocation. Never: a judgement
-//! of its own.
+//! Promises: complete, and codes have the same names on both sides (tested). No allocation. Never: a decision.
 
 use shm_schema::{Advice, SensorFault, Verdict, VibrationClass, VibrationState, monotonic_ns};
 use spectrum::{Fault, Faults, Health, NearestLine};

@@ -1,8 +1,8 @@
-//! Listens to the force samples: verdicts out, the newest wrench to the cycle, the sensor's health to the supervisor.
+//! The force processor: analyses force samples, publishes verdicts, passes the newest wrench to the cycle and the sensor status to the supervisor.
 //!
-//! Thread `vibration`, at the pace of the blocks. Promises: after [`Listener::join`] nothing is allocated but the transport's one
-//! block per verdict; a block that cannot be read is counted and named. Never: a wait longer than
-//! `LOOK_EVERY_NS` while blocks come.
+//! Thread `vibration`, at the rate of the blocks. Promises: after [`Listener::join`] nothing is allocated except the transport's one
+//! block per verdict; an unreadable block is counted and reported. Never: a wait longer than
+//! `LOOK_EVERY_NS` while blocks arrive.
 
 use crate::exchange::{Exchange, Hearing, count};
 use crate::pacer::sleep_until;

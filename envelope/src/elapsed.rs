@@ -1,8 +1,8 @@
 //! The time from one output to the next.
 //!
-//! Whoever receives the outputs executes them in cycles of its own. Two things follow for the time
-//! that a limiter may use: it is no longer than what has really passed, and after a silence the
-//! receiver stands, so that motion begins anew from rest instead of being made up for at once.
+//! The receiver of the outputs executes them in its own cycles. Two consequences for the time
+//! that a limiter may use: it is at most the time actually elapsed, and after a pause the
+//! receiver is at rest, so that motion restarts from rest instead of catching up at once.
 
 use crate::track::NODES_S;
 

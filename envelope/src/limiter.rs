@@ -1,18 +1,18 @@
 //! Limits one joint's correction in position, rate and jerk.
 //!
-//! The next output is made in the first of these ways that the limits allow:
-//! 1. `wanted`, plus an offset from it that dies out along a plan. The offset is zero in normal
+//! The next output is the first of these that the limits allow:
+//! 1. `wanted`, plus an offset that decays to zero along a plan. The offset is zero in normal
 //!    operation; a jump of `wanted` becomes an offset (this is known as inertialisation).
 //! 2. One step of a plan from the present motion onto the trend of `wanted`, while `wanted` jumps or
-//!    shakes too much to be followed. Plans use half the jerk; the other half belongs to `wanted`.
+//!    fluctuates too much to be followed. Plans use half the jerk limit; the other half is left for `wanted`.
 //! 3. One step of the fastest stop, at full jerk.
 //!
 //! Limits may change at any time. A motion that cannot stop within the new ones keeps the larger of
-//! the old and the new ones, bound by bound, while it brakes at the larger jerk; the new ones are in
-//! force from the first output that can stop within them.
+//! the old and the new ones, each separately, while it brakes at the larger jerk; the new ones apply
+//! from the first output that can stop within them.
 //!
-//! Invariant: from every output there is a stop that keeps the limits in force (see `motion`). A way
-//! is taken only if that remains so, hence the third is always open.
+//! Invariant: from every output the motion can stop within the present limits (see `motion`). An option
+//! is used only if this remains true, hence the third is always possible.
 
 use crate::Limits;
 use crate::elapsed::Elapsed;

@@ -1,8 +1,8 @@
-//! The corrections of an arm's joints, which move together.
+//! Limiters for all joints of an arm.
 //!
-//! Promises: each joint keeps its own limits as [`Limiter`] does. Joints that ramp at the same time do so along one line in
-//! joint space, as far as their motions at its beginning let them: joints whose corrections take each other back at the tool
-//! would let it err by more than either end of the ramp does, were each as fast as it can be. Never reads a clock,
+//! Promises: each joint keeps its own limits as [`Limiter`] does. Joints that ramp at the same time do so along a straight line in
+//! joint space, as far as their initial motions allow: joints whose corrections cancel at the tool
+//! would otherwise cause a larger tool error during the ramp than at either end. Never reads a clock,
 //! allocates or panics.
 
 use crate::elapsed::Elapsed;

@@ -1,8 +1,7 @@
 //! Value, rate and acceleration at an instant, and the stop from there.
 //!
 //! Promises: [`Motion::stops_inside`] is true exactly where the fastest stop at full jerk keeps
-//! angle and rate at all times. That set is closed under its own stop: who is inside has a way out
-//! that stays inside, at any pace of sampling. Never looks at a sample; time is continuous here.
+//! angle and rate at all times. That set is invariant under the stop, at any sampling interval. Continuous time: samples do not appear here.
 
 use crate::Limits;
 use crate::plan::Ramp;

@@ -1,12 +1,12 @@
 //! The fastest motion to rest at zero under a jerk and a rate bound, in continuous time.
 //!
-//! Full jerk towards zero for some time, then the fastest stop: the longer the push, the further the
-//! stop ends, so that the push which ends at zero is found by Newton's steps between bounds. Where it would pass the rate
-//! bound: a ramp to that rate, a cruise, a stop. Source: time-optimal control of the triple
+//! Full jerk towards zero for some time, then the fastest stop: the longer the first phase, the further away the
+//! stop ends, so that the duration for which it ends at zero is found by safeguarded Newton iteration. If the rate limit
+//! would be exceeded: a ramp to that rate, a constant rate, a stop. Source: time-optimal control of the triple
 //! integrator; cf. Haschke, Weitnauer, Ritter, "On-line planning of time-optimal, jerk-limited
 //! trajectories", IROS 2008.
 //!
-//! Promises: a plan ends exactly at zero. Never exceeds its jerk.
+//! Promises: a plan ends exactly at zero and never exceeds its jerk.
 
 use crate::motion::Motion;
 

@@ -1,13 +1,13 @@
-//! Divided differences of a sampled signal at an uneven pace.
+//! Divided differences of an unevenly sampled signal.
 //!
 //! [`Track::with`] gives the third divided difference as a jerk: the mean of the third derivative of
 //! any smooth signal through the samples, whatever their spacing. It is taken of the newest sample
 //! and three nodes: the first sample, and each that is [`NODES_S`] or more after the node before.
-//! Samples of a cycle are all nodes; closer ones, of a loop that runs flat out, would make a jerk
-//! of the rounding of its positions.
+//! All samples of a regular cycle are nodes; with closer ones, of a back-to-back loop, rounding of the positions
+//! would appear as jerk.
 //!
-//! Where the times of the samples are uncertain by `jitter`, a signal of rate `v` looks as if its
-//! samples were off by up to `v · jitter`. [`Times::jerk_of_jitter`] is the third difference that
+//! Where the times of the samples are uncertain by `jitter`, a signal of rate `v` appears to have
+//! sample errors of up to `v · jitter`. [`Times::jerk_of_jitter`] is the third difference that
 //! this can make; rate and acceleration then come from a fading-memory filter (Brookner, *Tracking
 //! and Kalman Filtering Made Easy*, 1998, section 1.2) instead of from three samples. With a memory
 //! of `N` samples at intervals `h` the acceleration lags by up to `jerk · h · N`, and is off by about

@@ -1,4 +1,4 @@
-//! Who may look.
+//! Access control of the live view.
 
 use std::net::IpAddr;
 

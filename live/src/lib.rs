@@ -1,8 +1,8 @@
-//! What a running cell shows: its status as JSON, metrics for Prometheus, a page for a browser, a stream for Foxglove and PlotJuggler.
+//! Live view of a cell: its status as JSON, metrics for Prometheus, a page for a browser, a stream for Foxglove and PlotJuggler.
 //!
-//! A process of its own that joins the cell as a [`Monitor`], like `trued status`: the daemon opens no socket, and does not notice
-//! when this process hangs or dies. Nothing that arrives over the network reaches the daemon. [`top`] shows the same on a terminal, and asks the
-//! daemon what its keys say.
+//! A separate process that connects to the cell as a [`Monitor`], like `trued status`: the daemon opens no socket, and is not affected
+//! if this process hangs or dies. Nothing received over the network reaches the daemon. [`top`] shows the same on a terminal, with keys for
+//! requests to the daemon.
 //!
 //! | served | by | at |
 //! | --- | --- | --- |

@@ -1,7 +1,7 @@
 //! The status as metrics for Prometheus: OpenMetrics text, see `docs/reference/metrics.md`.
 //!
-//! Names begin with `trued_`, units are those of the base units that Prometheus asks for; each has the label `cell`. While the daemon is away `trued_up` is 0 and
-//! the others are left out: a last value would look like a present one.
+//! Names begin with `trued_`, units are those of the base units that Prometheus asks for; each has the label `cell`. While the daemon does not respond, `trued_up` is 0 and
+//! the others are omitted: an old value would look like a current one.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! A status as JSON (schema `trued.status/1`): its codes as words, its units in its keys.
+//! A status as JSON (schema `trued.status/1`): codes as words, units in the keys.
 
 use serde::Serialize;
 use shm_schema::{RecorderState, WrenchGate};

@@ -1,6 +1,6 @@
-//! `trued top`: a running cell on a terminal, with keys for what an operator may ask of it.
+//! `trued top`: a running cell on a terminal, with keys for the operator's requests.
 //!
-//! Two connections to the cell: one looks, the other asks, so that a daemon that does not answer does not stop the display. Only cells of the
+//! Two connections to the cell: one for the display, one for requests, so that a daemon that does not respond does not block the display. Only cells of the
 //! terminal that changed are written (ratatui): usable over a slow line.
 
 mod ask;

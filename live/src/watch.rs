@@ -1,4 +1,4 @@
-//! What is known of the cell now, from one monitor for all who look.
+//! Present state of the cell, from one monitor shared by all viewers.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};

@@ -1,4 +1,4 @@
-//! The one clock that both sides share.
+//! The clock shared by both sides (`CLOCK_MONOTONIC`).
 
 use rustix::time::{ClockId, clock_gettime};
 

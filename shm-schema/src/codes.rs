@@ -1,6 +1,6 @@
-//! Closed lists that travel as `u32`: what another process wrote is checked before it becomes an enum.
+//! Enumerations transmitted as `u32`: values of another process are checked before conversion to an enum.
 //!
-//! Promise: a code keeps its number for ever; new codes are added at the end. An unknown number is
+//! Promise: a code never changes its number; new codes are added at the end. An unknown number is
 //! an error that names the list, never undefined behaviour.
 
 /// A number that is in no list of this version.

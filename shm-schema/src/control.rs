@@ -1,4 +1,4 @@
-//! What a client may ask of the daemon (`/control`), and the answer.
+//! Requests of clients to the daemon (`/control`), and the answers.
 
 use iceoryx2::prelude::ZeroCopySend;
 

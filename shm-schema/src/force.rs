@@ -1,4 +1,4 @@
-//! Force samples in blocks (`/force`): no sample is lost unseen.
+//! Force samples in blocks (`/force`): no sample is lost undetected.
 //!
 //! Channels are `Fx Fy Fz Mx My Mz` in N and N·m; fewer channels are the first of these.
 

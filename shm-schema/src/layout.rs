@@ -1,8 +1,8 @@
-//! What makes a struct a payload: fixed layout, no padding, a hash that tells one layout from another.
+//! Requirements for a payload struct: fixed layout, no padding, a hash that identifies the layout.
 //!
 //! Promise: two programs whose hashes agree read the same number at the same byte. The hash is
 //! made at compile time from names, offsets and types of all fields, so it cannot be forgotten.
-//! Never: data that is not plain numbers.
+//! Never: data other than plain numbers.
 
 use core::fmt;
 

@@ -1,8 +1,8 @@
-//! The bytes that both sides share, their versions, their service names, and the life of a domain.
+//! The shared-memory messages, their versions, their service names, and the life cycle of a domain.
 //!
-//! Promise: what is read on one side is what was written on the other, or it is refused with a
-//! message that names both versions. No process that dies, at whatever moment, can keep the other
-//! side from going on within a second. Nobody outside this crate sees the transport (iceoryx2).
+//! Promise: data is read exactly as it was written, or refused with a
+//! message that names both versions. A process that dies, at any moment, does not stop the other
+//! side for more than a second. The transport (iceoryx2) is not visible outside this crate.
 //! Never: physics, a blocking send, a wait without a time limit, a log of its own.
 //!
 //! | service | payload | from, to | kept |
@@ -11,6 +11,7 @@
 //! | `/corrected` | [`Corrected`] | daemon to cell | the newest |
 //! | `/force` | [`ForceBlock`] | force source to daemon | 64 blocks, then the sender discards and counts |
 //! | `/state` | [`RobotState`] | cell to daemon | the newest |
+//! | `/measured` | [`MeasuredPoint`] | instrument to daemon | the newest 64 points |
 //! | `/vibration` | [`Verdict`] | daemon to all | the last 8, also for late joiners |
 //! | `/status` | [`Status`] | daemon to all | the last one, also for late joiners |
 //! | `/control` | [`Request`], [`Response`] | all to daemon and back | one at a time per client |

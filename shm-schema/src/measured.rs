@@ -1,4 +1,4 @@
-//! Where an instrument sees a point of the tool (`/measured`): a laser tracker, cameras.
+//! Measured points of the tool (`/measured`), from a laser tracker or cameras.
 
 use iceoryx2::prelude::ZeroCopySend;
 

@@ -1,7 +1,7 @@
-//! The command that comes in and the correction that is proposed for it.
+//! Commands and corrections.
 //!
 //! SI: joints in rad (m where prismatic), forces N, moments N·m, temperatures °C, times ns.
-//! Only the first `joints` entries of a joint array hold; the rest is zero.
+//! Only the first `joints` entries of a joint array are used; the rest is zero.
 
 use iceoryx2::prelude::ZeroCopySend;
 

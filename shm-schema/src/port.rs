@@ -1,7 +1,7 @@
-//! Typed ports: what a thread sends into and takes out of.
+//! Typed ports for sending and receiving.
 //!
-//! Promise: a send never blocks and never fails loudly; it tells whether the message was handed
-//! over. A take never blocks. Neither makes a system call nor allocates, but for the one block that
+//! Promise: sending never blocks and never fails; it returns whether the message was
+//! sent. Receiving never blocks. Neither makes a system call or allocates, except for the one block that
 //! the transport allocates per sent message. Ports of the daemon stay in the thread that made them.
 
 use iceoryx2::identifiers::UniqueClientId;

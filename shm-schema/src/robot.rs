@@ -1,4 +1,4 @@
-//! What the robot measures of itself (`/state`), where it can: positions, torques, temperatures.
+//! Measured state of the robot (`/state`), if available: positions, torques, temperatures.
 
 use iceoryx2::prelude::ZeroCopySend;
 

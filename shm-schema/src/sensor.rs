@@ -1,4 +1,4 @@
-//! What is wrong with the force signal, and what to do about it, in words: one place for daemon, status and clients.
+//! Faults of the force signal and their remedies as text: one place for daemon, status and clients.
 
 use core::fmt;
 

@@ -1,4 +1,4 @@
-//! A verdict on vibration as a sentence for people: what rings, why, and what to do.
+//! A vibration verdict as a sentence: what vibrates, why, and what to do.
 //!
 //! One place for the daemon's log, its status, and every client. Never allocates; a code of a later version is written as
 //! its number.

@@ -1,6 +1,6 @@
-//! The services of an epoch: names, how many may take part, how much is kept.
+//! The services of an epoch: names, numbers of participants, buffer sizes.
 //!
-//! Promise: the daemon creates them all; everybody else only opens. Each carries the layout hash of
+//! Promise: the daemon creates all of them; other processes only open them. Each carries the layout hash of
 //! its payload as an attribute, as the transport compares only type names and sizes.
 
 use core::fmt::Debug;

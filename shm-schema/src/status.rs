@@ -1,4 +1,4 @@
-//! How the daemon is (`/status`): about 20 times a second, from a thread that is not real-time.
+//! State of the daemon (`/status`): 25 times a second, from a thread that is not real-time.
 
 use iceoryx2::prelude::ZeroCopySend;
 

@@ -1,7 +1,6 @@
 //! Text of bounded length inside a payload: UTF-8, the rest filled with zeros.
 //!
-//! Never allocates, never fails: what is too long is cut at a character, what is not UTF-8 reads as
-//! far as it is.
+//! Never allocates, never fails: a text that is too long is cut at a character boundary; invalid UTF-8 is read up to the first error.
 
 use iceoryx2::prelude::ZeroCopySend;
 

@@ -1,4 +1,4 @@
-//! What the vibration watch has to say (`/vibration`).
+//! Verdicts of the vibration monitor (`/vibration`).
 
 use iceoryx2::prelude::ZeroCopySend;
 

@@ -1,7 +1,7 @@
-//! What crosses the border: structs by their size, numbers, texts. All of this crate's looks through a foreign pointer.
+//! Conversion of C arguments: structs by size, numbers, texts. All dereferencing of foreign pointers in this crate is here.
 //!
-//! Promise: null, a wrong size, a crooked address, a text without end are errors; nothing is read or written beyond what
-//! the program said is there. What it says of its own memory is believed: nothing else is possible.
+//! Promise: null, a wrong size, a misaligned address and an unterminated text are errors; nothing is read or written beyond
+//! the stated size. The program's statements about its own memory cannot be verified and are trusted.
 
 use core::ffi::c_char;
 use core::mem::MaybeUninit;

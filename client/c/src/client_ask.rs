@@ -1,4 +1,4 @@
-//! What the robot's side may ask of the daemon. Requests wait, within their limit: not for the robot's loop.
+//! Requests of the robot's loop to the daemon. They block within their time limit: not for use inside the loop.
 
 use core::ffi::c_char;
 

@@ -1,7 +1,7 @@
-//! What every function answers, and the words to it: one number and one message per thread.
+//! Return codes and error messages: one code per call, one message per thread.
 //!
 //! Promise: a number keeps its meaning for as long as the library is `.so.1`; new ones are added. No panic crosses the
-//! border, and no error is without words.
+//! C interface, and every error has a message.
 
 use core::fmt::{self, Write};
 use std::any::Any;

@@ -1,4 +1,4 @@
-//! Force samples on their way to the vibration watch.
+//! Sends force samples to the vibration monitor.
 
 use core::ffi::c_char;
 

@@ -1,6 +1,6 @@
-//! Handles that tell: a pointer that the program holds is a number in a table, never followed.
+//! Validated handles: a handle is an index into a table, never dereferenced.
 //!
-//! Promise: a handle that was closed, never was one, or is in use by another thread is an error and nothing else, and no
+//! Promise: a handle that was closed, never was one, or is in use by another thread is an error without side effects, and no
 //! call waits for another.
 
 use std::sync::{Mutex, TryLockError};

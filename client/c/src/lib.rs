@@ -1,10 +1,10 @@
-//! The border of the client library to C, and by it to everything that speaks C.
+//! The C interface of the client library.
 //!
-//! Promise: no panic crosses it, no call waits without a limit, every misuse that can be told is an error with words; what
-//! is in `trued.h` stays while the library is `.so.1`. Never: a correction, a connection, a rule of its own; those are
-//! `trued_client`'s.
+//! Promise: no panic crosses it, no call waits without a time limit, every detectable misuse is an error with a message; the
+//! content of `trued.h` is stable while the library is `.so.1`. Never: corrections, connections or rules of its own; these are in
+//! `trued_client`.
 //!
-//! `unsafe` is here for what C cannot promise by types. The rules at the top of `trued.h` are what each `SAFETY` relies on.
+//! `unsafe` is used where C cannot express guarantees by types. Each `SAFETY` comment relies on the rules at the top of `trued.h`.
 #![expect(unsafe_code, reason = "pointers of C; this crate is where they end")]
 #![expect(non_camel_case_types, reason = "the names are C's")]
 #![expect(clippy::doc_markdown, reason = "these words stand in a C header")]

@@ -1,4 +1,4 @@
-//! The closed lists, as C knows them: the numbers of the messages on shared memory, and a test that they are.
+//! The enumerations in C: the same numbers as in the shared-memory messages, held by a test.
 //!
 //! Promise: a number keeps its meaning; a later daemon may send numbers that are not here.
 

@@ -1,6 +1,6 @@
-//! What several handles share: connecting, and handing out what the daemon says.
+//! Common parts of the handles: connecting, and returning the daemon's answers.
 //!
-//! Promise: a place that cannot take the answer is found before anything is asked for.
+//! Promise: an invalid output argument is detected before a request is sent.
 
 use core::ffi::c_char;
 use core::time::Duration;

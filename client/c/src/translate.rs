@@ -1,6 +1,6 @@
-//! From the structs of the border to those of the client library, and back.
+//! Conversion between the C structs and those of the client library.
 //!
-//! Promise: what the program gives is checked here, each fault with its field; what the library tells is passed on as it is.
+//! Promise: inputs are checked here, each error with its field; outputs of the library are passed on unchanged.
 
 use core::ffi::c_char;
 

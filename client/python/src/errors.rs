@@ -1,4 +1,4 @@
-//! Every error of the library as the exception of its kind, which `trued/errors.py` defines.
+//! Maps every error of the library to its exception class, defined in `trued/errors.py`.
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

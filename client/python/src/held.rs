@@ -1,6 +1,6 @@
-//! What a Python object holds of the library: used by one thread at a time, closed once.
+//! Ownership of a library object by a Python object: used by one thread at a time, closed once.
 //!
-//! Promise: a second thread is told, not made to wait; a closed object says so. Time limits and arrays are checked here.
+//! Promise: a second thread gets an error and does not wait; so does a call on a closed object. Time limits and arrays are checked here.
 
 use std::path::Path;
 use std::sync::Mutex;

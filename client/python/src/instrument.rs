@@ -1,4 +1,4 @@
-//! Measured points of the tool on their way to the trim.
+//! Sends measured points of the tool to the trim.
 
 use pyo3::prelude::*;
 

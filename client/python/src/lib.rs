@@ -1,7 +1,7 @@
 //! The client library for Python.
 //!
-//! Promise: no call waits longer than its timeout, and none holds the interpreter while it waits; what Python gives is
-//! checked, what goes wrong is an exception of its own. Never: a rule of its own; those are `trued_client`'s.
+//! Promise: no call waits longer than its timeout, and none holds the GIL while it waits; arguments are
+//! checked, and every error has its own exception class. Never: rules of its own; these are in `trued_client`.
 
 mod client;
 mod errors;

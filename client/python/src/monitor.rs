@@ -1,4 +1,4 @@
-//! Looking at a cell, and asking its daemon: any number of processes may.
+//! Monitoring a cell and sending requests to its daemon, from any number of processes.
 
 use std::path::PathBuf;
 

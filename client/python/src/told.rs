@@ -1,4 +1,4 @@
-//! What the library tells, as Python sees it: fields that are read, arrays that are made once and then viewed.
+//! Outputs of the library as Python objects: read-only fields, and arrays that are created once and then viewed.
 
 use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods, ToPyArray};
 use pyo3::prelude::*;

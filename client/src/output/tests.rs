@@ -1,4 +1,4 @@
-//! What goes out, without a daemon and without a clock.
+//! Targets without a daemon and without a clock.
 
 use super::*;
 use envelope::Limiter;

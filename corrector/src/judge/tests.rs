@@ -1,4 +1,4 @@
-//! Every way in which a command may be wrong has its name.
+//! Every kind of invalid command gets its reason.
 
 use super::*;
 use envelope::Limits;

@@ -1,8 +1,8 @@
-//! Which measurements are believed: those that agree with the ones before.
+//! Outlier and jump detection: a measurement is accepted if it agrees with the preceding ones.
 //!
-//! A measurement is refused where it differs from the mean of those before by more than the model's error may change from one to the next. That mean is
-//! exponential, so that it follows a slow change. [`GateRules::in_a_row`] refused in a row are a jump of the instrument: nothing is believed until as many in a row agree with
-//! what was before, or somebody confirms the new registration.
+//! It is refused if it differs from their exponential mean by more than the model's error can change from one measurement to the next.
+//! [`GateRules::in_a_row`] refused in a row are a jump of the instrument: measurements are then refused until as many in a row agree with
+//! the earlier ones, or the new registration is confirmed.
 //! Never: a jump that is followed.
 
 use glam::DVec3;

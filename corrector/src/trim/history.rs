@@ -1,7 +1,7 @@
-//! Where the model put the measured point at past times, so that a late measurement is compared with what was in force when it was made.
+//! Predicted positions of the measured point at past times, for the comparison with delayed measurements.
 //!
-//! A ring of [`KEPT`] points, at least [`SPACING_NS`] apart: it reaches back a second at least, at any rate of commands. Between two points it is linear, and beyond
-//! the newest for as long as it is from the one before: what is measured now lies between the last command and the next.
+//! A ring of [`KEPT`] points, at least [`SPACING_NS`] apart: it reaches back a second at least, at any rate of commands. Linear interpolation between points, and linear extrapolation beyond
+//! the newest by at most its distance from the previous one, because a present measurement lies between the last command and the next.
 //! Never: a point before the first, later than that, or across a gap of more than [`GAP_NS`].
 
 use glam::DVec3;

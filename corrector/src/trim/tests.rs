@@ -1,4 +1,4 @@
-//! The trim in a loop with a tool and an instrument that are written here, at 1 kHz, in one axis unless said otherwise.
+//! The trim in a loop with a simple simulated tool and instrument, at 1 kHz, in one axis unless said otherwise.
 
 use super::*;
 use proptest::prelude::*;

@@ -1,4 +1,4 @@
-//! Hard bounds whatever is wanted; exactness inside them; return after a jump.
+//! Limits hold for any request; exactness inside them; return after a jump.
 
 use super::*;
 use crate::track::NODES_S;

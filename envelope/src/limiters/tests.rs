@@ -1,4 +1,4 @@
-//! Joints that ramp keep to one line, and each to its own limits.
+//! Ramping joints move along a straight line, each within its own limits.
 
 use super::*;
 use proptest::prelude::*;

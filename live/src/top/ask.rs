@@ -1,4 +1,4 @@
-//! Requests of the operator to the daemon, one after the other, in a thread of their own.
+//! Requests of the operator to the daemon, one after the other, in a separate thread.
 
 use std::sync::mpsc::{Receiver, Sender};
 use std::time::Duration;

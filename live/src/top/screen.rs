@@ -1,4 +1,4 @@
-//! What the screen shows, and what each key does. No terminal: the tests press keys and look.
+//! Content of the screen and handling of keys. Independent of a terminal, so that tests can press keys and read the screen.
 
 use std::collections::VecDeque;
 use std::sync::Arc;

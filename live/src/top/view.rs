@@ -1,5 +1,5 @@
-//! How the screen is drawn: state and reason, correction per joint, cycle, vibration, events, keys. Made for 80 × 24; what has no room is
-//! left out from below, state and keys last.
+//! Drawing of the screen: state and reason, correction per joint, cycle, vibration, events, keys. Made for 80 × 24; on smaller terminals sections are
+//! omitted from the bottom, state and keys last.
 
 use ratatui::Frame;
 use ratatui::layout::{Alignment, Constraint, Layout, Rect};

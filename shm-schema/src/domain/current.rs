@@ -1,6 +1,6 @@
-//! The file `current`: which epoch to join, and by which contract.
+//! The file `current`: the present epoch and its contract version.
 //!
-//! Promise: it appears whole, when everything that it names exists. Text, so that a person can read it.
+//! Promise: it is written atomically, after everything that it names exists. It is human-readable text.
 
 use std::fs;
 use std::path::Path;

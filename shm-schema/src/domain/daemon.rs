@@ -1,4 +1,4 @@
-//! The daemon's side of a domain: it alone creates, announces, cleans up and sweeps.
+//! The daemon's side of a domain: only the daemon creates, announces, cleans up and removes.
 
 use std::fs;
 use std::io::ErrorKind;

@@ -1,4 +1,4 @@
-//! What can go wrong in making and joining a domain: where, what, what was expected, what to do.
+//! Errors of creating and joining a domain: where, what, what was expected, what to do.
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
-//! Who lives: a lock on a file that the kernel drops when its holder ends, however it ends.
+//! Liveness of processes: a file lock that the kernel releases when its holder ends, however it ends.
 //!
-//! Promise: at most one holder per path; the file names the holder's process. Beware: a child that
-//! was forked without `exec` holds the lock of its parent on.
+//! Promise: at most one holder per path; the file names the holder's process. Beware: a child
+//! forked without `exec` keeps the lock of its parent.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, Write};

@@ -1,8 +1,8 @@
-//! Removes memory that was created and never sized: its creator was killed between the two, and others may be stuck on it.
+//! Removes memory that was created and never sized: its creator was killed between the two, and other processes may be blocked by it.
 //!
-//! The transport (0.10.0) waits for such a file without end, in whichever thread meets it, and goes on as soon as it is gone. The
-//! daemon's side has a thread for it, which never touches the transport and so cannot get stuck itself.
-//! Promise: a creator that lives needs microseconds and gets 100 ms, by a clock that nobody sets.
+//! The transport (0.10.0) waits for such a file indefinitely, in any thread that opens it, and continues as soon as it is removed. The
+//! daemon has a thread for this, which never uses the transport and so cannot block itself.
+//! Promise: a live creator needs microseconds and gets 100 ms, by the monotonic clock.
 
 use std::fs;
 use std::os::unix::fs::MetadataExt;

@@ -1,11 +1,11 @@
-//! The life of a domain: one per cell, one epoch per start of the daemon.
+//! Life cycle of a domain: one per cell, one epoch per start of the daemon.
 //!
-//! A process killed while it creates a service jams that service for good, and a killed peer leaves
-//! its places taken. So nothing of an earlier life is ever used again: each start makes a new epoch
-//! (directory and prefix), announces it by one atomic rename, and removes the older ones whole.
+//! A process killed while it creates a service blocks that service permanently, and a killed peer leaves
+//! its connections occupied. Therefore nothing of an earlier run is reused: each start creates a new epoch
+//! (directory and prefix), announces it by an atomic rename, and removes the older ones completely.
 //! Only the daemon creates services, and only the daemon cleans up after dead clients. A client that
-//! still cannot get in knocks, and gets a new epoch. What a killed process left half-made would hold
-//! up others without end: a thread of the daemon's side removes it.
+//! still cannot connect requests a new epoch. Incomplete files of a killed process would block
+//! others indefinitely: a thread of the daemon removes them.
 
 mod current;
 mod daemon;

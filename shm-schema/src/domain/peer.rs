@@ -1,4 +1,4 @@
-//! A client's side of a domain: take a seat, join the epoch that is announced.
+//! A client's side of a domain: take the lock of its role, join the announced epoch.
 
 use std::fs;
 use std::sync::Arc;

@@ -1,11 +1,11 @@
-//! Where a cell's domain lives: one directory on tmpfs, and names in `/dev/shm` that start alike.
+//! Location of a cell's domain: one directory on tmpfs, and names in `/dev/shm` with a common prefix.
 //!
 //! ```text
 //! /dev/shm/trued-CELL/            or $TRUED_RUNTIME_DIR/trued-CELL/    0700, the daemon's user
-//!     current                     which epoch to join, and both sides' versions
+//!     current                     present epoch, and versions of both sides
 //!     daemon.lock                 held by the daemon while it lives
 //!     cell.lock  force.lock  instrument.lock   held by the one client of that role
-//!     knock                       a client cannot get in: the daemon is asked for a new epoch
+//!     knock                       a client cannot connect and requests a new epoch
 //!     EPOCH/                      the transport's files of one epoch
 //! /dev/shm/trued.CELL.PLACE.EPOCH.*    the transport's memory of one epoch
 //! ```

@@ -1,4 +1,4 @@
-//! What the program gives.
+//! Input structs.
 //!
 //! Promise: as [`super`] has it.
 

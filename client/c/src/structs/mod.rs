@@ -1,7 +1,7 @@
-//! The structs that cross the border.
+//! The structs of the C interface.
 //!
 //! Promise: each begins with its size, has no padding, and only grows at its end while the library is `.so.1`; a test pins
-//! every offset. Only the first `joints` entries of a joint array hold; the rest is zero.
+//! every offset. Only the first `joints` entries of a joint array are used; the rest is zero.
 
 mod given;
 mod told;

@@ -1,4 +1,4 @@
-//! What the library fills in.
+//! Output structs.
 //!
 //! Promise: as [`super`] has it.
 

@@ -1,4 +1,4 @@
-//! Times that are uncertain: what moves is followed all the same.
+//! Uncertain times: a moving request is still followed.
 
 use super::*;
 
