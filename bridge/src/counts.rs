@@ -1,6 +1,6 @@
-//! What came, what became of it, and how often: one counter per policy.
+//! Counters of the bridge: one per kind of datagram and handling.
 //!
-//! Promises: the loop only adds to atomics; whoever tells them does so in a thread of its own.
+//! Promises: the loop only increments atomics; reporting is done by a separate thread.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 

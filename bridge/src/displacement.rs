@@ -1,6 +1,6 @@
-//! What a correction of the joints does to the tool, in the controller's geometry.
+//! Displacement of the tool by a correction of the joints, in the controller's geometry.
 //!
-//! Promises: no allocation. Never: a look at an effect; those are the daemon's.
+//! Promises: no allocation. Never: effects; these belong to the daemon.
 
 use glam::DVec3;
 use physics::{Arm, Chain, Frame, JOINTS_MAX, Joints};

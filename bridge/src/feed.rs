@@ -1,7 +1,7 @@
-//! The correction for one target after the other, whatever has become of the daemon.
+//! The correction for each target, whatever the state of the daemon.
 //!
-//! The client library limits what is sent; here it is decided where a run of the robot begins. Never waits longer than it was
-//! allowed; without a daemon the correction is zero.
+//! The client library limits the correction; this module decides where a run of the robot begins. Never waits longer than its time
+//! limit; without a daemon the correction is zero.
 
 use crate::joining::Joining;
 use crate::link::{Correction, Link};

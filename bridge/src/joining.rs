@@ -1,4 +1,4 @@
-//! The daemon, joined by a thread of its own: a bridge never waits for it longer than it was allowed, and without it the correction is zero.
+//! Connects to the daemon in a separate thread: a bridge never waits for it longer than its time limit, and without it the correction is zero.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};

@@ -1,11 +1,11 @@
-//! Controllers' own protocols as clients like any other: ABB EGM ([`egm`]), KUKA RSI ([`rsi`]).
+//! Bridges between controllers' protocols and the daemon: ABB EGM ([`egm`]), KUKA RSI ([`rsi`]).
 //!
-//! Promises: what the daemon does is known here only through the client library ([`feed`]); no datagram makes a bridge
-//! panic or wait; a bridge without a daemon passes on what it is given. Nothing in a bridge's loop allocates (the
-//! transport's one block per command aside), locks or logs; what happened is counted ([`counts`]) and told by another thread.
-//! Never: a correction of its own, a way around the client library.
+//! Promises: the daemon is accessed only through the client library ([`feed`]); no datagram makes a bridge
+//! panic or wait; a bridge without a daemon forwards targets unchanged. Nothing in a bridge's loop allocates (except the
+//! transport's one block per command), locks or logs; events are counted ([`counts`]) and reported by another thread.
+//! Never: a correction of its own, access to the daemon other than by the client library.
 //!
-//! Read in this order: [`feed`], [`egm::middle`], [`rsi::answer`]; `docs/bridge.md` has every policy.
+//! Read in this order: [`feed`], [`egm::middle`], [`rsi::answer`]; `docs/bridge.md` describes the handling of every datagram.
 
 pub mod counts;
 mod displacement;

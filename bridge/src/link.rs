@@ -1,4 +1,4 @@
-//! What a bridge asks of whoever knows the corrections.
+//! The source of corrections, as seen by a bridge.
 
 use trued_client::{JOINTS_MAX, RobotState, Source};
 

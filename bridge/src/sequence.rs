@@ -1,9 +1,9 @@
-//! What a datagram's number means: the next one, a repeat, an old one, or a sender that restarted.
+//! Evaluation of sequence numbers: next, repeated, old, or restarted sender.
 //!
-//! A number that is a little ahead is the next, with some lost between. One that is far ahead, or falls back, may be an old datagram's,
-//! overtaken or replayed, and of another run: it is believed once five in a row count up from there with none of the old count
-//! between them. Those ahead are then the next after many that were lost; those that fell back, a sender's that began anew. A sender that does
-//! not count (always the same number, or none) is taken as it comes. No allocation, no clock.
+//! A number slightly ahead is the next one, with some lost in between. One far ahead, or lower, can belong to an old datagram,
+//! reordered or replayed, or to another run: it is accepted once five in a row count up from there without any of the old count
+//! in between. Higher ones then follow many lost datagrams; lower ones mean a restarted sender. All datagrams of a sender that does
+//! not count (always the same number, or none) are accepted. No allocation, no clock.
 
 use recording::files::content_hash;
 

@@ -1,6 +1,6 @@
-//! Datagrams in and out without waiting, and one wait for all of them.
+//! Non-blocking datagram sockets, and one wait for all of them.
 //!
-//! Promises: no allocation; a datagram that does not fit into the buffer is none.
+//! Promises: no allocation; a datagram larger than the buffer is discarded.
 
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};

@@ -1,4 +1,4 @@
-//! What both bridges do before their loop: the cell, its model, the way to the daemon, and words on what is (not) corrected.
+//! Start of both bridges: cell, model, connection to the daemon, and messages on what is (not) corrected.
 
 use std::path::Path;
 use std::sync::Arc;

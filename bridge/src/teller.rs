@@ -1,4 +1,4 @@
-//! Says what the loop counts and what becomes of the connection, in a thread of its own.
+//! Reports the counters of the loop and events of the connection, in a separate thread.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};

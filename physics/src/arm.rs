@@ -1,7 +1,7 @@
-//! What the controller believes: axes, points on them, bodies and the tool, at the zero configuration.
+//! The controller's geometry: axes, points on them, bodies and the tool, at the zero configuration.
 //!
 //! Promises: an [`Arm`] that exists is usable: axes are unit vectors, limits are ordered, all is finite.
-//! Never: an effect. Deviations from this geometry live in [`crate::effects`].
+//! Never: an effect. Deviations from this geometry are in [`crate::effects`].
 
 use crate::placed::Along;
 use crate::{JOINTS_MAX, Joints};

@@ -1,7 +1,7 @@
-//! Where every axis and the tool are, for given joint positions: the product of rotations (thesis equations 3.1 to 3.4).
+//! Forward kinematics of all axes and the tool: the product of rotations (thesis equations 3.1 to 3.4).
 //!
 //! Promises: [`Chain::nominal`] is the controller's own geometry; [`Chain::real`] is the same product with a
-//! [`Deviation`] put in; both agree to the bit where the deviation is zero in every entry.
+//! [`Deviation`]; both agree bit for bit if all entries of the deviation are zero.
 //! Never: a load or an effect.
 
 use crate::deviation::Deviation;

@@ -1,12 +1,12 @@
-//! What a cutter exerts on the tool that carries it: the law of its teeth, and what effects add to the law and to what a sensor reads of it.
+//! Cutting forces: the law of the teeth, and contributions of effects to the law and to the sensor's reading.
 //!
 //! A tooth at angle φ (from the normal axis, with the rotation), `φ_entry ≤ φ ≤ φ_exit`, chip `h = f_t sin φ`, depth `a`:
 //! `F_t = (K_tc h + K_te) a`, and so radial and axial; on the tool `F_x = −F_t cos φ − F_r sin φ`, `F_y = F_t sin φ − F_r cos φ`, `F_z = F_a`.
-//! Cut axes: x along the feed, z up out of the work, y = z × x. A turning tool stands at φ = 90° and cuts always.
+//! Cut axes: x along the feed, z up out of the work, y = z × x. A turning tool is at φ = 90° and always cuts.
 //! Source: thesis 4.7; Altintas, Manufacturing Automation, 2012, 2.8 (edges); Kline, 1983 (runout).
 //!
-//! Promises: the law is linear in its coefficients; [`Cutter::mean`] is exact; nothing is exerted out of the cut.
-//! Never: regeneration (a tool that swings into its own track), or a tooth that runout lifts out of the work.
+//! Promises: the law is linear in its coefficients; [`Cutter::mean`] is exact; no force outside the cut.
+//! Never: regeneration, or a tooth that runout lifts out of the cut.
 
 use crate::deviation::Contribution;
 use crate::frame::rotation_from_vector;

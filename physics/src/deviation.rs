@@ -1,7 +1,7 @@
-//! What effects add to the controller's geometry, and where they add it.
+//! Contributions of effects to the controller's geometry.
 //!
-//! Promises: contributions add up in any order (to rounding); a deviation of all zeros changes nothing.
-//! Never: a judgement whether a deviation is small.
+//! Promises: contributions add up in any order (to rounding); a zero deviation changes nothing.
+//! Never: a check whether a deviation is small.
 
 use crate::cut::ForceTerm;
 use crate::drive::DriveTerm;

@@ -1,10 +1,10 @@
-//! What the drives exert, and what is recorded of it: the rigid body's need, and what effects add.
+//! Drive torques and their recorded values: rigid-body dynamics and contributions of effects.
 //!
-//! Recorded is `(1 + g) (τ + Σ)`, τ of [`crate::dynamics`] with all that effects change of the loads, Σ what drives feel besides: friction, springs,
-//! ripple. Viscous friction stands apart in the sum, since warmth changes it; springs say where they rest, since hardening goes from there.
+//! The recorded value is `(1 + g) (τ + Σ)`, with τ of [`crate::dynamics`] including effects on the loads, and Σ of friction, springs and
+//! ripple. Viscous friction is kept separately in the sum because it depends on temperature; springs provide their rest position, from which hardening is computed.
 //!
 //! Promises: [`Model::drive`] of a model without effects is [`crate::dynamics::inverse_dynamics`]; effects add up in any order;
-//! [`Model::drive_slopes`] are its derivatives by the effects' values. Never: a delay, which needs a path (`world`); a part of the correction.
+//! [`Model::drive_slopes`] are its derivatives by the effects' values. Never: a delay, which needs a path (`world`); influence on the correction.
 
 use crate::deviation::Contribution;
 use crate::loads::{LoadChange, Loads};

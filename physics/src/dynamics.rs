@@ -1,10 +1,10 @@
-//! What the drives of a rigid arm exert, and the same as a table times the bodies' inertial parameters.
+//! Inverse dynamics of a rigid arm, and its regressor matrix in the inertial parameters of the bodies.
 //!
-//! `τ = M q̈ + C q̇ + ∂V/∂q − JᵀW`: minus the loads of [`crate::loads`], whose recursions (Newton and Euler's) stand there and in `inertia`.
+//! `τ = M q̈ + C q̇ + ∂V/∂q − JᵀW`: minus the loads of [`crate::loads`], whose Newton-Euler recursions are there and in `inertia`.
 //! It is linear in ten numbers of each body, so `τ + JᵀW = Σ Y_k p_k`. Source: Atkeson, An and Hollerbach, 1986.
 //!
-//! Promises: parameters are stated as the model states a link: base frame, zero configuration; the table times the arm's own parameters is
-//! [`inverse_dynamics`] of an arm without a wrench. Never: which of the parameters a motion can tell; that is the diagnosis' (by rank).
+//! Promises: parameters are defined as for a link of the model: base frame, zero configuration; the regressor times the arm's parameters is
+//! [`inverse_dynamics`] without a wrench. Never: identifiability of the parameters; this is determined in `diagnosis` (by rank).
 
 use crate::inertia::{Moving, moving};
 use crate::{

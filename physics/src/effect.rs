@@ -1,13 +1,13 @@
-//! THE seam of the house: what one physical effect is.
+//! The central interface: one physical effect.
 //!
 //! Correction sums effects, simulation runs them forward, diagnosis fits their parameters: all through this trait.
-//! An effect is parameters (kept in it, SI) apart from state (a [`Memory`], kept by whoever runs it), so that one
-//! set of parameters serves many runs. It adds one [`Contribution`] at one place: position, load, torque or force.
+//! An effect contains its parameters (SI) but not its state (a [`Memory`], kept by the caller), so that one
+//! set of parameters can be used in many runs. It adds one [`Contribution`] at one place: position, load, torque or force.
 //!
-//! Promises of every effect, held by the conformance suite (`effects/conformance.rs`): zero parameters do nothing;
-//! derivatives agree with finite differences; a contribution has the place that its [`Spec`] says; memory settles
-//! to the same state whatever was before; nothing panics on finite input.
-//! Never: a clock, a heap, a look at another effect.
+//! Guarantees of every effect, verified by the conformance suite (`effects/conformance.rs`): zero parameters do nothing;
+//! derivatives agree with finite differences; a contribution has the place stated in its [`Spec`]; memory settles
+//! to the same state for any history; no panic on finite input.
+//! Never: a clock, a heap, access to another effect.
 
 use crate::deviation::Contribution;
 use crate::laws::Law;

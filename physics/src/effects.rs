@@ -1,6 +1,6 @@
-//! The closed list of effects. Adding one is a file beside the others and a line here.
+//! The list of effects. To add one, add a file and a line here.
 //!
-//! Promises: whoever asks for "all effects" (files, corrector, simulation, diagnosis, the conformance suite) asks this list.
+//! Promises: this is the only list of all effects, used by files, corrector, simulation, diagnosis and the conformance suite.
 //! Never: a heap or a virtual table; an effect is a value that can be copied.
 
 use crate::deviation::{Contribution, Deviation};

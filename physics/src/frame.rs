@@ -1,4 +1,4 @@
-//! Rigid placements: where a body stands and how it is turned.
+//! Rigid transformations: position and orientation of a body.
 //!
 //! Promises: rotations stay orthonormal to rounding over an arm's length of products.
 //! Never: Euler angles.

@@ -1,10 +1,10 @@
-//! Gear trains: how often the shafts of a joint's gearbox turn, and their teeth meet, for each turn of the joint.
+//! Gear trains: revolutions of the shafts of a joint's gearbox, and tooth meshes, per revolution of the joint.
 //!
 //! A train is its stages, motor side first, each `[driver, driven]` in teeth. Shaft `k`, from 1, carries the driver of stage
 //! `k`; the motor's is shaft 1. A stage slows by `driven / driver`, so shaft `k` turns `Π driven / driver` over the stages from
-//! `k` on times as often as the joint (thesis A III-1 without its offset and periodic term, table A III-1). What is eccentric
-//! comes back with every turn of its shaft; what a mesh does comes back with every tooth: `driver · turns`.
-//! Holds for fixed axes; a coupling between wrist joints is not in it.
+//! `k` on times as often as the joint (thesis A III-1 without its offset and periodic term, table A III-1). Eccentricity
+//! repeats with every turn of its shaft, mesh errors with every tooth: `driver · turns`.
+//! Valid for fixed axes; coupling between wrist joints is not included.
 
 /// A shaft that drives a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,8 +1,8 @@
-//! Warmth as a cause: a temperature (or a spindle's speed) followed with a lag, or the time since the start.
+//! Thermal input: a temperature (or spindle speed) with a first-order lag, or the time since the start.
 //!
 //! `level = k x̃`, `dx̃/dt = (x − x̃)/lag`, x: `T − T₀` in K or the speed in rev/min, held between samples; or `A (1 − e^(−t/t₀))`.
-//! Promises: a cause that is unknown (NaN) does nothing, or what it did last where a lag remembers it.
-//! Never: a judgement which of the two a recording has; that is the file's.
+//! Promises: an unknown input (NaN) has no effect or, with a lag, keeps the last state.
+//! Never: a choice between the two; the file states it.
 //!
 //! Memory: `[x̃, dx̃/dlag, 1 once x was known]`.
 

@@ -1,9 +1,9 @@
-//! What moving masses exert: `−(M q̈ + C q̇)` by the recursive Newton–Euler equations.
+//! Inertial loads `−(M q̈ + C q̇)` by the recursive Newton–Euler equations.
 //!
-//! Promises: zero speeds and accelerations change nothing; masses are those that the loads take for gravity, the unknown
-//! payload among them. Never: gravity, which the loads have on their own.
+//! Promises: zero speeds and accelerations change nothing; masses are those of the gravity loads, including the unmodelled
+//! payload. Never: gravity, which is computed separately.
 //!
-//! Outward: `ω' = ω + e q̇`, `α' = α + e q̈ + ω × e q̇`, `a' = a + α × r + ω × (ω × r)`, `r` from point to point; a sliding joint adds
+//! Outward: `ω' = ω + e q̇`, `α' = α + e q̈ + ω × e q̇`, `a' = a + α × r + ω × (ω × r)`, `r` from point to point; a prismatic joint adds
 //! `e q̈ + 2 ω × e q̇`. Inward: the reactions `−m a` and `−(I α + ω × I ω)` of all that a joint carries. Source: Luh, Walker
 //! and Paul, 1980; Featherstone, Rigid Body Dynamics Algorithms, chapter 5.
 

@@ -1,9 +1,9 @@
-//! Four numbers at once, as wide as the machine can: chosen at run time.
+//! SIMD with four lanes, selected at run time.
 //!
-//! A kernel is written once over [`Lanes`] and compiled twice: for AVX2 with fused multiply-add, where the processor has them, and for any other. What goes
-//! four by four are the three coordinates of a vector (and nothing), or one coordinate of four joints.
+//! A kernel is written once over [`Lanes`] and compiled twice: for AVX2 with fused multiply-add, where the processor has them, and for any other. The four lanes
+//! are the three coordinates of a vector (one unused), or one coordinate of four joints.
 //!
-//! Promises: on one machine always the same choice, so that the same numbers give the same bits; choices differ by rounding. Never: a look at memory.
+//! Promises: always the same selection on one machine, so that the same numbers give the same bits; selections differ by rounding. Never: access to memory.
 
 use crate::JOINTS_MAX;
 use crate::trig::quartered;

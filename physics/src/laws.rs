@@ -1,8 +1,8 @@
-//! Laws of a joint's own position and of the loads on it, those of all joints at once.
+//! Effects that depend only on a joint's own position and load, evaluated for all joints at once.
 //!
-//! Most effects of a calibrated arm are of this kind: what they add is summed with four joints side by side, without a look at each effect.
+//! Most effects of a calibrated arm are of this kind: they are summed for four joints at a time, without evaluating each effect separately.
 //!
-//! Promises: the sum of what the effects say one by one, to rounding. Never: a memory.
+//! Promises: equal to the sum of the separate effects, to rounding. Never: a memory.
 
 use crate::deviation::{Contribution, Deviation};
 use crate::lanes::Lanes;

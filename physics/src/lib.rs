@@ -1,12 +1,12 @@
-//! The robot as equations: its geometry, its loads, and one file per physical effect behind one trait.
+//! The physical model of the robot: geometry, loads, and one file per physical effect behind one trait.
 //!
-//! Promises: pure functions of what is passed in; the same input gives the same bits on every machine of
+//! Promises: pure functions of their arguments; the same input gives the same bits on every machine of
 //! one kind (all transcendental functions come from `libm`, not from the system's C library).
 //! Never: a clock, input or output, shared memory, a heap, a panic on finite input.
 //!
-//! Read in this order: [`arm`] (what the controller believes), [`chain`] (where every axis and the tool
-//! are), [`loads`] (what pulls at each joint), [`dynamics`] (what the drives exert), [`effect`] (THE seam: what one physical effect is),
-//! [`model`] (the sum of the effects: where the tool really goes), [`drive`] (their sum at the drives), [`cut`] (their sum at a cutter).
+//! Read in this order: [`arm`] (the controller's geometry), [`chain`] (forward
+//! kinematics), [`loads`] (loads of the joints), [`dynamics`] (torques of the drives), [`effect`] (the interface of an effect),
+//! [`model`] (the sum of the effects: real position of the tool), [`drive`] (their sum at the drives), [`cut`] (their sum at a cutter).
 //!
 //! Units are SI throughout: rad (m for a prismatic joint), N, Nm, kg, s; temperatures in °C.
 //! Vectors are in base axes unless a name says otherwise (`shift_tool`).

@@ -1,4 +1,4 @@
-//! What pulls at each joint: gravity, the wrench on the tool, and what else an effect says.
+//! Loads of the joints: gravity, the wrench on the tool, and contributions of effects.
 //!
 //! Promises: `gravity_torque[i] = −∂V/∂q_i` and `wrench_torque[i] = (JᵀW)_i` on the geometry of the chain that is
 //! passed in, which is the controller's own: the loads of an arm bent by a milliradian differ by a thousandth.

@@ -1,7 +1,7 @@
-//! The file of a cut to be judged for stability, `trued.cut/1`: the modes at the tool tip, the cutter, the feed.
+//! The file of a cut for stability prediction, `trued.cut/1`: the modes at the tool tip, the cutter, the feed.
 //!
-//! Contract: docs/stability.md. A [`CutFile`] that exists has every number in range, in SI; a file with faults gives all of them.
-//! Never: the modes of a tap test that it names; those stand in that file.
+//! Contract: docs/stability.md. A [`CutFile`] that exists has every number in range, in SI; all errors of a file are reported.
+//! Never: the modes of a referenced tap test; these are in that file.
 
 use std::ops::Bound;
 use std::path::{Path, PathBuf};

@@ -1,6 +1,6 @@
-//! What is wrong with a file: every fault of it at once, each with its place.
+//! Errors of a file: all at once, each with its location.
 //!
-//! A fault owns the line it points at, so that it can be shown after the file is gone. Nothing
+//! An error owns the line that it refers to, so that it can be shown without the file. Nothing
 //! here reads files or prints; `Display` is the plain rendering, [`Faults::styled`] the coloured.
 
 use std::fmt;

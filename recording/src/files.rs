@@ -1,6 +1,6 @@
-//! Reading whole files and writing them so that they appear whole or not at all.
+//! Reads files, and writes them atomically.
 //!
-//! Contract: a file under its final name is never half written, whatever fails or dies between.
+//! Contract: a file under its final name is never partially written, whatever fails.
 
 use std::fs::{self, File};
 use std::hash::{BuildHasher, Hasher, RandomState};

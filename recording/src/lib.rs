@@ -1,9 +1,9 @@
-//! Files in and out: models, recordings, mappings, cell configuration, the black box,
+//! File formats: models, recordings, mappings, configurations, manifests, MCAP recordings,
 //! waveforms of instruments.
 //!
-//! Every parser of foreign input of the house stands here. Promise: no input makes it panic; a bad
-//! file gives all its faults at once, with file, line, key or column, what was expected and what
-//! to do; a file that is written appears whole or not at all. Inside the code all values are SI.
+//! Contains all parsers of foreign input. Promise: no input causes a panic; all errors of a
+//! file are reported at once, with file, line, key or column, what was expected and what
+//! to do; files are written atomically. Inside the code all values are SI.
 
 pub mod blackbox;
 pub mod bridge;

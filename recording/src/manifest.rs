@@ -1,7 +1,7 @@
-//! The manifest of a batch, `trued.manifest/1`: recordings of many robots that are to be diagnosed, and with what.
+//! The manifest of a batch, `trued.manifest/1`: recordings of many robots to be diagnosed, with models and settings.
 //!
-//! Contract: docs/reference/batch.md. A [`Manifest`] that exists names a robot of its own for each recording, and no file twice for one robot; a file with
-//! faults gives all of them. Whatever changes a result stands here, so that parts of a batch cannot differ. Never: the recordings themselves.
+//! Contract: docs/reference/batch.md. In a [`Manifest`] that exists every recording has a robot, and no file appears twice for one robot; all errors
+//! of a file are reported. All settings that affect a result are here, so that the shards of a batch use the same ones. Never: the recordings themselves.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

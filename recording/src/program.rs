@@ -1,4 +1,4 @@
-//! Which program writes a file.
+//! Name and version of the program, for written files.
 
 use std::sync::OnceLock;
 

@@ -1,8 +1,8 @@
 //! JSON Schemas (draft 2020-12) of every TOML file that the program reads, for editors and for other programs.
 //!
-//! A schema holds what can be said of one key: its type, unit (in its name), range, words, default, and which keys are required. How keys belong together
-//! (limits in order, a rotation that is one, columns that exist) is judged by the readers alone: a file that a schema refuses is refused by them too,
-//! but not the other way round. `tests/it/schemas.rs` holds both against each other.
+//! A schema describes single keys: type, unit (in the name), range, allowed words, default, and whether a key is required. Relations between keys
+//! (order of limits, orthonormal rotations, existing columns) are checked only by the readers: a file refused by a schema is also refused by the reader,
+//! but not vice versa. `recording/tests/schemas` compares both.
 #![expect(
     dead_code,
     non_snake_case,

@@ -1,6 +1,6 @@
-//! The controller's measured force on its way to the vibration watch.
+//! Forwards the controller's measured force to the vibration monitor.
 //!
-//! Promises: no waiting; where another force source has the cell, this one stands back and says so once.
+//! Promises: no waiting; if another force source is connected to the cell, no force is sent, which is reported once.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};

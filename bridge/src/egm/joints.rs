@@ -1,4 +1,4 @@
-//! Where the joints of an arm stand in EGM's messages: six among the robot's axes, a seventh first among the external ones.
+//! Positions of the joints in EGM messages: six among the robot's axes, a seventh as first external axis.
 
 use trued_client::JOINTS_MAX;
 

@@ -1,9 +1,9 @@
-//! What the bridge reads of EGM's messages, and the one that it writes.
+//! The EGM messages that the bridge reads and writes.
 //!
-//! By the messages of ABB's Application manual EGM (3HAC073318-001), in both forms that are in the field: a force may
-//! come as field 1, or as field 2 behind a flag. Angles are degrees and lengths mm here, as on the wire.
+//! By the messages of ABB's Application manual EGM (3HAC073318-001), in both variants in use: a force can
+//! be in field 1, or as field 2 behind a flag. Angles are degrees and lengths mm here, as on the wire.
 //!
-//! Promises: no allocation; what is not read is neither judged nor changed.
+//! Promises: no allocation; other fields are neither checked nor changed.
 
 use trued_client::JOINTS_MAX;
 

@@ -1,7 +1,7 @@
-//! What becomes of each datagram: the policies of the EGM bridge, without sockets.
+//! Handling of datagrams by the EGM bridge, without sockets.
 //!
-//! Feedback and unknown fields pass byte for byte; of a target the joint positions alone are changed, speeds never; nothing is sent before the controller
-//! has spoken; where anything is wrong, the application's own target passes, or nothing does. No allocation but the transport's.
+//! Feedback and unknown fields are forwarded byte for byte; of a target only the joint positions are changed, never speeds; nothing is sent before the first datagram of the
+//! controller; in case of any fault the application's target is forwarded unchanged, or nothing is sent. No allocation except the transport's.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;

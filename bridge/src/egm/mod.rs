@@ -1,9 +1,9 @@
-//! ABB's Externally Guided Motion: in the middle between the controller and the application that guides it.
+//! ABB's Externally Guided Motion: the bridge between the controller and the application that guides it.
 //!
-//! To the controller the bridge is the sensor, to the application it is the robot, so that a cell is retrofitted by changing
+//! For the controller the bridge is the sensor, for the application it is the robot, so that a cell is retrofitted by changing
 //! one address. Facts of the protocol: Application manual EGM, ABB 3HAC073318-001.
 //!
-//! Read in this order: [`messages`], [`middle`] (every policy), `run` (the sockets).
+//! Read in this order: [`messages`], [`middle`] (handling of datagrams), `run` (the sockets).
 
 pub mod force;
 pub mod joints;

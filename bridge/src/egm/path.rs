@@ -1,4 +1,4 @@
-//! Path correction: what the daemon's correction is across the path, at the controller's slower rate.
+//! Path correction: the component of the daemon's correction perpendicular to the path, at the controller's slower rate.
 
 use physics::Arm;
 use trued_client::JOINTS_MAX;

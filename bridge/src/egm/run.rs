@@ -1,4 +1,4 @@
-//! The loop of the EGM bridge: its sockets, and the order in which they are looked at.
+//! The loop of the EGM bridge: its sockets, and the order in which they are read.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! What a datagram of the application is, by how the robot is guided.
+//! Classification of the application's datagrams, depending on the type of guidance.
 
 use recording::bridge::Guidance;
 

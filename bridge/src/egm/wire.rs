@@ -1,8 +1,8 @@
-//! Protocol Buffers on the wire, read where they lie: fields of a byte slice, one after the other.
+//! In-place decoding of Protocol Buffers: iterates over the fields of a byte slice.
 //!
-//! Promises: no allocation, no panic on any bytes, and the verdict of `prost` on what is well-formed
-//! (`tests/egm_wire.rs`); but groups, which no EGM message has, are refused. A value knows its place in the datagram,
-//! so that a number can be changed in place and every other byte, known or unknown, stays as it came.
+//! Promises: no allocation, no panic on any bytes, and the same decision as `prost` on what is well-formed
+//! (`tests/egm_wire.rs`), except that groups, which no EGM message has, are refused. A value knows its position in the datagram,
+//! so that a number can be changed in place while every other byte stays unchanged.
 //! Never: a copy of a message.
 
 /// The datagram is no message of this kind.

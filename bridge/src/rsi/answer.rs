@@ -1,7 +1,7 @@
-//! What becomes of each telegram: the policies of the RSI bridge, without a socket.
+//! Handling of telegrams by the RSI bridge, without a socket.
 //!
-//! Every telegram that can be read is answered with its own `IPOC`, whatever the daemon does. A run begins at a correction of
-//! zero, as the controller's own sum does; within a run the correction goes on from what the controller has used. No allocation but the
+//! Every readable telegram is answered with its own `IPOC`, whatever the state of the daemon. A run starts at a correction of
+//! zero, like the controller's own sum; within a run the correction continues from the value used by the controller. No allocation except the
 //! transport's.
 
 use std::net::{IpAddr, SocketAddr};

@@ -1,7 +1,7 @@
-//! KUKA's Robot Sensor Interface: the bridge is the sensor, the robot's program stays as it is, and what is sent is the
-//! correction alone.
+//! KUKA's Robot Sensor Interface: the bridge is the sensor, the robot's program is not changed, and only the correction is
+//! sent.
 //!
-//! Tags are those of the site's own configuration. Read in this order: [`telegram`], [`answer`] (every policy), `run`.
+//! Tags are those of the controller's configuration. Read in this order: [`telegram`], [`answer`] (handling of telegrams), `run`.
 
 pub mod answer;
 mod run;

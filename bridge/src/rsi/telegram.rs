@@ -1,7 +1,7 @@
-//! RSI's telegrams: reading numbers where they lie, and writing the answer.
+//! RSI telegrams: in-place reading of numbers, and writing of the answer.
 //!
-//! Promises: no allocation, no panic on any bytes. A telegram is a page of XML without entities or sections; what else an
-//! XML document may hold is not looked for.
+//! Promises: no allocation, no panic on any bytes. A telegram is XML without entities or CDATA sections; other XML
+//! features are not supported.
 
 use std::io::Write;
 

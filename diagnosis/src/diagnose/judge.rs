@@ -130,8 +130,8 @@ pub(super) fn words(one: &Candidate, other: &Candidate) -> bool {
     pair.is_some_and(|(one, other)| of_one_law(&one.effect, &other.effect))
 }
 
-/// What a rival that is another word for the same law pays, in log-likelihood, for its `numbers` and for not being the word that is preferred (contract
-/// `effects.md`); below zero: what it gains. One word is a case of the other, with as many numbers held: these are paid in full. Whether play builds up over a
+/// What a rival that is another word for the same law pays, in log-likelihood, for its `numbers` and for not being the word that is preferred (docs/reference/effects.md)
+/// ; below zero: what it gains. One word is a case of the other, with as many numbers held: these are paid in full. Whether play builds up over a
 /// distance is one question, not one of hundreds, and costs no more than it takes to be told from chance.
 pub(super) fn of_word(own: &AnyEffect, rival: &AnyEffect, numbers: f64) -> Option<f64> {
     let is_preferred = |effect: &AnyEffect| {

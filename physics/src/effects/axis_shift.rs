@@ -1,8 +1,8 @@
-//! A joint's axis that stands elsewhere, and with it all that the joint carries.
+//! Displacement of a joint's axis and of everything that the joint carries.
 //!
-//! `Oᵢ' = Oᵢ + s`, likewise all points beyond    s: `shift`, m, base axes at the zero configuration. Along the axis there is no
-//! shift (the next joint's would say the same), but at the last joint: a part along it above 1 µm is refused, and what
-//! rounding or a fit leaves there does nothing. Source: docs/reference/effects.md; thesis 3.1 to 3.4. Exact for any shift.
+//! `Oᵢ' = Oᵢ + s`, likewise all points beyond    s: `shift`, m, base axes at the zero configuration. A component along the axis
+//! is allowed only at the last joint (otherwise it is equivalent to a shift of the next joint): above 1 µm it is refused, below it
+//! is ignored. Source: docs/reference/effects.md; thesis 3.1 to 3.4. Exact for any shift.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

@@ -1,4 +1,4 @@
-//! A joint's axis alone points elsewhere, turned about its pivot; the rest of the zero configuration stays.
+//! Tilt of a joint's axis about its pivot; the rest of the zero configuration is unchanged.
 //!
 //! `eᵢ' = exp(t₁ n₁ + t₂ n₂) eᵢ`    t: `tilt`, rad, two numbers · n₁, n₂: the normals of [`crate::frame::normals`]
 //! · `pivot`: on the axis, the joint's point unless given. Source: docs/reference/effects.md.

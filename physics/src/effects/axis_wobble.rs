@@ -1,4 +1,4 @@
-//! A joint's axis that tilts with the joint's own angle: bearing runout.
+//! Periodic tilt of a joint's axis with the joint angle: bearing runout.
 //!
 //! As `axis_tilt`, with `t_m = A_m sin(n qᵢ + φ_m)`, m = 1, 2    A: `amplitude`, rad, two numbers · φ: `phase`, rad, two numbers · n: `cycles` per
 //! revolution of the joint, > 0 (prismatic: per metre, `sin(2π n q + φ)`) · `pivot`: on the axis, the joint's point unless given.

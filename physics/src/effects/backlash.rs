@@ -1,8 +1,8 @@
-//! A gap in the gear train: the link stays until the motor has crossed it.
+//! Backlash in the gear train: the link does not move until the motor has crossed the gap.
 //!
 //! At settled poses `δθᵢ = −(b/2) dᵢ`; on a path the play operator: `z ← clamp(z − Δq, −b/2, b/2)`, `δθᵢ = z`.
 //! b: `width`, rad or m, ≥ 0 · dᵢ: sign of the joint's last motion · z: link minus motor. Source: docs/reference/effects.md.
-//! Under strong preload a real gap may stay closed on one side; this effect does not say so (`lost_motion` does).
+//! Under strong preload a real gap can stay closed on one side; this is not modelled here but by `lost_motion`.
 //!
 //! Memory: `[z, side]`, side the sign of z where it last touched the gap's end.
 

@@ -1,4 +1,4 @@
-//! A foundation that gives way: the whole robot tilts.
+//! Compliance of the foundation: the whole robot tilts.
 //!
 //! `ω = C (M_x, M_y, 0)` about the base frame's origin    C: `compliance`, rad/Nm, ≥ 0, the same about x and y · M: moment of
 //! gravity and wrench about the origin, base axes, Nm. Source: docs/reference/effects.md. Linear; its mean over

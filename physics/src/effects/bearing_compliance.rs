@@ -1,6 +1,6 @@
-//! A main bearing that tilts under the moment across its axis.
+//! Tilt of a main bearing under the moment perpendicular to its axis.
 //!
-//! All that joint i carries turns by `C (M − (M·eᵢ) eᵢ)` about the pivot    C: `compliance`, rad/Nm, ≥ 0, the same about both normals ·
+//! Everything that joint i carries rotates by `C (M − (M·eᵢ) eᵢ)` about the pivot    C: `compliance`, rad/Nm, ≥ 0, the same about both normals ·
 //! M: moment of gravity and wrench about the pivot, Nm · `pivot`: on the axis, the joint's point unless given.
 //! Source: docs/reference/effects.md; Abele's virtual joints (thesis 1.10). Linear. Inertia and a counterbalance's spring do not act on it.
 

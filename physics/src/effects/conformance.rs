@@ -1,6 +1,6 @@
-//! One suite that every effect passes; it asks the list, so a new effect is in it at once.
+//! Conformance suite for all effects of the list, including new ones.
 //!
-//! That no effect allocates needs no test: the crate is `no_std` without `alloc`, there is no heap to take from.
+//! No test for allocation is needed: the crate is `no_std` without `alloc`.
 
 mod follows;
 mod keys;

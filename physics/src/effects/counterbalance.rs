@@ -2,8 +2,8 @@
 //!
 //! `M = k (1 − s₀/s) a L sin(α + qᵢ)`, `s² = a² + L² + 2 a L cos(α + qᵢ)`, added to `τ_grav,i = −∂V/∂qᵢ` with `V = k (s − s₀)²/2`
 //! k: `stiffness`, N/m, ≥ 0 · s₀: `free_length`, m · a: distance of the fixed pivot from the axis, m · L: of the carried one, m · α: `angle`, rad.
-//! Source: docs/reference/effects.md; Klimchik 2013 (arXiv 1311.6810). It moves nothing by itself: compliances feel it.
-//! Its force on the joint's bearing and on the base is left out.
+//! Source: docs/reference/effects.md; Klimchik 2013 (arXiv 1311.6810). It acts on the tool only through compliances.
+//! Its force on the joint's bearing and on the base is not modelled.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

@@ -1,7 +1,7 @@
-//! A drive train that winds up under the weight that its joint carries.
+//! Drive-train compliance under gravity.
 //!
 //! `δθᵢ = C τ_grav,i`, `τ_grav,i = −∂V/∂qᵢ`    C: `compliance`, rad/Nm or m/N, ≥ 0 · V: potential of the known
-//! masses and of counterbalance springs. Source: docs/reference/effects.md. Linear; needs the arm's masses, without them it does nothing.
+//! masses and of counterbalance springs. Source: docs/reference/effects.md. Linear; needs the arm's masses, no effect without them.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

@@ -1,9 +1,9 @@
-//! What a joint yields under the weight of the bodies beyond it, where their masses are unknown.
+//! Joint deflection under gravity with unknown masses of the carried bodies.
 //!
 //! `δθᵢ = eᵢ · Σ_{k≥i} (R_k s_k × ĝ)`    `s_k`: three numbers of `sag` for each body that the joint carries, its own first,
 //! rad (compliance times mass times lever times g, zero configuration, base axes) · `R_k`: rotation of body k from the zero configuration ·
-//! eᵢ: the axis now · ĝ: unit gravity. Source: docs/reference/effects.md; thesis 3.10. Linear. Some of the numbers
-//! cannot be told apart (those along an axis, those of bodies whose joint never turns): a fit sees that as missing rank.
+//! eᵢ: the axis now · ĝ: unit gravity. Source: docs/reference/effects.md; thesis 3.10. Linear. Some of the parameters
+//! are not identifiable (components along an axis, bodies whose joint never moves): rank deficiency in a fit.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site, VALUES_MAX};

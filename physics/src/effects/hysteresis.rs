@@ -1,8 +1,8 @@
-//! Lost motion that builds up over a distance after each reversal.
+//! Position hysteresis, building up over a distance after each reversal.
 //!
 //! `δθᵢ = z`, `dz/d|q| = −(z + (h/2) sign(dq))/s`    h: `amplitude`, rad or m, ≥ 0 · s: `reversal`, rad or m, > 0 · dq: the motor's
-//! motion. Source: docs/reference/effects.md; the law is Dahl's, 1968. Rate does not matter. With a distance below
-//! the step of the data, or at settled poses, it cannot be told from `backlash`.
+//! motion. Source: docs/reference/effects.md; the law is Dahl's, 1968. Rate-independent. With a distance below
+//! the step of the data, or at settled poses, it is indistinguishable from `backlash`.
 //!
 //! Memory: `[u, du/ds]` with `z = h u`.
 

@@ -1,8 +1,8 @@
-//! A drive train that winds up under all that pulls at its joint.
+//! Drive-train compliance under gravity, wrench and inertia.
 //!
 //! `δθᵢ = C τᵢ`, `τᵢ = τ_grav,i + (JᵀW)ᵢ − (M q̈ + C q̇)ᵢ`    C: `compliance`, rad/Nm or m/N, ≥ 0.
-//! Source: docs/reference/effects.md; Spong 1987, flexible joints. Not beside `gravity_compliance` or `load_compliance` on one joint,
-//! which are its two halves. Linear: holds well below the torque at which a gear train stiffens.
+//! Source: docs/reference/effects.md; Spong 1987, flexible joints. Not to be combined with `gravity_compliance` or `load_compliance` on one joint,
+//! which are its two parts. Linear: valid well below the torque at which a gear train stiffens.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

@@ -1,4 +1,4 @@
-//! A joint that moves when another one does: wrist gears, parallel rods.
+//! Coupling between joints: wrist gears, parallel rods.
 //!
 //! `δθᵢ = k qⱼ`    k: `ratio`, joint i's unit per joint j's unit, any sign · j: `from_joint`, another joint, counted from 1.
 //! Source: docs/reference/effects.md. Memoryless; holds over the whole range.

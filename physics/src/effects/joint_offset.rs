@@ -1,4 +1,4 @@
-//! A joint whose zero is not where the controller believes it.
+//! Zero offset of a joint.
 //!
 //! `δθᵢ = a`    a: `offset`, rad or m, any sign. Source: docs/reference/effects.md.
 //! Memoryless, independent of everything.

@@ -1,8 +1,8 @@
-//! A regression of a joint's error by its position: a description without physical meaning, never a name for a cause.
+//! Polynomial regression of a joint's error on its position, without physical meaning.
 //!
 //! `δθᵢ = Σ c_k T_k(x)`, x: qᵢ mapped from `range` to [−1, 1] and clamped    c: `coefficients`, rad or m, 1 to 16 ·
 //! `T_k`: Chebyshev polynomials of the first kind, T₀ = 1 · `range`: two positions, rad or m, the lower first.
-//! Source: docs/reference/effects.md. Holds within `range`; outside it stays at the end's value.
+//! Source: docs/reference/effects.md. Holds within `range`; outside it is constant.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

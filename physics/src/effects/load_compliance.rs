@@ -1,4 +1,4 @@
-//! A drive train that winds up under what the environment does to the tool.
+//! Drive-train compliance under the wrench on the tool.
 //!
 //! `δθᵢ = C (JᵀW)ᵢ`    C: `compliance`, rad/Nm or m/N, ≥ 0 · W: the wrench ON the tool at the TCP · J: Jacobian at the TCP,
 //! on the controller's geometry. Source: docs/reference/effects.md; Salisbury 1980. Linear.

@@ -1,7 +1,7 @@
-//! A soft zone about zero load: the gear train gives way until its teeth are pressed together.
+//! Lost motion: low stiffness of the gear train around zero load.
 //!
 //! `δθᵢ = (b/2) tanh(τᵢ/τ₀)`    b: `width`, rad or m, ≥ 0 · τ₀: `torque`, Nm or N, > 0 · τᵢ: gravity, wrench and
-//! inertia at the joint. Source: docs/reference/effects.md. Follows the load, not the direction; without memory.
+//! inertia at the joint. Source: docs/reference/effects.md. Depends on the load, not on the direction of motion; memoryless.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

@@ -1,7 +1,7 @@
-//! What of a motion lags, rings and snaps: effects that need a whole path and have no place in a cycle.
+//! Effects over a whole path (delay, lag, modes, reversal spikes), which the real-time cycle cannot compute.
 //!
-//! Laws: docs/reference/effects.md. They run over paths in `world::dynamics`; here stands what they are called and which numbers they have, so that files,
-//! simulation and diagnosis speak of the same thing.
+//! Laws: docs/reference/effects.md. They run over paths in `world::dynamics`; this file defines their names and parameters for files,
+//! simulation and diagnosis.
 //!
 //! Promises: they add nothing to a sample: [`crate::Model::evaluate`] is the same with and without them. Never: a state.
 

@@ -1,8 +1,8 @@
-//! A mass at the flange that the model does not know.
+//! Unmodelled mass at the flange.
 //!
-//! It joins the last body: m: `mass`, kg, below zero where the model has too much · c: `com`, centre of mass at the zero configuration,
-//! base frame, m. Source: docs/reference/effects.md. A point mass. It moves nothing by itself: compliances and
-//! drive torques feel it, and where compliances are free only the product is known.
+//! It joins the last body: m: `mass`, kg, negative if the model's mass is too large · c: `com`, centre of mass at the zero configuration,
+//! base frame, m. Source: docs/reference/effects.md. A point mass. It acts through compliances and
+//! drive torques; with free compliances only the product is identifiable.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

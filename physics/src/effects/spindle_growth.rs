@@ -1,8 +1,8 @@
-//! A spindle that grows along the tool's own z as it warms.
+//! Thermal growth of the spindle along the tool's z axis.
 //!
 //! `δz = k (T − T₀)`, or `k n` of the spindle's speed n; either followed with the lag where `lag` is given.
 //! k: `growth`, m/K; or `growth_um` per krpm, in m/(rev/min) inside · T: ambient, °C · T₀: `reference`, 20 unless given.
-//! Source: docs/reference/effects.md. Linear in speed holds for moderate speeds (bearing losses rise faster).
+//! Source: docs/reference/effects.md. Linearity in speed is valid for moderate speeds (bearing losses rise faster).
 
 use crate::Inputs;
 use crate::deviation::Contribution;

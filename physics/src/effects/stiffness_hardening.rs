@@ -1,9 +1,9 @@
-//! A drive train that gets stiffer as it winds up.
+//! Stiffening of the drive train under load.
 //!
 //! `δθᵢ = −D τᵢ³` on top of a linear compliance C of the same joint    D: `cubic`, rad/Nm³ or m/N³, ≥ 0 · τᵢ: gravity, wrench and
-//! inertia at the joint. Source: docs/reference/effects.md; the first odd term of a stiffening characteristic. Physical for
-//! `|τ| < sqrt(C/3D)` only, where more load still means more deflection: an effect does not see its neighbours, so
-//! [`crate::Model`] asks for the linear compliance and says in [`crate::Evaluation`] when a load is beyond.
+//! inertia at the joint. Source: docs/reference/effects.md; the first odd term of a stiffening characteristic. Physical only for
+//! `|τ| < sqrt(C/3D)`, where more load still means more deflection: an effect has no access to others, so
+//! [`crate::Model`] looks up the linear compliance and reports in [`crate::Evaluation`] when a load is beyond.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

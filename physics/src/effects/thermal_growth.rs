@@ -1,10 +1,10 @@
-//! A link that grows as it warms.
+//! Thermal growth of a link.
 //!
 //! The vector from joint i's point to joint i+1's (to the TCP for the last) grows along itself by
 //! `k (T − T₀)`, T followed with the lag where `lag` is given; or, where no temperature was recorded, by `A (1 − e^(−t/t₀))`.
 //! k: `growth`, m/K · T₀: `reference`, °C, 20 unless given · A: `amplitude`, m · t₀: `time_constant`, s · `direction`: base axes at
 //! the zero configuration, needed where the points coincide. Source: docs/reference/effects.md; for a link of length L, k = αL.
-//! Uniform warming: a link that bends because one side is warmer is not in it.
+//! Uniform warming only: bending by temperature gradients is not modelled.
 
 use crate::Inputs;
 use crate::deviation::Contribution;

@@ -1,8 +1,8 @@
-//! A joint's zero that drifts as it warms.
+//! Thermal drift of a joint's zero.
 //!
 //! `δθᵢ = k (T − T₀)`, T followed with the lag where `lag` is given; or, where no temperature was recorded, `A (1 − e^(−t/t₀))`.
 //! k: `drift`, rad/K or m/K · T₀: `reference`, °C, 20 unless given · A: `amplitude`, rad or m · t₀: `time_constant`, s.
-//! Source: docs/reference/effects.md. A regression of what warmth does to a drive and its housing, good near the temperatures it was found at.
+//! Source: docs/reference/effects.md. A regression of thermal effects in a drive and its housing, valid near the temperatures of the identification.
 
 use crate::Inputs;
 use crate::deviation::Contribution;

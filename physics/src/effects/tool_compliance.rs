@@ -1,7 +1,7 @@
-//! A tool, holder or spindle that gives way at the TCP.
+//! Compliance of tool, holder or spindle at the TCP.
 //!
 //! `δx = C_t F`, axis by axis in tool axes    `C_t`: `compliance`, three numbers, m/N, ≥ 0 · F: force ON the tool, N.
-//! Source: docs/reference/effects.md. Linear; the moment on the tool does nothing, the tool does not turn.
+//! Source: docs/reference/effects.md. Linear; moments have no effect, and the tool does not rotate.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

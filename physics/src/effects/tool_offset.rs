@@ -1,4 +1,4 @@
-//! A tool that is not where, or not turned as, the controller believes.
+//! Position and orientation error of the tool.
 //!
 //! `base_from_tool' = base_from_tool · (exp(turn), shift)`    `shift`: m, tool axes · `turn`: rotation vector, rad, tool axes;
 //! at least one of the two, the other one is zero. Source: docs/reference/effects.md. Exact for any shift and turn.

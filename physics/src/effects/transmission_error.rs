@@ -1,4 +1,4 @@
-//! An error that comes back with every turn of a wheel: an eccentric gear, mesh, or resolver.
+//! Periodic transmission error: an eccentric gear, mesh, or resolver.
 //!
 //! `δθᵢ = A sin(n qᵢ + φ)`    A: `amplitude`, rad or m · n: `cycles` per revolution of the joint, > 0 (prismatic: the
 //! term is `sin(2π n q + φ)`, n per metre; inside, n is in radians of phase per unit of joint) · φ: `phase`, rad.

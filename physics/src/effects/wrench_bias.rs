@@ -1,8 +1,8 @@
-//! A force sensor that reads a constant too much.
+//! Bias of the force sensor.
 //!
 //! `truth = reading − b`    b: `bias`, N and Nm, three numbers each, sensor axes, which are taken as the tool's; either may be missing
-//! and is zero then. Source: docs/reference/effects.md. With `wrench_scale` and `wrench_misalignment` it combines as
-//! [`Contribution::Sensor`] says. It moves nothing by itself: compliances feel it.
+//! and is then zero. Source: docs/reference/effects.md. With `wrench_scale` and `wrench_misalignment` it combines as
+//! described at [`Contribution::Sensor`]. It acts on the tool only through compliances.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

@@ -1,7 +1,7 @@
-//! A force sensor that is mounted turned against what the model believes.
+//! Misalignment of the force sensor.
 //!
 //! `truth = R(t) reading`, forces and moments alike    t: `turn`, rotation vector, rad, sensor axes, which are taken as the tool's; about the
-//! TCP. Source: docs/reference/effects.md. It combines as [`Contribution::Sensor`] says and moves nothing by itself: compliances feel it.
+//! TCP. Source: docs/reference/effects.md. It combines as described at [`Contribution::Sensor`] and acts on the tool only through compliances.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

@@ -1,8 +1,8 @@
-//! A force sensor whose scale is wrong.
+//! Scale error of the force sensor.
 //!
 //! `reading = (1 + s) truth + bias`, axis by axis    s: `scale`, six numbers (forces, then moments), sensor axes, which are taken as the
-//! tool's; above −0.5 and below 1, since a sensor further off is broken. Source: docs/reference/effects.md. It combines as
-//! [`Contribution::Sensor`] says and moves nothing by itself: compliances feel it.
+//! tool's; above −0.5 and below 1, since a larger error means a defective sensor. Source: docs/reference/effects.md. It combines as
+//! described at [`Contribution::Sensor`] and acts on the tool only through compliances.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

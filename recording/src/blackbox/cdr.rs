@@ -1,4 +1,4 @@
-//! CDR: the byte form of the messages, as ROS 2 tools read it (little endian, XCDR1).
+//! CDR serialisation of the messages, as read by ROS 2 tools (little endian, XCDR1).
 //!
 //! Contract: OMG CDR, plain; alignment counts from the end of the four-byte header. Reading never
 //! panics and never takes more memory than the input has bytes.

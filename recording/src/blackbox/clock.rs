@@ -1,6 +1,6 @@
-//! Wall-clock time beside the monotonic one.
+//! Relation between wall-clock and monotonic time.
 //!
-//! Messages carry `CLOCK_MONOTONIC`, which no one sets; the container's log times are wall-clock, so that viewers show when it was.
+//! Messages contain `CLOCK_MONOTONIC`, which is never set; the log times of the container are wall-clock times, for display.
 
 use std::fmt;
 

@@ -1,8 +1,8 @@
-//! From a black box to a recording, without loss.
+//! Converts an MCAP recording to `trued.recording/1`, without loss.
 //!
-//! What `trued.recording/1` has a column for goes there; the rest of each cycle becomes columns of
-//! other names, kept as text that reads back to the same bits. Times count from the first cycle;
-//! `command_ns` keeps them whole. Each model gets a recording of its own. Force blocks become a recording of their own.
+//! Fields with a column in `trued.recording/1` are written there; the rest of each cycle gets columns with
+//! other names, as text that reads back to the same bits. Times count from the first cycle;
+//! `command_ns` keeps the absolute time. Each model gets a separate recording, and so do force blocks.
 
 use super::records::{CycleRecord, ForceRecord, Record};
 use super::{Contents, Header};

@@ -1,4 +1,4 @@
-//! What a black box holds, without holding it.
+//! Summary of an MCAP recording, without loading it into memory.
 
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};

@@ -1,10 +1,10 @@
-//! The black box: what happened, as MCAP that common viewers open.
+//! Recordings of the daemon, as MCAP files for common viewers.
 //!
 //! Contract: encoding `cdr` with `ros2msg` definitions of our own flat messages; chunks without
-//! compression, each written whole: a kill loses at most the last chunk, and what was written
-//! before reads back, and [`repair`] gives the file its index. Log times are wall-clock, messages
-//! carry monotonic times too. No threads here; the daemon's recorder thread calls. Unlike every other file
-//! of the house a black box grows under its own name, as it must outlive its writer.
+//! compression, each written completely: a kill loses at most the last chunk, earlier data
+//! remains readable, and [`repair`] adds the index. Log times are wall-clock times; messages
+//! also contain monotonic times. No threads here; called by the daemon's recorder thread. Unlike all other
+//! files, a recording is written directly under its final name, because it must survive its writer.
 
 mod cdr;
 mod clock;

@@ -1,4 +1,4 @@
-//! Reading a black box, whole or cut off.
+//! Reads an MCAP recording, complete or truncated.
 
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -1,8 +1,8 @@
-//! What the black box holds: flat records, each with its own `ros2msg` definition.
+//! Messages of an MCAP recording: flat records, each with its `ros2msg` definition.
 //!
-//! Contract: SI units, named in the fields. Positions of prismatic joints are m, torques N. A list
-//! that is empty was not known. Codes of `status` and `reason` are those of the wire; their words
-//! stand beside them in the header. Fields of later versions stand at a message's end: older files lack them.
+//! Contract: SI units, named in the fields. Positions of prismatic joints are m, torques N. An empty
+//! list means unknown. Codes of `status` and `reason` are those of the shared-memory messages; their words
+//! are listed in the definition. Fields of later versions are at the end of a message: older files lack them.
 
 use super::cdr::{Few, Field, In, Out};
 

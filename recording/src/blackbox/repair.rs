@@ -1,7 +1,7 @@
-//! Makes a black box whole that was not closed: a kill or a full disk left it without its index.
+//! Repairs an MCAP recording that was not closed and lacks its index after a kill or a full disk.
 //!
-//! Promises: the file is replaced in one step by a whole one with every record that can be read, or stays as it is; one that a process
-//! writes is not touched.
+//! Promises: the file is replaced atomically by a complete one with every readable record, or stays unchanged; a file being
+//! written by a process is not touched.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{BufReader, BufWriter, Write};

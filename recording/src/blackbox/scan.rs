@@ -1,6 +1,6 @@
-//! Going through a black box record by record, whole or cut off.
+//! Iterates over the records of an MCAP recording, complete or truncated.
 //!
-//! Promises: no panic on any input; no more memory than the record at hand.
+//! Promises: no panic on any input; no more memory than the present record.
 
 use std::io::{self, Read};
 

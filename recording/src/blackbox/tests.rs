@@ -1,4 +1,4 @@
-//! Black boxes, whole and cut off.
+//! MCAP recordings, complete and truncated.
 
 use super::*;
 use crate::series::{Channel, Need, read_text};

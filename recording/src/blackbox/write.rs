@@ -1,4 +1,4 @@
-//! Writing a black box.
+//! Writes an MCAP recording.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-//! Reading `trued.bridge-egm/1`: every key with its range and its default in one place.
+//! Reads `trued.bridge-egm/1`: all keys with ranges and defaults.
 
 use std::net::{Ipv4Addr, SocketAddr};
 

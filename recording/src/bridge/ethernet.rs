@@ -1,6 +1,6 @@
 //! The controller's own RSI configuration (`RSI_EthernetConfig.xml`): which elements it sends and receives.
 //!
-//! Promises: all faults at once, with line and caret; what is not needed here is not judged.
+//! Promises: all faults at once, with line and caret; elements that are not needed are not checked.
 
 use std::ops::Range;
 

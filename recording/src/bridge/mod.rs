@@ -1,8 +1,8 @@
 //! The configurations of the bridges, `trued.bridge-egm/1` and `trued.bridge-rsi/1`, and the controller's own RSI
-//! configuration: parsed into something that cannot be wrong.
+//! configuration: parsed and validated.
 //!
-//! Contract: docs/reference/bridge.md. What exists has every value in range, in SI; a file with faults gives all of them. What
-//! depends on the model (number of joints) is judged where it is known.
+//! Contract: docs/reference/bridge.md. A configuration that exists has every value in range, in SI; all errors of a file are reported. What
+//! depends on the model (number of joints) is checked where the model is known.
 
 mod egm;
 mod ethernet;

@@ -1,5 +1,5 @@
-//! Reading `trued.bridge-rsi/1`: every key with its range and its default in one place, held against the controller's
-//! own configuration.
+//! Reads `trued.bridge-rsi/1`: all keys with ranges and defaults, checked against the controller's
+//! configuration.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;

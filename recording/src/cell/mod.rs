@@ -1,7 +1,7 @@
-//! The cell's configuration, `trued.cell/1`: parsed into something that cannot be wrong.
+//! The cell's configuration, `trued.cell/1`: parsed and validated.
 //!
-//! Contract: docs/reference/cell.md. A [`CellConfig`] that exists has every value in range, in SI; a file
-//! with faults gives all of them. What depends on the model (lists per joint) is judged by
+//! Contract: docs/reference/cell.md. A [`CellConfig`] that exists has every value in range, in SI; all errors of a
+//! file are reported. What depends on the model (lists per joint) is checked by
 //! [`CellConfig::check_against`].
 
 mod read;

@@ -1,4 +1,4 @@
-//! Reading a cell's configuration: every key with its range and its default in one place.
+//! Reads a cell's configuration: all keys with ranges and defaults.
 
 use glam::{DMat3, DVec3};
 use std::ops::Bound;

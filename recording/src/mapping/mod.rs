@@ -1,7 +1,7 @@
 //! Mappings: how the table of another program becomes a recording.
 //!
-//! Contract: docs/reference/mapping.md (`trued.mapping/1`). A mapping that was read names only columns of
-//! ours that exist, with units that fit; whether theirs are there is judged on the file.
+//! Contract: docs/reference/mapping.md (`trued.mapping/1`). A mapping that was read names only existing recording
+//! columns, with matching units; whether the source columns exist is checked with the file.
 
 mod apply;
 mod orientation;

@@ -1,8 +1,8 @@
 //! Orientations of other programs as unit quaternions: angles about three axes, rotation vectors, matrices, quaternions of either order.
 //!
-//! Every form is the rotation that brings the tool's axes to the measuring frame's. Sequences of axes are written as in scipy: capitals turn about the
-//! moving axes, in the order in which they stand (`ZYX`: KUKA's A, B, C), small letters about the fixed ones (`xyz`: roll, pitch, yaw). Matrices are
-//! taken as rotations to 1e-3.
+//! Every form is the rotation from tool axes to measuring frame axes. Sequences of axes are written as in scipy: upper case for rotations about
+//! moving axes, in the given order (`ZYX`: KUKA's A, B, C), lower case about fixed ones (`xyz`: roll, pitch, yaw). Matrices are
+//! accepted as rotations to 1e-3.
 
 use glam::{DMat3, DQuat, DVec3};
 use physics::frame::{rotation_about, rotation_from_vector};

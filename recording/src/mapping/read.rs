@@ -1,4 +1,4 @@
-//! Reading a mapping: patterns unfolded, units checked, all faults at once.
+//! Reads a mapping: expands patterns, checks units, reports all errors at once.
 
 use toml::de::DeValue;
 

@@ -1,4 +1,4 @@
-//! Other people's tables through mappings.
+//! Tables of other programs read through mappings.
 
 use super::*;
 use crate::faults::Faults;

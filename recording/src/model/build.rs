@@ -1,4 +1,4 @@
-//! From the document to the physics: units to SI, effects by their names.
+//! Converts the document to the physical model: units to SI, effects by name.
 
 use glam::{DMat3, DVec3};
 use physics::effects::{CUTTING, DRIVES, OVER_PATHS, SPECS, spec_for};

@@ -1,4 +1,4 @@
-//! What drives feel, in files: built, listed as not compensated, and no part of a correction.
+//! Drive effects in files: built, listed as not compensated, without influence on a correction.
 
 use super::tests::{EVERY_KIND, TWO_JOINTS, parse};
 use super::{EffectEntry, SiParameter};

@@ -1,4 +1,4 @@
-//! Reading one effect, by what the physics (or, for kinds it lacks, the contract) says of it.
+//! Reads one effect, according to its specification in `physics` (or, for kinds without one, in `kinds`).
 
 use physics::JointKind;
 use physics::spec::{Count, Parameter as Spec, Place, Range};

@@ -1,7 +1,7 @@
-//! Which robot a model describes: what its maker calls it, and its nominal geometry.
+//! Identity of the robot that a model describes: manufacturer's data and nominal geometry.
 //!
 //! Promise: two models of one robot have the same geometry hash, whatever their effects, tool, limits, masses, names, comments and
-//! number formatting; a joint that is added, removed, of another kind, turned or displaced gives another one.
+//! number formatting; adding, removing, rotating or displacing a joint, or changing its kind, changes the hash.
 
 use std::fmt;
 

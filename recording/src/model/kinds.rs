@@ -1,8 +1,8 @@
-//! Every kind of effect that a model may hold: those of the physics, and those of the contract
-//! that the physics does not model yet.
+//! All kinds of effects of a model: those implemented in `physics`, and further ones of the file
+//! format.
 //!
-//! Contract: docs/reference/effects.md. The physics' own word wins; the table here only lets a file
-//! load whole, so that its other effects can be listed as not compensated.
+//! Contract: docs/reference/effects.md. The specification in `physics` takes precedence; the table here only allows files with
+//! other effects to be loaded, so that these can be listed as not compensated.
 
 use physics::JointKind;
 use physics::effects::{CUTTING, DRIVES, SPECS};

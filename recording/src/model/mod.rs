@@ -1,8 +1,8 @@
-//! The model of a robot, `trued.model/1`: a document in the units of its file, and what it means.
+//! The model of a robot, `trued.model/1`: the document in the units of its file, and its physical meaning.
 //!
-//! Contract: docs/reference/model.md. A [`RobotModel`] that exists is whole and usable; what cannot be
-//! read gives all its faults. The document keeps every number as it stands in the file, so that
-//! what is written reads back bit for bit; comments are not kept. [`physics`] sees SI.
+//! Contract: docs/reference/model.md. A [`RobotModel`] that exists is complete and usable; otherwise all errors are
+//! reported. The document keeps every number as in the file, so that it is
+//! written back bit for bit; comments are not kept. [`physics`] sees SI.
 
 mod build;
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Measured natural frequencies put into a model: what they replace, what is new, what stays.
+//! Adds measured natural frequencies to a model: replaced, new and unchanged ones.
 
 use super::{ModeEntry, ModelFile};
 

@@ -1,4 +1,4 @@
-//! Presets against published Denavit-Hartenberg figures, by a product written here.
+//! Presets against published Denavit-Hartenberg figures, by an independent matrix product.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 

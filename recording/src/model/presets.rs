@@ -1,7 +1,7 @@
-//! The models that come with the house: published geometry, every figure's source in `[meta]`.
+//! The shipped models: published geometry, with the source of every value in `[meta]`.
 //!
 //! Promise: each loads, and its forward kinematics agree with the published Denavit-Hartenberg
-//! figures (held by tests). Masses are estimates where `[meta]` says so.
+//! figures (held by tests). Estimated masses are marked in `[meta]`.
 
 /// One preset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

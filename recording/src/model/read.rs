@@ -1,4 +1,4 @@
-//! Reading a model document: every key looked at, every fault told with its line.
+//! Reads a model document: every key is checked, every error reported with its line.
 
 use physics::{JOINTS_MAX, JointKind};
 use toml::de::{DeTable, DeValue};

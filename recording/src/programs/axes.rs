@@ -1,7 +1,7 @@
-//! Which axis of a controller a joint of the model is.
+//! Assignment of the model's joints to the controller's axes.
 //!
 //! Controllers know up to six axes of the robot and up to six external ones (ABB `robax` and `extax`, KUKA `A1` … and `E1`
-//! …). Promise: where a joint slides, or there are more than six, nothing is guessed: whoever asks says the axes.
+//! …). Promise: with prismatic joints, or more than six joints, nothing is guessed: the caller must state the axes.
 
 use std::fmt;
 use std::str::FromStr;

@@ -3,7 +3,7 @@
 //! By KUKA's manuals for the system software: a program is a source `.src` and a data list `.dat` of one name; `PTP` to an
 //! `E6AXIS` (A1 … A6, E1 … E6, degrees or mm) without `C_PTP` stops there; `BAS(#INITMOV,0)` sets what motions need,
 //! `BAS(#VEL_PTP,…)` and `BAS(#ACC_PTP,…)` the percentages of the axes' speeds and accelerations, `BAS(#TOOL,…)` the tool;
-//! `WAIT SEC` stops the advance run, so that nothing after it happens before the robot stands.
+//! `WAIT SEC` stops the advance run, so that nothing after it is executed before the robot is at rest.
 
 use super::{Axis, Program, figure};
 use crate::faults::{Fault, Faults};

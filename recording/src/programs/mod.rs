@@ -1,9 +1,9 @@
-//! Lists of poses as programs for the robot's own controller, with a rest at each for the measurement.
+//! Lists of poses as programs for the robot's own controller, with a pause at each for the measurement.
 //!
-//! A [`Tour`] is what is wanted; a [`Program`] has been held against the model (limits, joints, axes of the controller)
-//! and goes out as ABB RAPID, as KUKA KRL, and as the recording that the measurements are filled into. All three carry the
-//! same figures, rounded once. Never: a program that leaves the joint limits, and a guess which axis a joint is.
-//! What is not looked at: collisions. A program is tried slowly first.
+//! A [`Tour`] is the request; a [`Program`] has been checked against the model (limits, joints, axes of the controller)
+//! and is written as ABB RAPID, as KUKA KRL, and as the recording for the measurements. All three contain the
+//! same values, rounded once. Never: a program that exceeds the joint limits, or guesses the axis of a joint.
+//! Collisions are not checked: run a program slowly first.
 
 mod axes;
 mod krl;

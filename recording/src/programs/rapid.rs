@@ -1,9 +1,9 @@
 //! A program in ABB's RAPID.
 //!
 //! By ABB's reference manual: `MoveAbsJ` moves to axis positions, with `\NoEOffs` unaffected by offsets of external
-//! axes; a `jointtarget` has six robot axes in degrees and six external ones in degrees or mm, 9E9 where there is none;
+//! axes; a `jointtarget` has six robot axes in degrees and six external ones in degrees or mm, 9E9 if unused;
 //! `speeddata` is TCP mm/s, orientation deg/s, external mm/s and deg/s; `fine` is a stop; `WaitTime \InPos` counts from
-//! standstill. A file holds one module.
+//! standstill. A file contains one module.
 
 use super::axes::AXES;
 use super::{Axis, Program, check_name, figure};

@@ -1,4 +1,4 @@
-//! What goes to a controller is what was asked: the text as it stands, and every figure read back by a parser of the test's own.
+//! Programs contain what was requested: the text itself, and every value read back by an independent parser.
 
 use physics::JointKind;
 use proptest::prelude::*;

@@ -1,4 +1,4 @@
-//! An `[[effect]]` of a model: one closed object for each kind of effect and joint, made of what the physics and the loader say of it.
+//! An `[[effect]]` of a model: one closed object for each kind of effect and joint, generated from the specifications of `physics` and the loader.
 
 use std::borrow::Cow;
 

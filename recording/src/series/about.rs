@@ -1,4 +1,4 @@
-//! What stands beside a recording: `NAME.toml`, or the `[recording]` table of a mapping.
+//! Metadata of a recording: `NAME.toml` beside it, or the `[recording]` table of a mapping.
 //!
 //! Contract: docs/reference/recording.md. Values SI. Unknown keys are faults.
 

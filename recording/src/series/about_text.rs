@@ -1,4 +1,4 @@
-//! What a recording says of itself, as the TOML beside it.
+//! Writes the metadata of a recording as the TOML beside it.
 
 use super::about::{Approach, Cut, Frame, Heldout, Input, Kind, SCHEMA};
 use super::{FileUnits, Recording};

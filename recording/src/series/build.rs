@@ -1,6 +1,6 @@
-//! From named columns to a consistent [`Recording`]: every check of the contract.
+//! Builds a consistent [`Recording`] from named columns, with all checks of the format.
 //!
-//! Contract: docs/reference/recording.md, "Bad input". Every fault is told, with row and column.
+//! Contract: docs/reference/recording.md, "Errors". Every error is reported with row and column.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,4 +1,4 @@
-//! Columns of a table that are kept as values: of a Parquet file, or of a text that was read row by row.
+//! Table columns stored as values: from a Parquet file, or from a text read row by row.
 
 use std::borrow::Cow;
 

@@ -1,4 +1,4 @@
-//! Tables in the forms that spreadsheets, instruments and controllers write: read right, or refused with the reason and the way out.
+//! Tables in the formats of spreadsheets, instruments and controllers: read correctly, or refused with reason and remedy.
 
 use super::*;
 use crate::mapping::Mapping;

@@ -1,9 +1,9 @@
-//! What distances are measured from and what a probe touches: tables of the TOML beside a recording.
+//! Distances and touches: their tables in the TOML beside a recording.
 //!
-//! `[distance1]` … say where a ballbar, cable or draw-wire is fixed; `[probe]`, `[plane1]` …, `[sphere1]` … what touches what. What is not said is
+//! `[distance1]` … describe the fixed end of a ballbar, cable or draw-wire; `[probe]`, `[plane1]` …, `[sphere1]` … the probe and the touched objects. Parameters that are not stated are
 //! fitted. Lengths in mm, base frame, tool points by the number of their target. See docs/measurements.md.
 //!
-//! Promises: every fault is told. Never: a guess at what was not said.
+//! Promises: every error is reported. Never: a guess.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

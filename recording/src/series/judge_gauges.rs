@@ -1,6 +1,6 @@
-//! Whether distances and touches fit what the TOML says of them.
+//! Checks distances and touches against the TOML.
 //!
-//! Promises: each fault with its row or its table. Never: a value changed.
+//! Promises: each error with its row or table. Never: a changed value.
 
 use super::Builder;
 use super::channel::{Channel, GAUGES_MAX};

@@ -2,7 +2,7 @@
 //!
 //! Contract: docs/reference/recording.md. A [`Recording`] that exists is consistent: equally long
 //! columns, finite strictly increasing times within each segment, no infinite value, unit
-//! quaternions, joints that either turn or slide. NaN stands for a sample that was not taken.
+//! quaternions, joints that are either revolute or prismatic. NaN marks a missing sample.
 
 mod about;
 mod about_text;

@@ -1,4 +1,4 @@
-//! Whether the columns of a recording suffice for what it is read for.
+//! Checks that a recording has the columns that a command needs.
 
 use std::collections::BTreeMap;
 

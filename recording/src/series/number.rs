@@ -1,12 +1,12 @@
-//! How a table writes its numbers: decimal mark, marks between thousands, minus signs.
+//! Number format of a table: decimal mark, thousands separators, minus signs.
 //!
-//! A wrong decimal mark changes a value by a factor of 1000 without any other sign of it, so a number that can be read in two ways is refused, never guessed:
-//! - one decimal mark per file, stated or found ([`Notation::found`]) in the columns that are read as numbers;
-//! - commas alone, each with three digits behind it, are decimal commas between semicolons, as spreadsheets write both: the only exception, and noted;
-//! - the other mark groups thousands only where it is stated to (`thousands`), or stands in one number with the decimal mark: `1.042,5`;
+//! A wrong decimal mark changes a value by a factor of 1000 without any other sign of it, so an ambiguous number is refused, never guessed:
+//! - one decimal mark per file, stated or detected ([`Notation::found`]) in the numeric columns;
+//! - if there are only commas, each followed by three digits, they are decimal commas between semicolons, as written by spreadsheets: the only exception, and noted;
+//! - the other mark is a thousands separator only if stated (`thousands`), or if it appears in one number with the decimal mark: `1.042,5`;
 //! - a group has three digits, the first one to three and no leading zero.
 //!
-//! Apostrophes and no-break or thin spaces are never decimal marks: between groups of three they are read as they stand.
+//! Apostrophes and no-break or thin spaces are never decimal marks: between groups of three digits they are thousands separators.
 
 use crate::faults::Fault;
 

@@ -1,7 +1,7 @@
-//! A table in a Parquet file: flat columns of numbers, texts or truths; what is null was not taken.
+//! A table in a Parquet file: flat columns of numbers, texts or booleans; null marks a missing sample.
 //!
-//! Contract: docs/reference/recording.md. The same checks as for a text follow, since it becomes the same table; numbers stay what they are. Compression: none, Snappy or Zstandard.
-//! No input makes it panic: what the library cannot read is a fault.
+//! Contract: docs/reference/recording.md. It becomes the same kind of table as a text, with the same checks; numbers are not converted. Compression: none, Snappy or Zstandard.
+//! No input causes a panic: what the library cannot read is an error.
 
 use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -1,4 +1,4 @@
-//! Where a cell of a table of text stands in its file, for faults.
+//! Location of a table cell in its file, for error messages.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! The rows of a table of text: all fields end to end in one text. A record of its own for each row takes four times the memory.
+//! The rows of a table of text: all fields concatenated in one text. A separate record per row would take four times the memory.
 
 /// At most so many bytes of text; places in it are counted in 32 bits.
 const BYTES_MAX: usize = u32::MAX as usize;

@@ -1,7 +1,7 @@
-//! A table of text read row by row: of a file of any length no more than its values is held.
+//! Reads a text table row by row: only the values are kept in memory, for files of any length.
 //!
-//! Promises: what it reads, reading the text as a whole ([`RawTable::cut`]) reads to the same bits and notes. Whatever only the whole text tells (a fault's line, a
-//! cut-off end, marks that can be read in two ways, a line of units) is left to that: then there is no table here.
+//! Promises: same bits and notes as reading the whole text ([`RawTable::cut`]). Cases that require the whole text (errors with lines, a
+//! truncated end, ambiguous marks, a line of units) are left to that: then no table is returned here.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};

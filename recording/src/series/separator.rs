@@ -1,4 +1,4 @@
-//! What separates the fields of a table of text.
+//! Detection of the field separator of a text table.
 
 /// The separator of the fields of a table's first line: the header, or `of_data`.
 pub(super) fn guess_separator(line: &str, of_data: bool) -> u8 {

@@ -1,7 +1,7 @@
-//! A foreign table, of text or of cells: separators, decimal mark, comments, a line of units and the last line's end are found and noted.
+//! A foreign table, of text or of cells: separators, decimal mark, comments, a line of units and a truncated last line are detected and noted.
 //!
-//! Contract: cells become numbers only when asked for ([`RawTable::numbers`], [`RawTable::times`]), and to judge a last line that was cut
-//! off. Every row of text keeps the line it came from.
+//! Contract: cells are converted to numbers only on request ([`RawTable::numbers`], [`RawTable::times`]), and to check for a truncated last
+//! line. Every row of text keeps its line number.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;

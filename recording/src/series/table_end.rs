@@ -1,4 +1,4 @@
-//! The end of a table of text: a last line that was cut off, empty rows below.
+//! The end of a table of text: a truncated last line, empty rows.
 
 use super::table::{Dialect, RawTable};
 

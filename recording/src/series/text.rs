@@ -1,7 +1,7 @@
-//! Recordings as CSV: read with all faults, written whole or not at all.
+//! Recordings as CSV: read with all errors reported, written atomically.
 //!
-//! Contract: docs/reference/recording.md. What is written in SI units reads back to the same bits; in
-//! degrees and millimetres what was read in them does.
+//! Contract: docs/reference/recording.md. Values written in SI units read back to the same bits; values in
+//! degrees and millimetres do if they were read in these units.
 
 use std::borrow::Cow;
 use std::path::Path;

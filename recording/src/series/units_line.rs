@@ -1,6 +1,6 @@
 //! The line of units that many programs write below the header: `s;deg;deg;mm`.
 //!
-//! Its units are compared with those of the columns' names or of the mapping; they never take their place.
+//! Its units are compared with those of the columns' names or of the mapping; they never replace them.
 
 use super::RawTable;
 use crate::faults::{Fault, Faults};

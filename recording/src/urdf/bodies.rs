@@ -1,8 +1,8 @@
 //! Masses of a URDF, and how the links that move together become one body.
 //!
-//! A link's inertia stands about its centre of mass, in the axes of `<inertial><origin>`: it is turned into base axes and
-//! moved to the common centre (parallel axes, Huygens-Steiner), all at the zero configuration. Never: a body that no matter
-//! could make; placeholders are read as point masses, with a remark.
+//! A link's inertia is given about its centre of mass, in the axes of `<inertial><origin>`: it is rotated to base axes and
+//! moved to the common centre (parallel axes, Huygens-Steiner), all at the zero configuration. Never: a physically impossible
+//! body; placeholders are read as point masses, with a note.
 
 use glam::{DMat3, DVec3};
 use physics::{Body, Frame};

@@ -1,8 +1,8 @@
-//! The two ends of the chain: which links `--base` and `--tip` name, and which frames of the controller lie beside them.
+//! The two ends of the chain: the links named by `--base` and `--tip`, and the controller's frames next to them.
 //!
-//! Any link may be an end. Between the base and the chain only fixed joints may lie, so a leaf such as the frame `base` of
-//! ROS-Industrial (REP 199: the controller's base frame) is a base as good as the root. Where frames of those names exist
-//! beside the chosen one, a remark says where they are.
+//! Any link can be an end. Only fixed joints are allowed between the base and the chain, so a leaf such as the frame `base` of
+//! ROS-Industrial (REP 199: the controller's base frame) can be the base as well as the root. If frames with the usual names exist
+//! besides the chosen one, a note gives their pose.
 
 use glam::DVec3;
 use physics::Frame;

@@ -1,8 +1,8 @@
-//! A model as a URDF: its geometry with the deviations that are fixed, as frames.
+//! Exports a model as URDF: its geometry including constant deviations, as frames.
 //!
-//! All link frames are parallel to the base at the zero position, so that an `<axis>` shows at once where the real axis
-//! points; the tip alone is turned. Figures are the shortest that read back to the same bits. What a URDF has no place for
-//! (whatever depends on position, load, direction, time) is left out and named.
+//! All link frames are parallel to the base at the zero position, so that `<axis>` is the real axis in base
+//! axes; only the tip is rotated. Numbers are the shortest that read back to the same bits. What URDF cannot express
+//! (effects that depend on position, load, direction, time) is omitted and reported.
 
 use std::fmt::Write;
 

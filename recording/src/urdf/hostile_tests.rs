@@ -1,4 +1,4 @@
-//! Files that nobody meant well, or that were rounded: no panic, no deep stack, and what is written loads.
+//! Malicious and rounded files: no panic, no deep recursion, and exported files can be imported.
 
 use proptest::prelude::*;
 

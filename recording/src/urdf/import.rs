@@ -1,7 +1,7 @@
-//! From the tree of a URDF to a model: frames multiplied out at the zero configuration, fixed joints folded in.
+//! Imports a URDF: frames multiplied out at the zero configuration, fixed joints merged.
 //!
-//! With all joints at zero the frame of a joint stands at the product of the origins above it. Its axis and its place
-//! there are the model's axis and point; what hangs on a joint up to the next one of the chain is the body that it moves.
+//! With all joints at zero the frame of a joint is the product of the origins above it. Its axis and position
+//! there are the model's axis and point; the links between a joint and the next one of the chain are the body that it moves.
 
 use glam::{DMat3, DVec3};
 use physics::{Body, Frame, JointKind};

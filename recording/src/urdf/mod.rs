@@ -1,9 +1,9 @@
-//! URDF in and out: a robot's description as our model, and a calibrated model as a description.
+//! Import and export of URDF.
 //!
 //! Source of the format: the URDF specification (ROS wiki, `urdf/XML`): joint and link frames by `<origin>`, axes in the
-//! joint's frame, SI units. A model takes the chain from a base link to a tip link: its axes and points are those of the
-//! URDF with all joints at zero, in the base link's frame; the tip link is the tool. Promise: every fault of a file at
-//! once, each naming its joint or link; no text makes it panic; import and export keep the forward kinematics to rounding.
+//! joint's frame, SI units. A model describes the chain from a base link to a tip link: its axes and points are those of the
+//! URDF with all joints at zero, in the base link's frame; the tip link is the tool. Promise: all errors of a file at
+//! once, each with its joint or link; no text causes a panic; import and export keep the forward kinematics to rounding.
 
 mod bodies;
 mod ends;

@@ -1,4 +1,4 @@
-//! What real descriptions do: placeholders for masses, the controller's frames as leaves, limits that are none, and XML
+//! Properties of real URDF files: placeholder masses, the controller's frames as leaves, invalid limits, and XML
 //! that a strict parser would refuse.
 
 use super::tests::{ARM, read};

@@ -1,7 +1,7 @@
-//! URDF's three angles and the rotation that they mean.
+//! Conversion between URDF's three angles and rotations.
 //!
-//! `rpy` are turns about the fixed x, y and z axes, in that order: `R = Rz(yaw) Ry(pitch) Rx(roll)` (the URDF
-//! specification, joint origin). Promise: both ways to rounding, at a pitch of a quarter turn too.
+//! `rpy` are rotations about the fixed x, y and z axes, in that order: `R = Rz(yaw) Ry(pitch) Rx(roll)` (the URDF
+//! specification, joint origin). Promise: accurate to rounding in both directions, also at a pitch of 90°.
 
 use glam::{DMat3, DVec3};
 use physics::frame::rotation_about;

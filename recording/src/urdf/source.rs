@@ -1,7 +1,7 @@
-//! The XML of a URDF: its numbers and names, and for every fault the link or joint with its line.
+//! The XML of a URDF: its numbers and names, and for every error the link or joint with its line.
 //!
-//! Promise: a getter gives the value where it is right, and else a harmless one after a fault was noted: all faults
-//! are told at once, and nothing is built while there are any.
+//! Promise: a getter returns the value if it is valid, otherwise a harmless one after noting an error: all errors
+//! are reported at once, and nothing is built if there are any.
 
 use std::cell::RefCell;
 use std::ops::Range;

@@ -1,7 +1,7 @@
-//! Stages of a telescope: sliding joints in a row that follow one leader, as the one joint that they are together.
+//! Stages of a telescope: consecutive prismatic joints that mimic one leader, combined into one joint.
 //!
-//! Promise: only where all slide along one line and together as far as the leader says; any other follower stays as it is, and is refused
-//! by who reads it. The body of every stage but the last is carried as if it slid the whole way.
+//! Promise: only if all move along one line and their sum equals the leader's motion; any other mimic joint is left unchanged and refused
+//! later. The body of every stage but the last is carried as if it slid the whole way.
 
 use glam::{DMat3, DVec3};
 use physics::Frame;

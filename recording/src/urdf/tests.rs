@@ -1,4 +1,4 @@
-//! What is no arm is refused with all its faults; what is read otherwise than it stands is said.
+//! Files that are not an arm are refused with all errors; deviations from the file are noted.
 
 use super::{Ends, Import, export, parse};
 use crate::faults::Faults;

@@ -1,6 +1,6 @@
-//! Which link hangs on which: names, parents and children of a URDF.
+//! The link tree of a URDF: names, parents and children.
 //!
-//! Promise: a [`Tree`] that exists has no loop, and every name in it stands once. Walking it takes time in proportion to it.
+//! Promise: a [`Tree`] that exists has no loop and unique names. Traversal takes linear time.
 
 use std::collections::HashMap;
 

@@ -1,8 +1,8 @@
-//! One way through every TOML file: typed getters that collect all faults instead of stopping.
+//! Reading of TOML files: typed getters that collect all errors instead of stopping.
 //!
-//! Contract: a getter gives the value where it is right, and else `None` after a fault has been
-//! noted. A table that is closed tells its unknown keys (the nearest known one, or the same name
-//! with the right unit) and its missing ones. Never panics, whatever the text.
+//! Contract: a getter returns the value if it is valid, otherwise `None` after noting an error.
+//! Closing a table reports unknown keys (with the nearest known one, or the same name
+//! with the right unit) and missing ones. Never panics.
 
 #[cfg(test)]
 mod tests;

@@ -1,4 +1,4 @@
-//! The walk over a TOML: every fault at once, each at its place.
+//! Reading of TOML: all errors at once, each with its location.
 
 use super::*;
 use proptest::prelude::*;

@@ -1,4 +1,4 @@
-//! The words of the walker: what an unknown key may have meant, and what a range is called.
+//! Error messages for TOML: suggestions for unknown keys, descriptions of ranges.
 
 use std::ops::{Bound, RangeBounds};
 

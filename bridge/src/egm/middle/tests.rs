@@ -1,4 +1,4 @@
-//! Every policy of the EGM bridge, on datagrams that are made here byte by byte; without a daemon, so that a target passes.
+//! Every rule of the EGM bridge, with datagrams built byte by byte; without a daemon, so that targets are forwarded unchanged.
 
 use super::*;
 use crate::egm::messages::Header;

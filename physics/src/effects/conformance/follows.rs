@@ -1,4 +1,4 @@
-//! What effects say of how they follow the arm, against differences over the joints' positions.
+//! Derivatives of the effects by joint positions, compared with finite differences.
 
 use super::{Sample, Scene, numbers, samples, seen};
 use crate::frame::vector_from_rotation;

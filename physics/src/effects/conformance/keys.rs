@@ -1,4 +1,4 @@
-//! Every key as the contract's tables write it (`effects.md`), pinned for revolute and prismatic joints.
+//! All keys as in docs/reference/effects.md, pinned for revolute and prismatic joints.
 //!
 //! Angles that stay angles on a prismatic joint (the direction of an axis, a tilt under a moment) keep `_mrad`.
 

@@ -1,7 +1,7 @@
-//! A dynamometer one of whose channels leaks into another.
+//! Cross-talk between the channels of a dynamometer.
 //!
 //! `reading += M F`    M: `matrix`, nine numbers, row by row; a row is a channel, a column the axis that leaks into it.
-//! Source: docs/reference/effects.md. Zeros leak nothing; the diagonal is a scale. Before scale and bias of the sensor. Memoryless.
+//! Source: docs/reference/effects.md. The diagonal acts as a scale. Before scale and bias of the sensor. Memoryless.
 
 use crate::cut::ForceTerm;
 use crate::deviation::Contribution;

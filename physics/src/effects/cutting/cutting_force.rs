@@ -1,4 +1,4 @@
-//! A work that is harder to shear than the recording says: a force that goes with the chip.
+//! Deviation of the specific cutting force: a force proportional to chip thickness.
 //!
 //! `F += k a h`, `h = f_t sin φ`    k: `coefficient`, tangential, radial, axial, N/m²; on top of what the recording's `[cut]` says.
 //! Source: docs/reference/effects.md; thesis 4.7. Memoryless.

@@ -1,4 +1,4 @@
-//! Edges that rub: a force that goes with the depth of cut whatever the feed.
+//! Deviation of the edge force: a force proportional to the depth of cut, independent of the feed.
 //!
 //! `F += k a`    k: `coefficient`, tangential, radial, axial, N/m; on top of what the recording's `[cut]` says.
 //! Source: docs/reference/effects.md; Altintas, Manufacturing Automation, 2012, 2.3. Memoryless.

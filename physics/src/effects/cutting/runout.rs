@@ -1,6 +1,6 @@
-//! A tool whose axis stands off the spindle's: one tooth takes more than its share, and forces repeat with the spindle, not with its teeth alone.
+//! Runout: the tool axis is offset from the spindle axis, so that teeth cut unequal chips and forces repeat with the spindle revolution.
 //!
-//! Tooth j stands out by `r_j = ρ cos(λ − 2πj/N)` and takes `h + r_j − r_{j+1}`, tooth `j + 1` being the one that went before it.
+//! Tooth j protrudes by `r_j = ρ cos(λ − 2πj/N)` and cuts `h + r_j − r_{j+1}`, where tooth `j + 1` is the preceding one.
 //! ρ: `radial`, m, ≥ 0 · λ: `phase`, rad, from tooth 0 towards tooth 1. With two teeth `ρ cos λ` alone acts; with one tooth nothing does.
 //! Source: docs/reference/effects.md; Kline, 1983. Holds while every tooth still cuts. Memoryless.
 

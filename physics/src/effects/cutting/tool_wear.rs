@@ -1,7 +1,7 @@
-//! Edges that grow blunt: their force rises along the cut.
+//! Tool wear: the edge force increases along the cut.
 //!
 //! `F_edge ← F_edge (1 + g s)`    g: `growth`, 1/m, ≥ 0 · s: metres that the tool was fed through the work since the segment began.
-//! Source: docs/reference/effects.md. All edge forces take part, those of `edge_force` too. Memoryless: the way comes with the sample.
+//! Source: docs/reference/effects.md. Acts on all edge forces, including `edge_force`. Memoryless: the distance comes with the sample.
 
 use crate::cut::ForceTerm;
 use crate::deviation::Contribution;

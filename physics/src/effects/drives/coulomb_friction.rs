@@ -1,7 +1,7 @@
-//! Dry friction: it resists as much at any speed.
+//! Coulomb friction, independent of speed.
 //!
-//! `τ = F sign(v)`    F: `level`, Nm or N, ≥ 0. Source: docs/reference/effects.md; Coulomb, 1785. At rest it is nothing here: what holds an arm at rest
-//! is not told by its motion. Memoryless.
+//! `τ = F sign(v)`    F: `level`, Nm or N, ≥ 0. Source: docs/reference/effects.md; Coulomb, 1785. Zero at rest, because static friction is not
+//! determined by the motion. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;

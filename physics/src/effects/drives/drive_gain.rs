@@ -1,7 +1,7 @@
-//! A drive whose torque is recorded too large or too small.
+//! Gain error of the recorded drive torque.
 //!
-//! Recorded is `1 + g` times what acts    g: `gain`. Source: docs/reference/effects.md. Beside free masses a gain common to all joints cannot be
-//! told from them. Memoryless.
+//! The recorded torque is `1 + g` times the actual one    g: `gain`. Source: docs/reference/effects.md. With free masses a gain common to all joints is
+//! indistinguishable from them. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;

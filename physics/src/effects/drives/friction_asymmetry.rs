@@ -1,7 +1,7 @@
-//! Friction that differs by direction.
+//! Friction that depends on the direction of motion.
 //!
 //! `τ = o + c |v|`    o: `offset`, Nm or N · c: `coefficient`, Nm s/rad or N s/m; one of them or both. Source: docs/reference/effects.md. A constant
-//! alone cannot be told from a torque sensor's bias. Memoryless.
+//! alone is indistinguishable from a bias of the torque sensor. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;

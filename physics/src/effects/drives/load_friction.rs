@@ -1,7 +1,7 @@
-//! Friction of a gear that grows with what the gear carries.
+//! Load-dependent gear friction.
 //!
-//! `τ = μ |τᵢ| sign(v)`    μ: `coefficient`, ≥ 0 · τᵢ: what gravity and the arm's own motion ask of the drive, Nm or N. Source: contract
-//! `effects.md`; Hamon, Gautier and Garrec, 2010. Memoryless.
+//! `τ = μ |τᵢ| sign(v)`    μ: `coefficient`, ≥ 0 · τᵢ: torque of the drive for gravity and inertia, Nm or N. Source: docs/reference/effects.md;
+//!  Hamon, Gautier and Garrec, 2010. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;

@@ -1,6 +1,6 @@
-//! Dry friction that is higher at low speed, before the oil carries.
+//! Stribeck friction: additional friction at low speed, before hydrodynamic lubrication.
 //!
-//! `τ = F exp(−(v/w)²) sign(v)`    F: `level`, by how much it is higher (`F_s − F_c`), Nm or N, ≥ 0 · w: `stribeck_speed`, rad/s or m/s, > 0.
+//! `τ = F exp(−(v/w)²) sign(v)`    F: `level`, the additional friction (`F_s − F_c`), Nm or N, ≥ 0 · w: `stribeck_speed`, rad/s or m/s, > 0.
 //! Source: docs/reference/effects.md; Stribeck, 1902; Bo and Pavelescu, 1982. Memoryless.
 
 use crate::deviation::Contribution;

@@ -1,4 +1,4 @@
-//! A torque that comes back with every turn: cogging of a motor, ripple of a gear.
+//! Periodic torque: motor cogging, gear ripple.
 //!
 //! `τ = A sin(n q + φ)`    A: `amplitude`, Nm or N · n: `cycles` per revolution of the joint, > 0 (prismatic: per metre, as `transmission_error` has it) ·
 //! φ: `phase`, rad. Source: docs/reference/effects.md. Memoryless.

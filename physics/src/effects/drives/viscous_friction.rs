@@ -1,4 +1,4 @@
-//! Friction of oil: it resists in proportion to speed.
+//! Viscous friction, proportional to speed.
 //!
 //! `τ = f v`    f: `coefficient`, Nm s/rad or N s/m, ≥ 0. Source: docs/reference/effects.md. `friction_temperature` changes it. Memoryless.
 

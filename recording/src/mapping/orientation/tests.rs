@@ -1,4 +1,4 @@
-//! Orientations in the forms of robots and instruments, beside numbers of scipy and rotations composed by hand.
+//! Orientations in the forms of robots and instruments, compared with scipy and with rotations composed by hand.
 
 use crate::faults::Faults;
 use crate::mapping::Mapping;

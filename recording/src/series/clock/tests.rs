@@ -1,4 +1,4 @@
-//! Times as programs write them, beside `date` and a count of days.
+//! Times in the formats of various programs, compared with `date` and a count of days.
 
 use super::*;
 use proptest::prelude::*;

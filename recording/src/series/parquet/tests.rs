@@ -1,4 +1,4 @@
-//! Tables written by the same library, and bytes that no library wrote.
+//! Tables written by the same library, and corrupted files.
 
 use std::fs;
 use std::path::PathBuf;
