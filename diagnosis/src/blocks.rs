@@ -1,9 +1,9 @@
-//! How sure the numbers of a fit are, told by stretches of the recording that agree or do not (a sandwich over blocks; Liang and Zeger 1986).
+//! Cluster-robust uncertainty of fitted parameters from blocks of the recording (sandwich estimator; Liang and Zeger 1986).
 //!
-//! The fit's own uncertainty holds where the noise is as it was taken to be. Where it remembers itself longer, or differs from place to place, the pulls of
-//! stretches scatter more than that.
+//! The covariance of the fit is valid if the noise model is. If the noise is correlated over longer times or is not stationary, the scores of the blocks
+//! scatter more.
 //!
-//! Promises: never below what the noise alone makes of it. Never: a change of what was fitted.
+//! Promises: never below the covariance of the noise model. Never: a change of the fit.
 
 use crate::score::Fitted;
 use std::cell::Cell;

@@ -1,9 +1,9 @@
-//! A measuring campaign: what went into the robot, what was seen of it, and how well.
+//! A measuring campaign: inputs of the robot, measurements and their uncertainties.
 //!
-//! Kinds of readings are mixed freely: points of the tool and its orientation in a measuring frame, distances to a fixed point
+//! Kinds of readings can be mixed: points of the tool and its orientation in a measuring frame, distances to a fixed point
 //! (ballbar, cable), contacts of a probe with planes and spheres, joint positions on the link side.
 //!
-//! Promises: plain data, SI; a campaign knows nothing of the effects that will be fitted to it.
+//! Promises: plain data, SI; a campaign is independent of the effects to be fitted.
 //! Never: a file; see [`crate::from_recording`].
 
 use crate::colour::Colour;

@@ -1,10 +1,10 @@
-//! Effects that might be missing: asked of the physics' own list, for what these data could show.
+//! Candidate effects from the list of `physics`, as far as the data can show them.
 //!
-//! A candidate is judged by columns that are linear in its numbers: an effect's own linear values, or for a wave its sine and cosine.
-//! Numbers that are not linear (a time constant, a load) are tried at a few values each.
+//! A candidate is evaluated by columns that are linear in its parameters: linear parameters of the effect, or sine and cosine of a wave.
+//! Nonlinear parameters (a time constant, a load) are tried at a few values each.
 //!
-//! Promises: no candidate needs a signal that the campaign does not have; none stands for what the model already has.
-//! Never: a look at the residuals; see [`crate::score`].
+//! Promises: no candidate needs a signal that the campaign lacks; none duplicates an effect of the model.
+//! Never: use of the residuals; see [`crate::score`].
 
 mod families;
 mod heat;

@@ -1,11 +1,11 @@
-//! Circle-point analysis: the axis about which targets turn, from their tracks.
+//! Circle-point analysis: the axis of rotation from the tracks of targets.
 //!
 //! All tracks of one sweep share the axis; each has its own height along it and its own radius. Start: the plane of total least squares
 //! (least eigenvector of the scatter) and Kåsa's algebraic circle (1976). Then Gauss-Newton on the orthogonal distance of every point to its circle in
-//! space (along the axis and across it), which neither the plane nor the algebraic circle alone makes least. Thesis 3.1; Mooring, Roth and Driels 1991, 5.3.
+//! space (along the axis and perpendicular to it), which neither the plane nor the algebraic circle alone minimises. Thesis 3.1; Mooring, Roth and Driels 1991, 5.3.
 //!
-//! Promises: points on circles give them back to rounding; the covariance is that of the linearised problem under equal noise in all directions.
-//! Never: an outlier thrown away, a sag taken out (see [`crate::single_joint`]).
+//! Promises: exact circles are recovered to rounding; the covariance is that of the linearised problem under equal noise in all directions.
+//! Never: rejection of outliers, or removal of gravity deflection (see [`crate::single_joint`]).
 
 use crate::rigid::mean;
 use crate::triangle::Triangle;

@@ -1,11 +1,11 @@
-//! The enhanced stiffness: what a load does to the stiffness of a compliant arm by bending it (thesis 1.8 to 1.10).
+//! Enhanced stiffness: change of an arm's stiffness by load-induced changes of its geometry (thesis 1.8 to 1.10).
 //!
 //! Balance `K_θ δ = τ(q + δ)` gives `(K_θ − K_C − K_G) δ = τ(q)` with `K_C = ∂(JᵀW)/∂q`, `K_G = ∂τ_grav/∂q`: at the tool
 //! `K_X = J⁻ᵀ (K_θ − K_C) J⁻¹` (Chen and Kao 2000; Alici and Shirinzadeh 2005). Here `J (K_θ − K_C)⁻¹ Jᵀ`, its inverse, which holds for any
-//! number of joints, and with rigid ones. The wrench keeps its direction in space: one that turns with the tool has a further term.
+//! number of joints, and with rigid ones. The wrench is fixed in space: one that rotates with the tool has a further term.
 //!
-//! Promises: closed forms, held against differences of `JᵀW`; `K_C` is NOT symmetric under a moment (a moment fixed in space is no conservative
-//! load), and nothing here makes it so. Never: an accuracy sold: [`effect`] says what it is worth, well below a micrometre for 100 N on an arm of this class.
+//! Promises: closed forms, held against differences of `JᵀW`; `K_C` is NOT symmetric under a moment (a moment fixed in space is not a conservative
+//! load), and is not symmetrised here. The size of the effect is given by [`effect`]: well below a micrometre for 100 N on an arm of this class.
 
 use glam::DVec3;
 use nalgebra::{SMatrix, SVector};

@@ -1,9 +1,9 @@
-//! How far the tool will be from where the fitted model puts it: the fit's uncertainty carried to the TCP.
+//! Expected tool error of the fitted model: covariance of the fit propagated to the TCP.
 //!
-//! `Cov_x = J_x Cov J_xᵀ`, `J_x` how the TCP in base axes moves with each free number. What an unknown measuring frame took with it (where the
-//! robot stands) is not in it: the controller's base frame is where a cell is taught.
+//! `Cov_x = J_x Cov J_xᵀ`, `J_x` how the TCP in base axes moves with each free number. The part confounded with an unknown measuring frame (the pose of the
+//! robot) is excluded, because a cell is taught in the controller's base frame.
 //!
-//! Promises: the model's form is taken as right; what it lacks shows on held-out poses, not here. Never: a pose outside what was asked.
+//! Promises: assumes the right form of the model; missing effects show on held-out poses, not here. Never: a pose other than the given ones.
 
 use crate::campaign::{Arrival, Campaign};
 use crate::motion::Motion;

@@ -1,9 +1,9 @@
-//! One fit: surroundings and free numbers together, robust, with what the data do not determine left where it is believed to be.
+//! Robust fit of extrinsic and free parameters; parameters that the data do not determine stay at their prior.
 //!
-//! Order: surroundings alone; then all that is determined, the noise's scale and the set of determined numbers followed until
-//! both stand; then the weights of far readings.
+//! Order: extrinsic parameters only; then all determined parameters, iterating the noise scale and the set of determined parameters until
+//! both converge; then the weights of outliers.
 //!
-//! Promises: the same input gives the same bits; numbers that must not be negative are not; every number that was not fitted is named.
+//! Promises: the same input gives the same bits; sign constraints are satisfied; every parameter that was not fitted is listed.
 //! Never: a choice of effects; see [`mod@crate::select`].
 
 use crate::campaign::Campaign;

@@ -1,12 +1,12 @@
-//! What a recording of forces tells by itself: where the tool is in air, enters, cuts and leaves, what the sensor reads in air, which lines stand in the
-//! cut and whether one of them is chatter.
+//! Analysis of a force recording without a model of the cut: phases (air, entry, cut, exit), sensor bias in air, spectral lines of the
+//! cut and chatter.
 //!
-//! Read in this order: `signal` (runs without holes, blocks of time), `phases` (air, entry, cut, exit), `lines` (tones of the cut beside those of the air),
-//! `cut` (the same forces beside the law of a told cut).
-//! Accelerations are taken where no force was recorded.
+//! Read in this order: `signal` (runs without holes, blocks of time), `phases` (air, entry, cut, exit), `lines` (lines of the cut compared with those of the air),
+//! `cut` (comparison with the model of a stated cut).
+//! Accelerations are used if no force was recorded.
 //!
-//! Promises: the same input gives the same bits; a line that stands in air too, or at a multiple of the spindle's speed, is never called chatter; without
-//! air nothing is said of the sensor. Never: a file, a name of a data set.
+//! Promises: the same input gives the same bits; a line that is also in air, or at a multiple of the spindle speed, is never called chatter; without
+//! air there is no statement on the sensor. Never: a file, a name of a data set.
 
 mod cut;
 mod lines;

@@ -1,10 +1,10 @@
-//! Recordings of a robot as a campaign.
+//! Converts recordings of a robot to a campaign.
 //!
-//! Each recording has a measuring frame of its own, or one per `station` that its rows name; targets of one number are one thing in all
-//! recordings. Rows without any measured value give no pose, but memory of effects still follows them.
+//! Each recording has its own measuring frame, or one per `station`; a target number denotes the same target in all
+//! recordings. Rows without measurement give no pose, but the memory of effects includes them.
 //!
-//! Promises: nothing is left out silently: what has no value is not measured; what was not said of the noise is estimated.
-//! Never: a file read.
+//! Promises: nothing is omitted silently; noise that is not stated is estimated.
+//! Never: access to files.
 
 mod columns;
 mod gauges;

@@ -1,9 +1,9 @@
-//! The geometry of every joint as free numbers, with priors as wide as makers' tolerances.
+//! The geometry of every joint as free parameters, with manufacturing tolerances as priors.
 //!
-//! Zeros, directions and places of all axes are more numbers than readings can tell: with an unknown measuring frame and unknown targets a third of the
-//! directions are gauge freedoms. No number is left out for it: the priors choose the smallest errors that explain the readings, whatever their order.
+//! Zeros, directions and positions of all axes are more parameters than readings can determine: with an unknown measuring frame and unknown targets a third of the
+//! directions of the parameter space are gauge freedoms. No parameter is omitted: the priors select the smallest errors that explain the readings, independent of the order of parameters.
 //!
-//! Promises: where the data determine a direction, the priors are too wide to move it. Never: data.
+//! Promises: the priors are too wide to affect directions that the data determine. Never: data.
 
 use crate::campaign::{Campaign, Place, Reading};
 use crate::hypothesis::{Belief, Hypothesis};

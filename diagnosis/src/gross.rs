@@ -1,11 +1,11 @@
-//! Gross faults of a recording, found before anything is identified: columns that are swapped, units, signs, a mirrored frame,
-//! a wrong tool, rows out of step.
+//! Gross errors of a recording, detected before identification: swapped columns, units, signs, a mirrored frame,
+//! a wrong tool, misaligned rows.
 //!
-//! Each suspicion is one change of the recording; the surroundings alone are fitted with it and without. A robot is a few
-//! millimetres off; a gross fault makes that centimetres, and its own remedy alone brings it back.
+//! Each hypothesis is one change of the recording; the extrinsic parameters are fitted with and without it. The error of a robot is a few
+//! millimetres; a gross error makes it centimetres, and only the right remedy removes it.
 //!
-//! Promises: a sound recording of an uncalibrated robot raises no suspicion; what is said says what to do.
-//! Never: a recording changed in place: people decide.
+//! Promises: a valid recording of an uncalibrated robot raises no suspicion; messages state the remedy.
+//! Never: a changed recording.
 
 mod links;
 mod targets;

@@ -1,7 +1,7 @@
-//! What is believed of the arm, and which of its numbers a fit may change.
+//! The present model of the arm, and its free parameters.
 //!
-//! Promises: a free number has a prior: what a file states with its uncertainty, or else a width that no sound robot exceeds, which
-//! keeps what the data hardly see from running away and is too wide to be felt where they do see.
+//! Promises: a free parameter has a prior: the stated value with its uncertainty, or otherwise a width that no undamaged robot exceeds, which
+//! regularises weakly determined parameters and does not affect well-determined ones.
 //! Never: data.
 
 use glam::DVec3;

@@ -1,11 +1,11 @@
-//! Which numbers the data determine, and with what the others move together.
+//! Parameters determined by the data, and the confounding of the others.
 //!
-//! Columns are taken in order, those that are nearly made of the ones before them last. One whose rest, after all columns taken before it, shows less than [`SHOWN`] noises for the largest change
-//! that a sound robot may have is not determined: it moves together with those before it. This is a QR factorisation pivoted by
-//! preference instead of by size (docs/reference/effects.md, last section, says whose a shared direction is).
+//! Columns are taken in order, nearly dependent ones last. A column whose residual, after projection on the preceding ones, is less than [`SHOWN`] standard deviations of the noise for the largest plausible
+//! change is not determined: it is confounded with those before it. This is a QR factorisation pivoted by
+//! preference instead of by size (docs/reference/effects.md, last section, says to which a shared direction is assigned).
 //!
-//! Promises: what is kept is independent; what is not kept is named with its partners and their shares.
-//! Never: a guess: what is not determined stays where it is believed to be.
+//! Promises: kept columns are independent; others are listed with the columns they are confounded with, and their shares.
+//! Parameters that are not determined stay at their prior.
 
 use crate::triangle::{Triangle, dot};
 

@@ -1,8 +1,8 @@
-//! Accuracy and repeatability as ISO 9283 counts them: poses visited again and again, by what they scatter and by what they miss.
+//! Pose accuracy and repeatability according to ISO 9283.
 //!
 //! Source: ISO 9283:1998, pose and distance characteristics; its letters in brackets. `l̄` and `S_l` are mean and standard
 //! deviation (over n − 1) of the attained positions' distances from their barycentre. Orientations are taken as rotation
-//! vectors from the commanded one, in the measuring axes: for the small turns of a robot's error these are the standard's
+//! vectors from the commanded one, in the measuring axes: for small rotations these are the standard's
 //! angles a, b, c about x, y, z.
 //! Units: m and rad, as they come. Promise: pure arithmetic, no limit of its own; what the standard asks of a test (30
 //! visits, five poses of a cube, the rated load) is the caller's. Never: a frame fitted, which would hide accuracy.

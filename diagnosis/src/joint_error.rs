@@ -1,9 +1,9 @@
-//! What a joint does wrong at the equal steps of its sweep, in both directions (thesis 3.5 and the measurements behind 3.7 to 3.18).
+//! Errors of a joint at equal steps of its sweep, in both directions (thesis 3.5 and the measurements behind 3.7 to 3.18).
 //!
-//! The angle of each target about the found axis, against the command; targets count by the square of their radius. Noise across the circle moves
-//! the found axis, which shows in the angles as a sine and a cosine of the joint's angle, just as gravity does: [`JointErrors`] carries how far that goes.
+//! The angle of each target about the estimated axis, compared with the command; targets are weighted by the square of their radius. Radial noise displaces
+//! the estimated axis, which appears in the angles as a sine and cosine of the joint angle, like gravity: [`JointErrors`] contains the uncertainty of this.
 //!
-//! Promises: actual minus commanded (the thesis plots the opposite), signed, precise for small angles. Never: the joint's zero: no sweep of one joint sees it.
+//! Promises: actual minus commanded (the thesis plots the opposite), signed, precise for small angles. Never: the joint's zero, which a sweep of one joint does not determine.
 
 use crate::single_joint::{JointAxis, SAME_STEP_RAD, Sweep, angle_about};
 use crate::triangle::Triangle;

@@ -1,10 +1,10 @@
-//! From measurements to a model with its uncertainty: identify, choose the effects, prove the gain on data that no fit has seen.
+//! From measurements to a model with its uncertainty: identification, selection of effects, validation on held-out data.
 //!
-//! Read in this order: [`campaign`] (what was measured), [`hypothesis`] (what is believed, and which numbers are free),
+//! Read in this order: [`campaign`] (what was measured), [`hypothesis`] (the present model and its free parameters),
 //! [`mod@geometry`] (the tolerances that fix gauge freedoms),
-//! [`fit()`] (the numbers, how sure they are, and which the data cannot give), `residual` (one rule per kind of reading).
+//! [`fit()`] (parameters, their uncertainty, and those that the data do not determine), `residual` (one rule per kind of reading).
 //!
-//! Promises: the same input and seed give the same bits. Never: shared memory, a clock, a file opened, a data set's name.
+//! Promises: the same input and seed give the same bits. Never: shared memory, a clock, access to files, special treatment of a data set.
 
 mod blocks;
 pub mod campaign;

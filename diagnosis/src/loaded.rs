@@ -1,9 +1,9 @@
-//! Loaded against unloaded poses found in a campaign: what the loads say of each joint's stiffness (thesis 1.1 to 1.7), and what the bending under the
-//! load is worth ([`crate::enhanced`], thesis 1.8 to 1.10).
+//! Pairs of loaded and unloaded poses in a campaign: joint stiffness (thesis 1.1 to 1.7), and the effect of load-induced changes of
+//! geometry ([`crate::enhanced`], thesis 1.8 to 1.10).
 //!
-//! Two poses with the same command, one of them under a wrench, are a pair: geometry, sag and offsets cancel in their difference.
+//! Two poses with the same command, one of them under a wrench, are a pair: geometry, gravity deflection and offsets cancel in their difference.
 //!
-//! Promises: each loaded pose stands in one pair, with the unloaded one nearest before or after it. Never: a change to a fit.
+//! Promises: each loaded pose is in one pair, with the unloaded one nearest before or after it. Never: a change to a fit.
 
 use crate::campaign::{Campaign, Place, Pose, Reading};
 use crate::enhanced::{self, EnhancedEffect};

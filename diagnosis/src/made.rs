@@ -1,4 +1,4 @@
-//! Campaigns made for tests: the thesis' robot, measured.
+//! Synthetic campaigns for tests, with the robot of the thesis.
 
 use crate::simulate;
 use crate::surroundings::{Fitted, Station, Surroundings};

@@ -1,10 +1,10 @@
-//! Levenberg-Marquardt: steps towards the least weighed sum of squares.
+//! Levenberg-Marquardt minimisation of a weighted sum of squares.
 //!
-//! The step solves `min |J dx − r|² + λ |D dx|²`, D the largest column norms seen so far (Moré 1978); λ follows the ratio of what a
-//! step gave to what it promised (Nielsen 1999). A step that does not lower the sum costs no new derivatives. A number that would go below its bound is put there, and the others step
-//! beside it.
+//! The step solves `min |J dx − r|² + λ |D dx|²`, D the largest column norms seen so far (Moré 1978); λ follows the ratio of actual to predicted
+//! reduction (Nielsen 1999). A step that does not lower the sum needs no new derivatives. A parameter that would go below its bound is fixed there for the step of the
+//! others.
 //!
-//! Promises: the sum never rises; the same input gives the same bits; it ends after a bounded number of steps.
+//! Promises: the sum never increases; the same input gives the same bits; it ends after a bounded number of steps.
 //! Never: a choice of columns or weights.
 
 use crate::campaign::Campaign;

@@ -1,7 +1,7 @@
-//! How the tool moves when one thing in the arm changes a little: contributions of effects carried through the bent chain.
+//! Derivatives of the tool pose by contributions of effects, on the deviated chain.
 //!
-//! Promises: the derivative is taken on the real chain, at the deviation that it has, so that directions in which nothing can
-//! be seen stay exactly without an image; agrees with central differences (property tests).
+//! Promises: the derivative is taken on the real chain, at its present deviation, so that unobservable directions
+//! have exactly zero derivative; agrees with central differences (property tests).
 //! Never: a parameter's name or unit.
 //!
 //! A deviation is the exponential of a twist ξ; a change dξ of it moves what it carries by `J(ξ) dξ`, with the left Jacobian

@@ -1,8 +1,8 @@
-//! How the tool moves with each free number of a hypothesis, pose by pose.
+//! Jacobian of the tool pose by the free parameters of a hypothesis, for each pose.
 //!
-//! What changes the loads moves the tool through all that gives way: the arm is bent twice, a little less and a little more loaded.
+//! Parameters of the loads act through all compliances: the arm is evaluated twice, with slightly smaller and larger loads.
 //!
-//! Promises: agrees with central differences of the whole model (property tests); one load on a joint tells how the tool moves under any.
+//! Promises: agrees with central differences of the whole model (property tests); one evaluation per loaded joint suffices.
 //! Never: a delay, a lag, a mode; see [`crate::rides`].
 
 use crate::hypothesis::{Hypothesis, much, named};

@@ -1,13 +1,13 @@
-//! How the instrument's frame wanders, by targets that sit on the base: each row's readings are brought to one frame.
+//! Drift of the instrument, measured by reference targets on the base: the readings of each row are transformed to one frame.
 //!
-//! A tracker on its stand moves by hundredths of a millimetre over hours, as much as a good model leaves. Three nests beside the robot, measured along, tell by
-//! how much; the motion of each row is the rigid one that takes them to where they stood in the mean. Nests are noisy too: as many rows are averaged as make the
-//! expected error least (Mallows, Some comments on Cp, Technometrics 15, 1973), the noise told by what the rigid motions leave.
+//! A tracker on its stand moves by hundredths of a millimetre over hours, as much as the error of a good model. Three reference targets beside the robot measure
+//! this; the correction of each row is the rigid motion to their mean positions. Their readings are noisy too: the number of rows to average minimises the
+//! expected error (Mallows, Some comments on Cp, Technometrics 15, 1973), with the noise estimated from the residuals of the rigid motions.
 //!
-//! A base that tilts under load moves the same nests: then the readings are those seen from the base, which is what a model of the arm speaks of.
+//! A base that tilts under load moves the same targets: the corrected readings are then relative to the base, as required for a model of the arm.
 //!
-//! Promises: rows in which the nests' distances from each other are off (a nest mistaken for another, a beam broken) say nothing, their neighbours do; nests that
-//! cannot lay a frame leave it as it was, and that is said. Never: a look at the tool.
+//! Promises: rows with inconsistent distances between the reference targets (confused targets, interrupted beam) use their neighbours; if the targets
+//! do not define a frame, nothing is corrected, and this is reported. Never: use of readings of the tool.
 
 use crate::rigid::{left_over, rigid};
 use glam::DVec3;

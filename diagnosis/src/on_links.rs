@@ -1,7 +1,7 @@
-//! Targets that sit on the base or on a link instead of the tool: how the base tilts (thesis 3.6), and joint stiffness one joint after the other (3.13).
+//! Targets on the base or on a link instead of the tool: tilt of the base (thesis 3.6), and joint stiffness one by one (3.13).
 //!
-//! Promises: such points take no part in the fit of everything; they are brought to the base frame by where it found the instruments.
-//! Never: a target on the last link: it moves with the tool, and is a target of the tool.
+//! Promises: such points are not part of the overall fit; they are transformed to the base frame by its estimated instrument poses.
+//! Never: a target on the last link, which is a target of the tool.
 
 use crate::campaign::{Campaign, Reading};
 use crate::loaded::unloaded_twin;

@@ -1,14 +1,14 @@
-//! The thesis' models of single joints (3.7 to 3.18) as special cases of the contract's effects, and what sweeps say of their numbers.
+//! The thesis' models of single joints (3.7 to 3.18) as special cases of the effects, and their parameters from sweeps.
 //!
 //! | thesis, as a deflection (actual minus commanded) | effects |
 //! | --- | --- |
 //! | joint 2: `A sin θ2 + B cos(θ2+θ3)` (3.7 to 3.10) | `gravity_sag`, upper arm and forearm |
 //! | joint 3: `B (cos(θ2+θ3) − 1)` (3.14 with joint 3's own reference) | `gravity_sag`, forearm; the `−1` is the zero of the sweep |
 //! | joint 4: `−B cos(θ2+θ3) sin θ4 sin θ5 + k θ4` (3.15, 3.16, signed) | `gravity_sag`, hand; `joint_ratio` |
-//! | joint 5: `B (cos(θ2+θ3) cos θ4 cos θ5 − sin(θ2+θ3) sin θ5) + k θ5` (3.17, 3.18 put right) | `gravity_sag`, hand; `joint_ratio` |
+//! | joint 5: `B (cos(θ2+θ3) cos θ4 cos θ5 − sin(θ2+θ3) sin θ5) + k θ5` (3.17, 3.18 corrected) | `gravity_sag`, hand; `joint_ratio` |
 //!
-//! Promises: what sweeps cannot tell is named, not guessed; each sweep has a zero of its own, so no offset comes out.
-//! Never: torque from masses: where these are known, `gravity_compliance` says the same with one number.
+//! Promises: parameters that sweeps do not determine are listed; each sweep has its own zero, so offsets are not estimated.
+//! Never: torques from masses: if these are known, `gravity_compliance` is equivalent with one parameter.
 
 use crate::hypothesis::{Belief, Free, Hypothesis};
 use crate::independent::sort;

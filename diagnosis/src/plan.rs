@@ -1,14 +1,14 @@
-//! Which poses to measure next, and what each would bring.
+//! Selection of measuring poses, and the contribution of each.
 //!
-//! Read in this order: [`Task`] (what is to be found, what measures it, what bars a pose), [`plan()`] (poses chosen for a [`Criterion`]),
+//! Read in this order: [`Task`] (parameters, instruments, constraints), [`plan()`] (poses chosen for a [`Criterion`]),
 //! [`next()`] (one pose, and whether it is enough), [`check`] (whether a model still holds after a collision).
 //!
-//! All of it looks at the information matrix `M = Σ AᵀA + prior`, `A` the whitened derivatives of a pose's readings by every number that a fit
-//! would find, each on the scale of its prior: the unknown measuring frame and targets are among them, so that what they take with them counts
-//! for nothing. Sources: Borm and Menq 1991 (O1), Fedorov 1972 (exchange), Klimchik et al. 2012, arXiv 1211.5739 (a zone's own error).
+//! Based on the information matrix `M = Σ AᵀA + prior`, `A` the whitened derivatives of a pose's readings by every fitted
+//! parameter, scaled by its prior: unknown measuring frame and targets are included, so that directions confounded with them
+//! do not count. Sources: Borm and Menq 1991 (O1), Fedorov 1972 (exchange), Klimchik et al. 2012, arXiv 1211.5739 (a zone's own error).
 //!
 //! Promises: the same task and seed give the same poses; every pose is inside the limits, seen, and free of what was described ([`reach`], [`sight`]).
-//! Never: a collision-free way between two poses, and never an effect that the hypothesis lacks.
+//! Never: a collision-free motion between poses, or effects missing in the hypothesis.
 
 mod bank;
 pub mod check;

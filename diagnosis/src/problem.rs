@@ -1,6 +1,6 @@
-//! The campaign against a hypothesis: every reading's residual and derivatives, reduced to a triangle.
+//! Residuals and derivatives of all readings of a campaign for a hypothesis, reduced to a triangular system.
 //!
-//! Columns are the surroundings' fitted numbers, then the hypothesis' free ones. Priors stand as rows beside the data.
+//! Columns are the fitted extrinsic parameters, then the free parameters of the hypothesis. Priors are additional rows.
 //!
 //! Promises: poses are visited in order, memory of effects follows them, so the sum is the same on any machine of one kind.
 //! Never: a step; see [`crate::minimise`].

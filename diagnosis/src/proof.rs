@@ -1,7 +1,7 @@
-//! The proof of a calibration: what the model is off by on poses that neither selection nor fit has seen.
+//! Validation of a calibration: errors on held-out poses.
 //!
-//! Promises: held-out poses take no part in anything but the figures; the same seed gives the same split.
-//! Never: a split by what a pose shows.
+//! Promises: held-out poses are used only for these errors; the same seed gives the same split.
+//! Never: a split that depends on readings.
 
 use crate::campaign::Campaign;
 use crate::fit::{Effort, Settings, fit};

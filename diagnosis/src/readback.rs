@@ -1,10 +1,10 @@
-//! Joint positions that were read back, against those that were commanded, and against where the tool was seen.
+//! Comparison of measured joint positions with the commanded ones and with the measured tool position.
 //!
-//! At settled poses both say the same to a few thousandths of a degree. A controller that is asked too early answers with positions short of
-//! the target: such positions make any calibration worse.
+//! At settled poses both agree to a few thousandths of a degree. A controller that is read too early returns positions before
+//! the target, which degrade any calibration.
 //!
-//! Promises: a judgement only on poses that are settled; what is said says which positions to use.
-//! Never: a recording changed.
+//! Promises: only for settled poses; messages state which positions to use.
+//! Never: a changed recording.
 
 use crate::campaign::Campaign;
 use crate::candidates::candidates;

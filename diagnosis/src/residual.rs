@@ -1,4 +1,4 @@
-//! What one reading differs by from what the model says, and how that changes: one rule per kind of reading.
+//! Residual of a reading and its derivatives: one rule per kind of reading.
 //!
 //! `residual = W (measured − predicted)`, W the whitening of its noise. Derivatives are those of the prediction, so that a step `dx` of the fit solves
 //! `J dx ≈ residual`.

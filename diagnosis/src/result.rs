@@ -1,9 +1,9 @@
-//! What a fit found: the numbers, how sure they are, what each reading is off by.
+//! Result of a fit: parameters, uncertainties, residuals.
 //!
-//! Covariance is `(JᵀWJ)⁻¹` with the priors, times the design effect where readings of one pose err together: the mean over the
-//! numbers of the variance that poses as clusters show against the one that independent readings would have (Liang and Zeger 1986).
+//! Covariance is `(JᵀWJ)⁻¹` with the priors, times the design effect for correlated readings of one pose: the mean over the
+//! parameters of the ratio of cluster-robust to independent variance (Liang and Zeger 1986).
 //!
-//! Promises: covariance is symmetric and not negative. Never: a word about effects that were not in the fit.
+//! Promises: covariance is symmetric and positive semidefinite. Never: statements on effects that were not in the fit.
 
 use crate::campaign::Campaign;
 use crate::hypothesis::{Belief, Hypothesis};

@@ -1,8 +1,8 @@
-//! Paths as the motors go them: what of a hypothesis delays, lags, rings and snaps, over the runs of a campaign.
+//! Dynamic effects of a hypothesis (delay, lag, modes, reversal spikes) over the paths of a campaign.
 //!
-//! Such effects add nothing to a single pose; they change what went in, and bend on top. Their derivatives are central differences of where the joints are.
+//! These effects do not act on single poses; they change the input positions and add deflections. Their derivatives are central differences of the joint positions.
 //!
-//! Promises: a model without such effects costs nothing here; settled poses stay as they are. Never: an error of a single pose.
+//! Promises: no cost without such effects; settled poses are unchanged. Never: an error of a single pose.
 
 use crate::campaign::Campaign;
 use crate::hypothesis::{Free, Hypothesis, much};

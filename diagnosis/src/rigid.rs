@@ -1,6 +1,6 @@
-//! The rigid motion that takes one cloud of points to another best (Horn 1987: the largest eigenvector of a symmetric 4 × 4 matrix).
+//! Best-fit rigid motion between two sets of points (Horn 1987: the largest eigenvector of a symmetric 4 × 4 matrix).
 //!
-//! Promises: always a proper rotation; a mirrored cloud shows by its residual, not by a reflection.
+//! Promises: always a proper rotation; mirrored points give a large residual, not a reflection.
 //! Never: weights or outliers.
 
 use glam::{DMat3, DQuat, DVec3};

@@ -1,11 +1,11 @@
-//! How much a reading may weigh, by how far it lies from the model.
+//! Robust weights of readings.
 //!
 //! The length of a whitened residual of `d` numbers is turned into a normal deviate (Wilson and Hilferty 1931). Up to the knee
-//! a reading weighs one, so that clean data are fitted by plain least squares; beyond it, in the first pass, its pull stays constant
-//! (Huber 1964); in the second it falls to nothing (a redescending influence, Hampel 1974).
-//! The scale is the median of those lengths, which half of the readings cannot spoil.
+//! a reading has weight one, so that clean data are fitted by least squares; beyond it, the influence is constant in the first pass
+//! (Huber 1964) and redescends to zero in the second (Hampel 1974).
+//! The scale is the median of those lengths, with a breakdown point of one half.
 //!
-//! Promises: weights between 0 and 1, one for clean readings. Never: a reading thrown out unseen: what weighs less than half is listed.
+//! Promises: weights between 0 and 1, one for clean readings. Readings with a weight below one half are listed.
 
 /// Deviate up to which a reading weighs one: one clean reading in a thousand lies beyond.
 const KNEE: f64 = 3.0;

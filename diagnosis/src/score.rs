@@ -1,7 +1,7 @@
-//! What a candidate would gain on top of a fit, without fitting it: the rows of the fit and the candidate's columns, linearised.
+//! Score test of candidates: improvement of a fit by a candidate, from linearised rows, without fitting it.
 //!
-//! With `R` the triangle of the fit, `A = JᵀC` and `Y = R⁻ᵀ A`: what is left of the columns is `S = CᵀC − YᵀY + priors`, of their pull
-//! `b = Cᵀr − Yᵀ(R⁻ᵀ Jᵀr)`; the numbers would be `S⁻¹ b` and the sum of squares would fall by `bᵀ S⁻¹ b`.
+//! With `R` the triangle of the fit, `A = JᵀC` and `Y = R⁻ᵀ A`: the projected columns are `S = CᵀC − YᵀY + priors`, their gradient
+//! `b = Cᵀr − Yᵀ(R⁻ᵀ Jᵀr)`; the parameters would be `S⁻¹ b`, and the sum of squares would decrease by `bᵀ S⁻¹ b`.
 //!
 //! Promises: one pass over the campaign for all candidates. Never: a decision; see [`mod@crate::select`].
 

@@ -1,10 +1,10 @@
-//! Which effects a robot has: geometry first, then one after the other what the data ask for.
+//! Selection of effects for calibration: geometry first, then forward selection.
 //!
-//! A candidate is worth its gain in log-likelihood less what its numbers cost: `gain/λ − k ln(n/λ) − 2 ln(rivals)`, the extended Bayesian
-//! information criterion (Schwarz 1978; Chen and Chen 2008), λ the design effect, since readings of one pose err together. In the
-//! end every effect has to be worth its numbers beside all others.
+//! The criterion of a candidate is its gain in log-likelihood minus the penalty of its parameters: `gain/λ − k ln(n/λ) − 2 ln(rivals)`, the extended Bayesian
+//! information criterion (Schwarz 1978; Chen and Chen 2008), λ the design effect, since errors of readings of one pose are correlated. At the
+//! end every effect must satisfy the criterion in the presence of all others.
 //!
-//! Promises: only what the poses that take part show; the same input gives the same choice. Never: a look at held-out poses, a name of a data set.
+//! Promises: only training poses are used; the same input gives the same selection. Never: use of held-out poses, special treatment of a data set.
 
 mod compliances;
 mod replace;

@@ -1,7 +1,7 @@
-//! What each effect of a model does to the tool, so that people see which of them matter.
+//! Size of each effect at the tool.
 //!
-//! Promises: each effect against the same model without it, at the campaign's own poses and with its memory followed.
-//! Never: a judgement; an effect that moves the tool much may still be told badly.
+//! Promises: each effect against the same model without it, at the poses of the campaign, including its memory.
+//! Never: a decision; a large effect can still be poorly determined.
 
 use crate::campaign::Campaign;
 use crate::hypothesis::Hypothesis;

@@ -1,7 +1,7 @@
-//! A campaign as a robot that is known would give it: the same poses and instruments, other readings.
+//! Simulation of a campaign for a known robot: same poses and instruments, simulated readings.
 //!
 //! Promises: noise is normal with the covariance that each reading states; the same seed gives the same bits.
-//! Never: an effect of its own; the model says all.
+//! Never: effects other than the model's.
 
 use crate::campaign::{Campaign, Place, Reading};
 use crate::problem::follow;

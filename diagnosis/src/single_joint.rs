@@ -1,10 +1,10 @@
-//! One joint at a time: the axis that it turns about (thesis 3.1 to 3.2.7). What it does wrong at equal steps is [`crate::joint_error`]'s.
+//! Single-joint analysis: the axis of rotation of a joint (thesis 3.1 to 3.2.7). Its errors at equal steps are in [`crate::joint_error`].
 //!
-//! While one joint sweeps, the joints before it sag by changing amounts and carry its axis along, which an axis taken from the raw
-//! tracks mistakes for a shift (thesis 3.2.4, 3.2.6). [`Sag`] says what of it is taken out by a model of gravity compliance, and [`JointAxis`] what
-//! that changed.
+//! While one joint sweeps, the gravity deflection of the preceding joints varies and moves its axis, which appears as a shift in an axis from raw
+//! tracks (thesis 3.2.4, 3.2.6). [`Sag`] contains the deflection removed by a gravity compliance model, and [`JointAxis`] the
+//! resulting change.
 //!
-//! Promises: without noise, and with the sag known, the axis is where the unloaded arm has it, to rounding. Never: a global fit: the axes before the
+//! Promises: without noise and with known deflection, the axis is that of the unloaded arm, to rounding. Never: a global fit: the axes before the
 //! one that moves are taken from the model that is passed in.
 
 use crate::circle::{Axis, CircleError, axis, smallest_turn};

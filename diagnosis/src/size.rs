@@ -1,4 +1,4 @@
-//! How large an effect is where it was measured: what it alone does to the readings of a recording.
+//! Size of an effect: change of the readings of a recording by this effect alone.
 
 /// Of single values: lengths in m, angles in rad, torques in N m, forces in N.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

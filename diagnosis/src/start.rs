@@ -1,7 +1,6 @@
-//! Where a fit of the surroundings starts: frames and targets by turns, fixed points, planes and spheres by linear least squares.
+//! Initial values of the extrinsic parameters: frames and targets by alternating least squares, fixed points, planes and spheres by linear least squares.
 //!
-//! Promises: good enough for the fit to find the way (centimetres, degrees), for any place of the instrument and any mounting of the targets.
-//! Never: the last word; [`crate::fit()`] has it.
+//! Promises: close enough for convergence of [`crate::fit()`] (centimetres, degrees), for any position of the instrument and any mounting of the targets.
 
 use crate::campaign::{Campaign, Place, Pose, Reading};
 use crate::rigid::{mean, rigid};

@@ -1,12 +1,12 @@
 //! Joint stiffness from known loads: one joint after the other (thesis 3.13), or all at once by least squares (thesis 1.1 to 1.7).
 //!
-//! All works on differences, loaded minus unloaded at the same command: geometry, sag and offsets cancel. One after the other, a link's turn is
-//! `angle_about` its joint, from what is left of a target's move once the joints before are taken out (3.13 divides outside its arccosine, and an
+//! Uses differences, loaded minus unloaded at the same command: geometry, gravity deflection and offsets cancel. One by one, the rotation of a link is
+//! `angle_about` its joint, from the displacement of a target after removing the preceding joints (3.13 divides outside its arccosine, and an
 //! arccosine loses small angles and the sign). All at once, `dx = J diag(JᵀW) c` is linear in the compliances `c`; each row is divided
-//! by its own noise, which makes metres and radians one.
+//! by its noise, which makes metres and radians comparable.
 //!
-//! Promises: compliances, not stiffnesses, are what the data give normal errors for: covariances are theirs. What the loads do not determine is named.
-//! Never: the stiffening of the load itself; [`crate::enhanced`] says where that may be left out.
+//! Promises: errors of compliances, not stiffnesses, are normal: covariances refer to them. Parameters that the loads do not determine are listed.
+//! Never: stiffening by the load itself; [`crate::enhanced`] shows where it is negligible.
 
 use crate::hypothesis::{Belief, Free, Hypothesis};
 use crate::independent::sort;

@@ -1,7 +1,7 @@
-//! What stands around the robot: measuring frames, targets on the tool, fixed points, planes and spheres; known or fitted.
+//! Extrinsic parameters: measuring frames, targets on the tool, fixed points, planes and spheres; known or fitted.
 //!
-//! Fitted numbers come before the effects' in every fit, in the order of the fields here: what an unknown measuring frame or an unknown
-//! target takes with it (docs/reference/effects.md, last section) is theirs, not the arm's.
+//! They precede the parameters of effects in every fit, in the order of the fields here: directions confounded with an unknown measuring frame or
+//! target (docs/reference/effects.md, last section) are assigned to these, not to the arm.
 //!
 //! Promises: a step of the fit keeps rotations orthonormal and normals of unit length.
 //! Never: a residual; see `residual.rs`.

@@ -1,10 +1,10 @@
-//! Sweeps of single joints found in a campaign, and what they say of each joint (thesis 3.1 to 3.2.7, 3.5, 3.7 to 3.18).
+//! Detection and analysis of single-joint sweeps in a campaign (thesis 3.1 to 3.2.7, 3.5, 3.7 to 3.18).
 //!
-//! A sweep is a run of poses in which one joint moves and all others stand. Its readings take part in the global fit as all others do; here they are
-//! looked at alone, joint by joint, which needs no global model and shows where one goes wrong.
+//! A sweep is a sequence of poses in which one joint moves and all others are at rest. Its readings are part of the global fit like all others; here they are
+//! analysed separately, joint by joint, which needs no global model and reveals its errors.
 //!
-//! Promises: what is taken out for sag is said with what it changed; a run that gives no axis is said with why.
-//! Never: a change to a fit. An axis found here and one of a global fit share no numbers, so either can judge the other.
+//! Promises: removed gravity deflection is reported with its effect; a sweep without an axis is reported with the reason.
+//! Never: a change of a fit. The axes estimated here and those of a global fit are independent, so that each can validate the other.
 
 use crate::campaign::{Campaign, Place, Pose, Reading};
 use crate::joint_error::JointErrors;

@@ -1,4 +1,4 @@
-//! How many threads a diagnosis uses. Results do not depend on it.
+//! Number of threads of a diagnosis. Results do not depend on it.
 
 use std::num::NonZeroUsize;
 

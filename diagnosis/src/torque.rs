@@ -1,10 +1,10 @@
-//! What the motors feel and the model does not know: a diagnosis of recorded torque.
+//! Diagnosis of recorded torques.
 //!
-//! Read in this order: `motion` (torque and motion in one band), `rigid` (what the masses ask for), `columns` and `library` (what may be missing), `case`
-//! (rows and sums), `selection` (which names), `refine`, `zone`, `prove`, `unknown`, `found`, `finish`.
+//! Read in this order: `motion` (torque and motion in one band), `rigid` (rigid-body torques), `columns` and `library` (candidates), `case`
+//! (rows and sums), `selection` (selected effects), `refine`, `zone`, `prove`, `unknown`, `found`, `finish`.
 //!
-//! Promises: the same input gives the same bits; held-out rows are seen by no selection and no fit. Never: a file, a name of a data set, the controller's own
-//! tracking error as physics.
+//! Promises: the same input gives the same bits; held-out rows are seen by no selection and no fit. Never: a file, special treatment of a data set, the controller's
+//! tracking error as a covariate.
 
 pub(crate) mod blocks;
 mod case;

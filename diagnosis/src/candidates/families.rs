@@ -1,6 +1,6 @@
-//! Which effects cannot stand beside one another, and which need one to work upon.
+//! Effects that exclude each other, and effects that require another one.
 //!
-//! Promises: a model of effects that these rules let stand together is one that loads. Never: a look at data.
+//! Promises: a model with effects allowed by these rules can be loaded. Never: use of data.
 
 use physics::{AnyEffect, Effect, Model};
 

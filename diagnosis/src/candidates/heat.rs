@@ -1,6 +1,6 @@
-//! What grows and what drifts with heat.
+//! Thermal candidates: growth and drift.
 //!
-//! Promises: by temperature where one was recorded, else as a warm-up of a few time constants. Never: a temperature that nobody read.
+//! Promises: as functions of temperature if recorded, otherwise as warm-up with a few time constants. Never: an assumed temperature.
 
 use super::List;
 

@@ -1,7 +1,7 @@
-//! Springs that carry an arm's weight, and what is left of a joint that no name explains.
+//! Counterbalance springs, and polynomials for the remaining error of a joint.
 //!
-//! Promises: a spring is offered where most of the weight hangs; a remainder is a description, asked for last.
-//! Never: more of a remainder than a few terms.
+//! Promises: a spring is a candidate at the joint with the largest gravity load; polynomials are descriptions and tried last.
+//! Never: polynomials of more than a few terms.
 
 use super::{Candidate, Make, Probe};
 use crate::campaign::Campaign;

@@ -1,7 +1,7 @@
-//! What delays, lags, rings and snaps, where the arm moves along paths.
+//! Dynamic candidates for paths: delay, lag, modes, reversal spikes.
 //!
-//! Promises: settled poses ask none of it; joint positions that were read back ask no servo lag (docs/reference/recording.md). Never: a frequency that samples
-//! cannot show.
+//! Promises: none for settled poses; no servo lag if the input is the measured joint position (docs/reference/recording.md). Never: a frequency above the
+//! sampling limit.
 
 use super::{Candidate, List, Make, Probe, slot};
 use crate::campaign::Campaign;

@@ -1,6 +1,6 @@
-//! Candidates that stand for something already: an effect that came of one and was fitted since, a change of what the model has.
+//! Candidates for existing effects: selected and fitted ones, and changes of the model's effects.
 //!
-//! Promises: columns at the numbers that the effect has now. Never: a new name.
+//! Promises: columns at the present parameters of the effect. Never: a new effect.
 
 use super::{Candidate, Make, Probe, loads, wave_candidate};
 use physics::{AnyEffect, Arm};

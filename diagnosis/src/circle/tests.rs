@@ -1,4 +1,4 @@
-//! Circles that are known, and how far noise moves what is found of them.
+//! Known circles, and the effect of noise on the estimates.
 
 use super::*;
 use proptest::prelude::*;

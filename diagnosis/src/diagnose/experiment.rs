@@ -1,10 +1,10 @@
-//! What to record next where names cannot be told apart: the motion or load of a [`menu`] under which they part most.
+//! Experiment design for indistinguishable hypotheses: the motion or load of a [`menu`] that discriminates them best.
 //!
-//! Every experiment of the menu is carried out in simulation by each of two names, at the numbers that the recording gives it; the other is then fitted to what
-//! would be seen, with the measuring frame, the targets and everything else that is free. What it cannot follow is the expected separation, half the sum of
-//! squares: the worse of both ways round counts (T-optimality, Atkinson and Fedorov 1975). What is known already from the recording counts for nothing.
+//! Every experiment of the menu is simulated with each of two hypotheses, at their estimated parameters; the other is then fitted to the
+//! simulated data, with the measuring frame, the targets and all other free parameters. The residual is the expected separation, half the sum of
+//! squares; the smaller of both directions counts (T-optimality, Atkinson and Fedorov 1975). Information of the present recording is not included.
 //!
-//! Promises: a sentence that a technician can carry out, with what is to be expected of it. Never: a claim which name is right.
+//! Promises: an instruction for a technician, with the expected separation. Never: a claim which hypothesis is right.
 
 mod menu;
 

@@ -1,6 +1,6 @@
-//! What a pose was like, in numbers from −1 to 1, by the words that the contract has for them: `q1`, `v1`, `direction_1`, `tau1`, `temp_C`, `t_s` …
+//! Covariates of a pose, scaled to −1 to 1, by their names in docs/reference/results.md: `q1`, `v1`, `direction_1`, `tau1`, `temp_C`, `t_s` …
 //!
-//! Promises: a word whose number never changes is left out. Never: what was measured of the tool.
+//! Promises: constant covariates are omitted. Never: measurements of the tool.
 
 use crate::campaign::Campaign;
 use crate::problem::follow;

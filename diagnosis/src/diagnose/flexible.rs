@@ -1,9 +1,9 @@
-//! A flexible law of many words, no more flexible than other stretches of the same run bear out.
+//! Flexible regression on many covariates, with complexity chosen by block cross-validation.
 //!
-//! Words join one after the other where that lowers the error of stretches that were left out of the fit (cross-validation by blocks; Burman, Chow and
-//! Nolan 1994): a law that swings through noise which remembers itself would take that memory away.
+//! Covariates are added one by one while this lowers the error on left-out blocks (Burman, Chow and
+//! Nolan 1994): a regression that fits autocorrelated noise would remove its autocorrelation.
 //!
-//! Promises: the same rows, the same law. Never: a word that helps only where it was fitted.
+//! Promises: deterministic. Never: a covariate that improves only the fitted rows.
 
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;

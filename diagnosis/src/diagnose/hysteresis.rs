@@ -1,9 +1,9 @@
-//! A search for play that builds up over a distance: the hysteresis that explains a joint best in the stead of all that is named there.
+//! Search for hysteresis: the one that best explains a joint in place of all effects selected there.
 //!
-//! A gap and a spike at each reversal look like hysteresis over a distance that none of the library's is near, and the better the instrument the less its
-//! neighbours say. So the best of them are fitted, and distances about the gap's own width among them.
+//! Backlash and a spike at each reversal resemble hysteresis with a distance far from those of the library, and with precise instruments neighbouring distances
+//! fit much worse. The best ones are therefore fitted, including distances about the width of the backlash.
 //!
-//! Promises: sums are compared with the weights and the noise of the fit that stands. Never: a decision; see `name`.
+//! Promises: compared with the weights and noise of the present fit. Never: a decision; see `selection`.
 
 use super::selection::{Search, Selected, Selection, without};
 use crate::candidates::{Candidate, List};

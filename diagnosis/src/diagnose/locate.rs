@@ -1,9 +1,9 @@
-//! Where model and recording differ: joint by joint, over what the arm was doing.
+//! Map of the differences between model and recording, by joint and covariate.
 //!
-//! In every cell (a joint, a word of the contract, a part of its range) the joint's own error is estimated from all readings there: how far that
-//! joint alone would have to be off, with its standard uncertainty. Cells are ranked by how far they stand above the noise.
+//! In every cell (a joint, a covariate, a part of its range) the error of the joint is estimated from all readings: the position error of that
+//! joint alone that explains them, with its standard uncertainty. Cells are ranked by significance.
 //!
-//! Promises: the model as given, frames and targets fitted; nothing is taken out. Never: a cause.
+//! Promises: for the given model, with fitted frames and targets. Never: a cause.
 
 use super::features::Word;
 use crate::campaign::{Campaign, Place, Reading};

@@ -1,7 +1,7 @@
-//! Recordings of any length, made ready to be diagnosed: only the rows that are looked at become poses.
+//! Subsampling of long recordings: only the selected rows become poses.
 //!
-//! Promises: the diagnosis is that of the campaign of all rows, to the bit; gross faults are looked for in rows spread
-//! evenly over all. Never: a reading changed.
+//! Promises: bit for bit the same diagnosis as with a campaign of all rows; gross errors are searched in evenly spread
+//! rows. Never: a changed reading.
 
 use super::thinning::{self, Rows, Stepwise};
 use super::{Diagnosis, diagnose, of_chosen, ready};

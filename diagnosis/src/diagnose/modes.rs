@@ -1,9 +1,9 @@
-//! A search for modes of unknown frequency: joints and base that ring.
+//! Search for flexible modes of joints and base with unknown frequency.
 //!
-//! Each joint's answer to its own acceleration and to the loads on it, at every frequency of a list, is a column; the best frequency is looked at closer.
-//! What a column gains comes from the same rows and the same whitening as any candidate's.
+//! The response of each joint to its own acceleration and load, at every frequency of a grid, is a column; the best frequency is refined.
+//! The improvement is computed from the same rows and whitening as for any candidate.
 //!
-//! Promises: frequencies that the samples show, of joints that are driven. Never: a decision; see `name`.
+//! Promises: frequencies below the sampling limit, of joints that move. Never: a decision; see `selection`.
 
 use super::jacobian_cache::JacobianCache;
 use crate::campaign::Campaign;

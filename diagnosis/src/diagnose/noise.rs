@@ -1,7 +1,7 @@
-//! The AR noise model of each instrument, estimated from what a flexible regression on the poses leaves, so that an effect that is still missing is not taken for noise.
+//! The AR noise model of each instrument, estimated from the residual of a flexible regression on the poses, so that a missing effect is not mistaken for noise.
 //!
 //! Each measured number is first fitted by smooth functions of positions, directions, speeds, loads, temperature and time; the autoregression is taken from the
-//! residual. Slow drifts, deflection and backlash are therefore no noise, nor is what stands far above a stated noise. Changes no reading.
+//! residual. Slow drifts, deflection and backlash are therefore not noise, nor are residuals far above a stated noise. Changes no reading.
 
 use super::features::Word;
 use super::flexible::{self, Taken};

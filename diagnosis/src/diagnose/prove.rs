@@ -1,6 +1,6 @@
 //! Validation and test: removes effects that the validation set does not support; computes errors on the test set.
 //!
-//! Frames and targets are estimated on training rows. Rows that are outliers to the final model count for no model. Changes no parameter.
+//! Frames and targets are estimated on training rows. Outliers of the final model are excluded for all models. Changes no parameter.
 
 use super::selection::{Selected, Selection, close_up, without};
 use crate::campaign::Campaign;

@@ -1,6 +1,6 @@
-//! Findings in words that a technician can act on.
+//! Findings as text for a technician.
 //!
-//! Promises: numbers with their unit; no word about what was not found. Never: a judgement.
+//! Promises: values with units; no statement about effects that were not found. Never: a decision.
 
 use crate::hypothesis::named;
 use physics::{AnyEffect, JointKind};

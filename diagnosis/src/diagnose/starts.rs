@@ -1,9 +1,9 @@
-//! Multistart for the stepwise selection, which ends where no single step helps: the best end of several starts is taken.
+//! Multistart for the stepwise selection, which ends in a local optimum: the best result of several starts is used.
 //!
-//! An arm that differs from its drawing in one effect is found from the empty selection; a real arm, with every axis a little off, from a selection of all of its
-//! geometry: from the empty one the first effect would be whatever mimics most of it at once.
+//! An arm with a single missing effect is found from the empty selection; a real arm, with small errors of every axis, from a selection of the complete
+//! geometry: from the empty one, the first effect would be the one that mimics most of these errors.
 //!
-//! Ends are compared by the criterion of the steps; among equal ends the earlier start is taken.
+//! Results are compared by the criterion of the steps; among equal results the earlier start is used.
 
 use super::selection::{Title, title};
 use super::stepwise::Stepwise;

@@ -1,6 +1,6 @@
-//! The terms of a smooth law: which words it may follow together, and the polynomials of these.
+//! Terms of a smooth regression: allowed combinations of covariates, and their polynomials.
 //!
-//! Promises: none is constant: what a law gives its size to has that already. Never: a fit.
+//! Promises: no constant term, which is already included elsewhere. Never: a fit.
 
 use super::features::Word;
 

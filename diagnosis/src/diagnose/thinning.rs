@@ -1,6 +1,6 @@
-//! Which of very many rows are looked at.
+//! Subsampling of rows.
 //!
-//! Promises: the same rows give the same selection, and it is said. Never: a reading changed.
+//! Promises: deterministic, and reported. Never: a changed reading.
 
 use crate::from_recording::Outline;
 use std::borrow::Cow;

@@ -4,7 +4,7 @@
 //! function with the best criterion is reported (an additive model with few terms, Hastie and Tibshirani 1990). The size of each selected effect, too, may vary with a
 //! covariate (a varying-coefficient model, Hastie and Tibshirani 1993): then it is not that effect.
 //!
-//! A function pays for its parameters and for the number of functions that were tried.
+//! The criterion includes penalties for the parameters and for the number of functions tried.
 
 use super::features::Word;
 use super::locate::moved;

@@ -1,6 +1,6 @@
-//! What this recording could not have shown, and why.
+//! Effects that this recording cannot show, with the reason.
 //!
-//! Promises: every effect of the contract that moves the tool is either asked or stands here. Never: a finding.
+//! Promises: every effect that moves the tool is either a candidate or listed here. Never: a finding.
 
 use super::features::Word;
 use crate::candidates::Candidate;

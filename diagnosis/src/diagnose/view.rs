@@ -1,6 +1,6 @@
-//! What a diagnosis has to show for itself: what each reading is off by before and after, over time, as a spectrum, and over what a finding follows.
+//! Data for the plots of a diagnosis: residuals before and after, over time, as a spectrum, and over the covariates of the findings.
 //!
-//! Promises: the numbers of the fits as they stand, nothing fitted anew. Never: a drawing.
+//! Promises: values of the existing fits, without new fits. Never: a drawing.
 
 use super::features::{Word, words};
 use super::{Diagnosis, Finding};

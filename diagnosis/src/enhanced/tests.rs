@@ -1,4 +1,4 @@
-//! Closed forms against differences, symmetry where physics has it and not where it has not, and the balance that the tangent stands for.
+//! Closed forms compared with finite differences, symmetry where expected, and the equilibrium of which they are the tangent.
 
 use super::*;
 use proptest::prelude::*;

@@ -1,10 +1,10 @@
-//! Forces against a told cut: where they differ from what the law of the teeth says, and which effect of cutter or sensor that is.
+//! Forces compared with the model of a stated cut: differences, and the effects of cutter or sensor that explain them.
 //!
-//! Read in this order: `law` (what a sensor would read), `rows` (which rows are compared), `ways` (into the work and out of it), `spindle` (where it stands), `gross` (whether it is this cut), `case` (slopes, noise), `names` (what may
-//! be missing), `sets` (which of them), `tone`, `found` (numbers and rivals), `laws`, `rest` (what no name explains), `finish` (the proof, the verdict), `view` (for the page).
+//! Read in this order: `law` (predicted sensor reading), `rows` (which rows are compared), `ways` (entry and exit), `spindle` (angle and speed), `gross` (gross errors), `case` (linearisation, noise), `names` (candidates), `sets` (selection),
+//! `tone`, `found` (parameters and alternatives), `laws`, `rest` (unmodelled structure), `finish` (test and verdict), `view` (for the page).
 //!
-//! Promises: the same input gives the same bits; held-out rows are seen by no selection and no fit; where the told cut does not say enough, why is said.
-//! Never: a file, a law of cutting that `physics` does not have.
+//! Promises: the same input gives the same bits; held-out rows are seen by no selection and no fit; if the statement of the cut is insufficient, the reason is given.
+//! Never: a file, a cutting law other than that of `physics`.
 
 mod case;
 mod finish;

@@ -1,7 +1,7 @@
-//! Tones of the cut, each beside what the air has there, and what makes it.
+//! Spectral lines of the cut compared with those in air, and their causes.
 //!
-//! Promises: a multiple of the spindle's speed, folded at the sampling rate or not, is forced; a tone that air has as well is not of the cut; what is
-//! left counts as self-excited only where it carries a good part of what swings in the cut. Never: a mode that was not heard.
+//! Promises: a harmonic of the spindle speed, aliased or not, is forced; a line that is also in air does not belong to the cut; other
+//! lines count as self-excited only if they carry a large part of the oscillation.
 
 use recording::series::{Channel, Recording};
 use spectrum::folded_hz;

@@ -1,9 +1,9 @@
-//! Air, entry, cut and exit, told apart by the signal itself: in the cut it stands elsewhere, or swings more, than where it is quiet.
+//! Air, entry, cut and exit, detected from the signal: in the cut its mean or amplitude differs from that at rest.
 //!
-//! Blocks of time have a level: how far their mean is from that of the quietest blocks, and how much they swing. Two groups of levels that stand well apart are air
-//! and cut (Otsu 1979, over logarithms); a cut's ends, up to where it first and last reaches most of its own middle level, are entry and exit.
+//! Blocks of time have a level: distance of the mean from that of the quietest blocks, and amplitude. Two well-separated groups of levels are air
+//! and cut (Otsu 1979, on logarithms); the ends of a cut, up to where it first and last reaches most of its median level, are entry and exit.
 //!
-//! Promises: where the levels do not fall into two groups nothing is told apart. Never: a threshold in newtons.
+//! Promises: without two separate groups, no phases are reported. Never: a threshold in newtons.
 
 use super::Finding;
 use super::signal::{Signal, median};

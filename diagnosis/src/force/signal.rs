@@ -1,7 +1,7 @@
-//! Channels of a recording as runs of even samples without holes.
+//! Channels of a recording as runs of evenly spaced samples without gaps.
 //!
-//! Promises: a channel that is empty or always the same takes no part, and that is said; a row that any other channel lacks ends a run.
-//! Never: a sample that was not taken.
+//! Promises: an empty or constant channel is excluded and reported; a missing sample in any other channel ends a run.
+//! Never: interpolated samples.
 
 use recording::series::{Channel, Recording};
 use std::ops::Range;

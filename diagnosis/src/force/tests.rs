@@ -1,4 +1,4 @@
-//! Made signals: air, a cut and air again, with a sensor that is off and tones of known cause.
+//! Synthetic signals: air, a cut and air again, with a sensor bias and lines of known cause.
 
 use recording::model::RobotModel;
 use recording::series::{Channel, Recording};

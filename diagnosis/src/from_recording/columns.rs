@@ -1,6 +1,6 @@
 //! The columns of a recording that make a campaign, looked up once instead of at every row.
 //!
-//! Promises: what a recording does not have is not a number. Never: a unit, a judgement.
+//! Promises: missing values are NaN. Never: a unit, a decision.
 
 use glam::DVec3;
 use recording::series::{Channel, Recording};

@@ -1,9 +1,9 @@
 //! Distances and touches of recordings as readings of a campaign.
 //!
-//! Anchors, planes and spheres stand in the base frame: those of one number are one thing in all recordings, known where any of these
-//! says so.
+//! Anchors, planes and spheres are in the base frame: a number denotes the same object in all recordings, known if any of these
+//! states it.
 //!
-//! Promises: what no recording says is fitted; two that contradict each other are refused. Never: a thing that nobody measured among the fitted.
+//! Promises: parameters that no recording states are fitted; contradictions are refused. Never: fitted objects without measurements.
 
 use super::Unusable;
 use crate::campaign::{Campaign, Instrument, Noise, Observation, Place, Reading};

@@ -1,6 +1,6 @@
-//! Recordings in outline: what it takes of every row to choose the few that are looked at, and a campaign of these alone.
+//! Outline of recordings: the data of every row needed to select the rows to use, and a campaign of the selected ones.
 //!
-//! A pose with what was seen takes a kilobyte, its outline some tens of bytes: of a million rows no more than the chosen are ever poses.
+//! A pose with its readings takes a kilobyte, its outline some tens of bytes: of a million rows only the selected ones become poses.
 //!
 //! Promises: the poses of a choice are those that the campaign of all rows has, to the bit. Never: a choice.
 

@@ -1,4 +1,4 @@
-//! Joint positions alone, of recordings of any length: a pose of each row would take twenty times as much.
+//! Joint positions alone, of recordings of any length: poses of all rows would take twenty times as much memory.
 
 use super::{Reader, Unusable};
 use physics::{Arm, Joints};

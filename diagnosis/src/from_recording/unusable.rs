@@ -1,4 +1,4 @@
-//! Why a recording makes no campaign.
+//! Reasons why a recording cannot be used as a campaign.
 
 /// A recording that cannot be used in a campaign.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

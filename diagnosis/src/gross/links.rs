@@ -1,8 +1,8 @@
-//! Joint positions on the link side that are not of the joint whose name they bear.
+//! Link-side joint positions assigned to the wrong joint.
 //!
-//! A gear is off by milliradians; another joint, unit or sign by degrees. A constant offset is no fault: encoders have zeros of their own.
+//! Errors of a gear are milliradians; another joint, unit or sign gives degrees. A constant offset is not an error, because encoders have their own zeros.
 //!
-//! Promises: a sound recording raises no suspicion. Never: a tool looked at.
+//! Promises: a valid recording raises no suspicion. Never: use of tool measurements.
 
 use super::{HOPELESS, REMEDY, Suspicion, median};
 use crate::campaign::{Campaign, Reading};

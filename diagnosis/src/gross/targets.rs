@@ -1,6 +1,6 @@
-//! Each target by itself: columns of one reflector that are swapped, mirrored or of another unit while those of the others are right.
+//! Gross errors of single targets: swapped, mirrored or wrongly scaled columns of one reflector while the others are correct.
 //!
-//! Promises: a recording with one target, or none, has no remedies here: those of all points are in the parent. Never: a target that is about right changed.
+//! Promises: none for recordings with fewer than two targets: errors of all points are handled in the parent. Never: a change of an approximately correct target.
 
 use super::{GROSS, LEAST_M, median, reach};
 use crate::campaign::{Campaign, Place, Reading};

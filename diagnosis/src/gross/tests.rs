@@ -1,4 +1,4 @@
-//! The thesis' robot, measured, with one thing grossly wrong at a time.
+//! The robot of the thesis, with one gross error at a time.
 
 use super::*;
 use crate::made::{measured, nominal};

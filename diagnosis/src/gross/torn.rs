@@ -1,6 +1,6 @@
-//! Recordings of which a part is sound and a part is not: a joint's column that froze, readings of something else.
+//! Partially invalid recordings: a frozen joint column, readings of another object.
 //!
-//! Promises: a joint that only rests raises no suspicion: the tool has to be off by much more from there on. Never: a part left out by itself.
+//! Promises: a joint at rest raises no suspicion: the tool error must also increase strongly from there on. Never: automatic exclusion of a part.
 
 use super::{HOPELESS, OWN_M, Suspicion, reach, thinned};
 use crate::campaign::Campaign;

@@ -1,4 +1,4 @@
-//! A tracker that wanders while it looks at a tool and at three nests on the base.
+//! A drifting tracker that measures a tool and three reference targets on the base.
 
 use super::*;
 use physics::frame::rotation_from_vector;

@@ -1,4 +1,4 @@
-//! The thesis' formulas, with its slips put right, against the effects that stand for them; its figures, recovered from sweeps.
+//! The formulas of the thesis (corrected) compared with the corresponding effects; its parameters, recovered from sweeps.
 
 use super::*;
 use crate::joint_error::JointErrors;

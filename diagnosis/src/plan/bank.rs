@@ -1,6 +1,6 @@
-//! The derivatives of what each candidate pose would show, scaled, over the numbers that can be found at all.
+//! Scaled derivatives of the readings of each candidate pose by the identifiable parameters.
 //!
-//! Promises: columns are those that a fit of all candidates and all measurements would determine, the surroundings' first.
+//! Promises: columns are those that a fit of all candidates and all measurements would determine, extrinsic parameters first.
 //! Never: a choice.
 
 use super::task::{Candidate, Task, campaign};

@@ -1,13 +1,13 @@
-//! Whether a model still holds: few poses in which damage would show, and the judgement on what was measured there.
+//! Check whether a model still holds: few poses that reveal damage, and the test of the measurements there.
 //!
-//! Damage is a joint's offset, a tilt of its axis, or a tool that was shifted or turned. It is told from what may change anyway: a measuring frame and targets
-//! that are to be found, and the model's numbers within their stated uncertainty (their correlations are not stated, so this is taken too wide rather than too
-//! narrow). Each damage is a likelihood ratio test: what it takes off the sum of squares is χ² under a sound robot, noncentral χ² under a damaged one (Kay,
-//! Fundamentals of Statistical Signal Processing II, 6.5 and 7.6), all of them together by Bonferroni; a test of the whole sum stands beside them, for what none of
-//! them is. Its other side is tested with all that may change fitted freely: a sum far too small raises no alarm, but is reported, for damage hides below noise
-//! that is overstated.
+//! Damage is a joint's offset, a tilt of its axis, or a shifted or rotated tool. Nuisance parameters are an unknown measuring frame and targets,
+//! and the model's parameters within their stated uncertainty (correlations are not stated, so this is conservative).
+//! Each damage is tested by a likelihood ratio: the reduction of the sum of squares is χ² for an undamaged robot, noncentral χ² for a damaged one (Kay,
+//! Fundamentals of Statistical Signal Processing II, 6.5 and 7.6), combined by Bonferroni correction; a test of the whole sum detects other damage.
+//! The lower tail of the sum is tested with all nuisance parameters fitted freely: a sum far too small raises no alarm, but is reported, since overstated noise
+//! can mask damage.
 //!
-//! Promises: a sound robot alarms as rarely as was asked, in the model's form and with the noise that is stated. Never: a damage named that the
+//! Promises: the requested false-alarm rate for an undamaged robot, if the form of the model and the stated noise are right. Never: a reported damage that the
 //! poses cannot show.
 
 mod evidence;

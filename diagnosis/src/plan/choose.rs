@@ -1,9 +1,9 @@
-//! The choice: one pose after the other, then exchanged as long as that gains.
+//! Selection of poses: greedy start, then exchanges while they improve the criterion.
 //!
-//! Greedy start and exchange (Fedorov 1972; Mitchell's DETMAX 1974). A pose's worth follows from the covariance by small determinants:
+//! Greedy start and exchange (Fedorov 1972; Mitchell's DETMAX 1974). The contribution of a pose follows from small determinants:
 //! `det(M + AᵀA) = det M · det(I + A M⁻¹ Aᵀ)`.
 //!
-//! Promises: an exchange never lowers the criterion; no candidate is taken twice. Never: a look at what was measured beyond the information it gave.
+//! Promises: an exchange never lowers the criterion; no candidate is taken twice. Never: use of measured values, other than their information.
 
 use super::bank::Bank;
 use nalgebra::{DMatrix, DVector};

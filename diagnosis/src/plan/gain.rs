@@ -1,6 +1,6 @@
-//! What each pose brings, one after the other: numbers that become surer, and how far the tool's expected error falls.
+//! Contribution of each pose in sequence: reduced uncertainty of parameters and of the tool position.
 //!
-//! Promises: the last pose's figures are those of a fit of all of them, its form taken as right. Never: a word on what the hypothesis lacks.
+//! Promises: the values of the last pose are those of a fit of all of them, assuming the right form of the model.
 
 use super::bank::{Bank, state};
 use super::choose::{inverse, log_det};

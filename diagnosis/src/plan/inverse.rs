@@ -1,8 +1,8 @@
-//! Joint positions for what is wanted of the tool: a surface under its tip, a place and a direction in a zone.
+//! Inverse kinematics for the plan: tip on a surface, position and direction in a zone.
 //!
 //! Damped least squares (Wampler 1986; Nakamura and Hanafusa 1986) on the controller's own geometry.
 //!
-//! Promises: what is returned meets what was asked to a micrometre. Never: joint limits; whoever asks holds the answer against them.
+//! Promises: results are accurate to a micrometre. Never: joint limits; the caller checks them.
 
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};

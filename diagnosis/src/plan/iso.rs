@@ -3,7 +3,7 @@
 //! Source: ISO 9283:1998, 6.8: P1 in the middle of a cube's diagonal plane, P2 to P5 on the plane's diagonals, a tenth of a diagonal from their ends; edges
 //! parallel to the base; one orientation of the tool.
 //!
-//! Promises: all five are where the arm may stand, the wrist turned alike. Never: the standard's load, speed or temperature; whoever tests sees to them.
+//! Promises: all five are reachable, with the same orientation of the wrist. Never: the standard's load, speed or temperature; these are the user's responsibility.
 
 use super::inverse::placed;
 use super::reach::Reach;

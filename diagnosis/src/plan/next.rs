@@ -1,6 +1,6 @@
-//! The one pose to measure next, and whether it is worth it.
+//! The next pose to measure, and the stopping rule.
 //!
-//! Promises: "enough" is said of the tool's expected error alone, by what ten more poses would take off it. Never: of errors that the model's form leaves.
+//! Promises: "enough" refers only to the expected tool error and its reduction by ten more poses. Never: to errors of the model's form.
 
 use super::bank::Bank;
 use super::choose::{Criterion, Design, choose};

@@ -1,7 +1,7 @@
-//! In which order poses are visited: the nearest next, then turned round wherever that shortens the way.
+//! Order of the poses: nearest neighbour, then improved by 2-opt.
 //!
-//! 2-opt (Croes 1958) on the time that the slowest joint takes. Promises: an order of all of them, no longer than the nearest-first one.
-//! Never: a look at what is in the way.
+//! 2-opt (Croes 1958) on the time that the slowest joint takes. Promises: a permutation, no longer than the nearest-neighbour one.
+//! Never: a collision check.
 
 use super::reach::Reach;
 use physics::{Arm, Joint, Joints};

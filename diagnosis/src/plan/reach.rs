@@ -1,10 +1,10 @@
-//! Where the arm may go: joint limits with a margin, links as capsules against base, floor, each other and keep-out boxes.
+//! Reachability: joint limits with a margin, links as capsules against base, floor, each other and keep-out boxes.
 //!
 //! A link is the straight line between two neighbouring joints' points with a radius about it; the base is such a line along the first joint's axis.
 //! Distances between lines: Ericson, Real-Time Collision Detection (2005), 5.1.9.
 //!
-//! Promises: a pose that is let through keeps these capsules apart from what was described.
-//! Never: what was not described (fixtures, cables, the spindle's body), and never the way between two poses.
+//! Promises: in an accepted pose these capsules are clear of everything described.
+//! Never: undescribed objects (fixtures, cables, the body of the spindle), or motions between poses.
 
 use glam::DVec3;
 use physics::{Arm, Chain, JointKind, Joints};

@@ -1,6 +1,6 @@
-//! Whether an instrument sees a target: range, the reflector's acceptance, and the arm in the way.
+//! Visibility of a target: range, acceptance angle of the reflector, and occlusion by the arm.
 //!
-//! Promises: a target counts as seen only where the straight line from the instrument to it keeps clear of the links' capsules.
+//! Promises: a target counts as visible only if the straight line from the instrument to it keeps clear of the links' capsules.
 //! Never: fixtures, people, or the tool's own body, which are not described.
 
 use super::reach::{Line, links};

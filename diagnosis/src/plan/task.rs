@@ -1,6 +1,6 @@
-//! What is to be found, what measures it, and what bars a pose; poses drawn by chance that pass.
+//! The task of a plan: parameters, instruments, constraints; random poses that satisfy the constraints.
 //!
-//! Promises: what is drawn passes every constraint; the same generator gives the same poses. Never: a choice between poses.
+//! Promises: random poses satisfy every constraint; the same generator gives the same poses. Never: a choice between poses.
 
 use super::NoPlan;
 use super::inverse::onto;

@@ -1,4 +1,4 @@
-//! Plans against simulated campaigns: what is chosen passes, beats chance, and says what the fit then finds.
+//! Plans compared with simulated campaigns: selected poses are valid, better than random ones, and predict the uncertainty of the fit.
 
 use super::*;
 use crate::campaign::Noise;

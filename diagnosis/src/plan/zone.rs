@@ -1,7 +1,7 @@
-//! Where the tool's error counts: a box that is milled in, with the tool's directions there.
+//! The zone in which the tool error is minimised: a box with the directions of the tool.
 //!
-//! Promises: joint positions that put the TCP into the box with its z axis along one of the directions, where the arm may stand. Never: a
-//! guess where the box cannot be reached.
+//! Promises: joint positions that put the TCP into the box with its z axis along one of the directions, if reachable. Never: a
+//! guess if the box cannot be reached.
 
 use super::inverse::pointing;
 use super::reach::Reach;

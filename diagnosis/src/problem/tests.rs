@@ -1,4 +1,4 @@
-//! Derivatives against central differences, for every kind of reading, every number of the surroundings and every effect that moves the tool.
+//! Derivatives against central differences, for every kind of reading, every extrinsic parameter and every effect that moves the tool.
 
 use super::*;
 use crate::campaign::{Instrument, Noise, Observation, Place, Pose, Reading};

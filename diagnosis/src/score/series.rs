@@ -1,6 +1,6 @@
-//! How the tool moves with one number, pose by pose, in as little room as its readings need: a library's columns are most of what a diagnosis keeps.
+//! Compact storage of the derivative of the tool pose by one parameter: the columns of the library use most of the memory of a diagnosis.
 //!
-//! Promises: at a reading the same bits as the motions that were put in. Never: how joints move where no reading is of a joint.
+//! Promises: at readings the same bits as the original derivatives. Never: joint derivatives without joint readings.
 
 use crate::campaign::{Campaign, Reading};
 use crate::motion::Motion;

@@ -1,6 +1,6 @@
-//! The sums that tell what groups of columns would gain on top of a fit.
+//! Sums for the score test of groups of columns.
 //!
-//! Promises: columns of one group are told from each other; groups are not. Never: a look at the arm.
+//! Promises: joint test of the columns of a group, separate tests of groups. Never: evaluation of the arm.
 
 use super::{ROWS, Score, turned};
 use crate::triangle::{Triangle, dot};

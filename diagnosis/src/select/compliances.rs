@@ -1,7 +1,7 @@
-//! The compliances of all drives under weight, which join together where no wrench shows each by itself: one alone takes the others' part, and the geometry's.
+//! The gravity compliances of all drives as one candidate, if no wrench separates them: a single one would absorb the others and part of the geometry.
 //!
-//! Promises: they join where they are worth more than the best single effect; each keeps a prior of the drives' tolerance, so that small ones need no proof of
-//! their own. Never: a compliance beside an effect of the model that stands for the same.
+//! Promises: they are added if they improve the criterion more than the best single effect; each keeps a prior of the drives' tolerance, so that small ones need no
+//! separate test. Never: a compliance in addition to an equivalent effect of the model.
 
 use super::{Chosen, Selecting, put};
 use crate::candidates::{Candidate, loaded_compliances};

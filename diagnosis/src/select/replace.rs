@@ -1,9 +1,9 @@
-//! Several effects that stand in for one: what changes the weight alone hides behind compliances and waves.
+//! Replacement of several selected effects by one: an error of the weight can be absorbed by compliances and waves.
 //!
-//! Effects join one by one, so one that shows only through others, once these are there, comes too late where something else took its part before.
-//! Here a spring, then a mass, is tried in the place of what it may hide behind.
+//! In forward selection, an effect that acts only through others is tested too late if other effects have already absorbed it.
+//! Here a spring, then a mass, is tried in place of the effects that can absorb it.
 //!
-//! Promises: what is put in is worth more, by the same criterion as everything else, than what it replaces. Never: an effect that the model states gone.
+//! Promises: the replacement improves the same criterion. Never: removal of an effect of the model.
 
 use super::{Chosen, Pick, Selecting, is_sound, joined};
 use crate::candidates::Candidate;

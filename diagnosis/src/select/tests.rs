@@ -1,4 +1,4 @@
-//! Robots that have one effect more than all others, and the same robots without it: what the selection says of them.
+//! Selection for robots with and without one additional effect.
 
 use super::*;
 use crate::made::{empty, nominal};

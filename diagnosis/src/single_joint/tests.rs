@@ -1,4 +1,4 @@
-//! Sweeps of a simulated arm: axes with and without the sag of the joints before, and joint errors that are known.
+//! Sweeps of a simulated arm: axes with and without gravity deflection of the preceding joints, and known joint errors.
 
 use super::*;
 use physics::frame::{rotation_about, rotation_from_vector};

@@ -1,4 +1,4 @@
-//! The thesis' stiffness, recovered from loads on a simulated arm, and as sure as it is said to be.
+//! The thesis' stiffness, recovered from loads on a simulated arm, with correct uncertainty.
 
 use super::*;
 use physics::{Inputs, Memories, Model};

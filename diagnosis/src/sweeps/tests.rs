@@ -1,4 +1,4 @@
-//! Sweeps of a robot whose axes, gap and compliance are known.
+//! Sweeps of a robot with known axes, backlash and compliance.
 
 use super::*;
 use crate::made::{empty, nominal};

@@ -1,7 +1,7 @@
-//! Motions and loads that a robot can be asked for: each joint alone, reversals under gravity one way and the other, the same poses with and without a load,
+//! Motions and loads for experiments: each joint alone, reversals under gravity one way and the other, the same poses with and without a load,
 //! stretched and folded, slow and fast, cold and warm.
 //!
-//! Promises: inside the joint limits and speeds of the arm; the same arm gives the same menu. Never: a look at what stands around the robot.
+//! Promises: inside the joint limits and speeds of the arm; the same arm gives the same menu. Never: a check for obstacles.
 
 use glam::DVec3;
 use physics::{Arm, Chain, Joint, JointKind, Joints};

@@ -1,4 +1,4 @@
-//! The menu's promises.
+//! Guarantees of the menu.
 
 use super::*;
 use crate::made::nominal;

@@ -1,9 +1,9 @@
-//! What is wrong with a measured channel: it stands still or is cut off while the arm moves, is held over several rows, or comes in coarse steps.
+//! Faults of a measured channel: frozen or saturated while the arm moves, held over several rows, or coarsely quantised.
 //!
-//! A value that repeats is no fault by itself: the arm may rest, or move across the channel. It is one where the nominal arm says that the channel should
-//! have changed by much more than it is off elsewhere.
+//! A repeated value alone is not a fault: the arm can be at rest, or move perpendicular to the channel. It is a fault if the channel should have changed, by the nominal
+//! model, by much more than its usual deviation.
 //!
-//! Promises: rows that are taken out become missing readings of their whole channel, nothing else changes. Never: a word about a resting arm.
+//! Promises: excluded rows become missing readings of the whole channel, nothing else changes. Never: a fault while the arm is at rest.
 
 use std::ops::Range;
 

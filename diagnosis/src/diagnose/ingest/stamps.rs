@@ -1,6 +1,6 @@
-//! Stamps of time: gaps, and steps that are not even.
+//! Time stamps: gaps and uneven steps.
 //!
-//! Promises: settled poses, whose times mean little, are not spoken of. Never: a row moved.
+//! Promises: no remarks on settled poses, whose times are irrelevant. Never: a changed row.
 
 use recording::series::{Kind, Recording};
 

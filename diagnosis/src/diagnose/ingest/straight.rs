@@ -1,7 +1,7 @@
-//! What a channel should have shown: in whatever frame a point was measured, each of its numbers is a straight function of where the nominal arm has
-//! its tool (and, for a reflector, of how the tool is turned); a joint on the link side of the joint that was commanded.
+//! Expected values of a channel: in any measuring frame, each coordinate of a point is a linear function of the nominal tool
+//! position (and, for a reflector, of the tool's orientation); a link-side joint position is one of the commanded joint.
 //!
-//! Promises: the same rows give the same line. Never: physics beyond the nominal geometry.
+//! Promises: the same rows give the same regression. Never: physics beyond the nominal geometry.
 
 use nalgebra::{DMatrix, DVector};
 use physics::{Arm, Chain};

@@ -1,4 +1,4 @@
-//! A joint that swings, a tracker that sees it, one thing wrong at a time.
+//! An oscillating joint measured by a tracker, with one fault at a time.
 
 use super::*;
 use crate::made::nominal;

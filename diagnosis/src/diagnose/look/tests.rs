@@ -1,4 +1,4 @@
-//! Recordings that are thinned before their rows become poses, beside campaigns that are thinned after.
+//! Subsampling before the conversion to poses, compared with subsampling after it.
 
 use super::*;
 use crate::made::nominal;

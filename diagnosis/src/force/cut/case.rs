@@ -1,7 +1,7 @@
 //! The data of one comparison of forces with a cut: rows, the tooth model at the present parameters, its derivatives as columns, the noise.
 //!
 //! The model is linearised at the present parameters; solving gives the parameters themselves, at which it is linearised again. The drift of the amplifier, parameters with
-//! a stated uncertainty, and an uncertain angle and speed of the spindle are always fitted along. Selects nothing.
+//! a stated uncertainty, and an uncertain angle and speed of the spindle are always fitted too. Selects nothing.
 
 use glam::DVec3;
 use nalgebra::DMatrix;

@@ -1,4 +1,4 @@
-//! The result of a comparison of forces with a cut: effects with their parameters, what they bring on the test set, what remains, the verdict.
+//! The result of a comparison of forces with a cut: effects with their parameters, improvement on the test set, residual, verdict.
 //!
 //! The test set is read here for the first time; it can only remove an effect. Effects that cannot be distinguished are not claimed.
 

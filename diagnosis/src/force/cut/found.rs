@@ -1,6 +1,6 @@
-//! Parameters of what was found in a cut, with uncertainties, and the alternatives of each effect.
+//! Parameters of the selected effects of a cut, with uncertainties and alternatives.
 //!
-//! Alternatives are fitted by the nonlinear model: a scale that is a fifth off changes every other parameter. Keys and SI units are those of the contract.
+//! Alternatives are fitted by the nonlinear model: a scale error of a fifth changes every other parameter. Keys are those of docs/reference/effects.md, units SI.
 
 use glam::DVec2;
 use nalgebra::DMatrix;

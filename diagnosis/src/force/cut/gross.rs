@@ -1,8 +1,8 @@
-//! A first look: whether what was recorded as x, y and z is what the cut exerts along x, y and z.
+//! Gross errors: swapped channels or signs, or another scale.
 //!
-//! The told law, its tooth at every angle, is held against every arrangement of channels and signs, and against another size.
+//! The model of the cut, for every angle of the tooth, is compared with every permutation of channels and signs, and with another scale.
 //!
-//! Promises: channels in their places, whatever is missing in the law, are not doubted where the law explains them best as they are. Never: a finding.
+//! Promises: correct channels are not questioned if the model fits best without permutation, whatever effects are missing. Never: a finding.
 
 use std::f64::consts::TAU;
 

@@ -1,8 +1,8 @@
-//! What the sensor would read in each row, for any numbers of the cutter and of the sensor: the told law of the cut with numbers of effects on top.
+//! Predicted sensor reading of each row for given parameters of cutter and sensor: the model of the stated cut plus effects.
 //!
-//! Numbers are in SI and stand in one list ([`Slot`]); what the model states of the same effects is in already, so that 0 is the model as it is.
+//! Parameters are in SI and in one list ([`Slot`]), relative to the model, so that 0 is the model as given.
 //!
-//! Promises: rows are read by `physics::CutForce` alone. Never: a law of its own.
+//! Promises: forces are computed by `physics::CutForce` only.
 
 use glam::{DMat3, DVec3};
 use physics::{Bite, Contribution, CutForce, Cutter, ForceTerm, Wrench};

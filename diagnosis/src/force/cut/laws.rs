@@ -1,11 +1,11 @@
-//! What a force that no name explains may follow: a push on one axis, or the force of the cut, of its chips or of its edges, whose size changes with a word of the contract.
+//! Functions for unmodelled structure: a force on one axis, or the cutting, chip or edge force, whose size varies with a covariate.
 //!
-//! Each law is what it sizes times a line over the word, or times pieces of lines between knots (a model with varying coefficients: Hastie and Tibshirani 1993). It
-//! is fitted together with all that is fitted anyway, on all axes that it acts on: an amplifier that may drift else takes a part of a step for drift, and leaves time
-//! what follows the feed. Of laws that explain the same, the one of fewer numbers is worth more: with three feeds and three speeds a line over one of them is a
-//! law of it, while pieces over the other can be bent to pass through.
+//! Each is the force times a linear or piecewise linear function of the covariate (a varying-coefficient model: Hastie and Tibshirani 1993). It
+//! is fitted together with all nuisance parameters, on all axes concerned: otherwise the drift of the amplifier would absorb part of a step, and
+//! time would seem to explain what depends on the feed. Of equivalent functions the one with fewer parameters is preferred: with three feeds and three speeds, a linear function
+//! of one can be reproduced by a piecewise function of the other.
 //!
-//! A function pays for its parameters and for the number of functions tried; it is selected on the training set and kept if validation and test set support it.
+//! The criterion includes penalties for parameters and for the number of functions tried; it is selected on the training set and kept if validation and test set support it.
 
 use std::f64::consts::TAU;
 

@@ -1,8 +1,8 @@
-//! What may be missing in a cut and in the sensor that feels it: every name of the contract's table with the numbers that it may have.
+//! Candidates for cut and force sensor: every effect of the force domain with its parameters.
 //!
-//! A name has several forms: one direction, or all; a material that is harder in every direction alike; a sensor that reads too much on one axis, or on all.
+//! A candidate has several forms: one direction, or all; one factor for all directions; a sensor error on one axis, or on all.
 //!
-//! Promises: signs as the contract has them; a name that this recording cannot show is not asked for, and why is said. Never: a selection.
+//! Promises: signs as in docs/reference/effects.md; an effect that this recording cannot show is not a candidate, and the reason is given. Never: a selection.
 
 use physics::{AnyEffect, Model};
 

@@ -1,6 +1,6 @@
-//! Structure that no name of cutter or sensor explains, in the contract's words.
+//! Structure that no effect of cutter or sensor explains, and its covariates.
 //!
-//! Promises: a law is claimed where rows that took no part in its selection bear it out. Never: a formula.
+//! Promises: claimed only if confirmed by rows that were not used for its selection. Never: a formula.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;

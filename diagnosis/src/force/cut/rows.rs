@@ -1,7 +1,7 @@
-//! Which rows of a recording are compared with the law of its cut, and which of them are for what.
+//! Selection of rows for the comparison with the model of the cut, and data split.
 //!
-//! Promises: rows of which nothing is known of the spindle or the feed are in no run; air that the forces tell is air though the
-//! feed goes on; a row that stands at the border of engagement counts in nothing. Never: a selection.
+//! Promises: rows without spindle speed or feed are excluded; air is detected by the forces, even with feed;
+//! rows at the border of engagement are excluded. Never: a selection.
 
 use physics::Cutter;
 use recording::series::{Channel, Heldout, Recording};

@@ -1,4 +1,4 @@
-//! Cuts run forward by `world::milling` with one thing hidden, or two, or none; and recordings that are broken.
+//! Cuts simulated by `world::milling` with one, two or no hidden effects; and invalid recordings.
 
 mod unknown;
 

@@ -1,9 +1,9 @@
-//! The tone that stands out most in what is left and is no multiple of the spindle's speed.
+//! The strongest spectral line of the residual that is not a harmonic of the spindle speed.
 //!
-//! What is left while a tooth cuts (and, beside that, always) is laid on one grid of time since each segment began, all segments on top of one another: a tone of
-//! one phase adds up there, noise does not. A line is held against the middle of its neighbours, since noise has a colour.
+//! The residual while a tooth cuts (and, separately, at all times) is averaged over all segments on a common time grid since the start of the segment: a line of
+//! constant phase adds up, noise does not. A line is compared with the median of its neighbours, since the noise is coloured.
 //!
-//! Promises: a multiple of the spindle's speed, folded or not, is none. Never: a name; whether it stands in the cut alone is asked like any other question.
+//! Promises: harmonics of the spindle speed, aliased or not, are excluded. Never: a classification.
 
 use spectrum::folded_hz;
 use spectrum::welch::{Detrend, Segments, Taper, welch};

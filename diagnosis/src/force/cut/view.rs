@@ -1,6 +1,6 @@
-//! What the page and the report show of forces held against a cut, beside names and numbers: traces, notes, what could not have shown.
+//! Further data of a force comparison for page and report: traces, notes, effects that could not be tested.
 //!
-//! Promises: nothing here changes what is named. Never: a fit.
+//! Promises: no influence on the findings. Never: a fit.
 
 use recording::series::Recording;
 use std::f64::consts::TAU;

@@ -1,9 +1,9 @@
-//! Where the tool goes into the work or out of it, though speed and feed tell nothing of it: air that is fed through, and the way from there to the whole cut.
+//! Detection of entry and exit: air with feed, and the transition to the full cut.
 //!
-//! The forces of whole turns of the spindle, their means and how much they swing, are laid along the line from where a pass begins to where it cuts. A pass that
-//! begins in air is nothing, then a ramp, then a cut that may still grow (least squares over both ends of the ramp); a pass that ends in air is the same backwards.
+//! Means and amplitudes of the forces over whole spindle revolutions are projected on the direction from the start of a pass to the cut. A pass that
+//! begins in air is zero, then a ramp, then a cut that can still increase (least squares over both ends of the ramp); a pass that ends in air is the reverse.
 //!
-//! Promises: a pass that cuts from its first row has no way into the work; what is claimed stands far out of what turns scatter by. Never: a force of a law.
+//! Promises: a pass that cuts from its first row has no entry; only changes far above the scatter of revolutions are reported.
 
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;

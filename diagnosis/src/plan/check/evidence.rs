@@ -1,9 +1,9 @@
-//! Sums over whitened rows, and what they say of each damage once what may change anyway has taken its share.
+//! Sums over whitened rows, and the test statistics of each damage after projecting out the nuisance parameters.
 //!
-//! With `A` the columns of what may change (scaled by its prior), `D` those of a damage and `r` the residuals: `N = 1 + AᵀA`, `S = DᵀD − DᵀA N⁻¹ AᵀD`,
+//! With `A` the columns of the nuisance parameters (scaled by their priors), `D` those of a damage and `r` the residuals: `N = 1 + AᵀA`, `S = DᵀD − DᵀA N⁻¹ AᵀD`,
 //! `g = Dᵀr − DᵀA N⁻¹ Aᵀr`; the damage lowers the sum of squares by `gᵀ S⁻¹ g`.
 //!
-//! Promises: directions of a damage that the rows do not show take no part. Never: a decision.
+//! Promises: unobservable directions of a damage are excluded. Never: a decision.
 
 use super::super::choose::inverse;
 use crate::campaign::Campaign;

@@ -1,4 +1,4 @@
-//! Forces that no name has: called unknown, and what they follow told.
+//! Forces that no effect explains: reported as unknown structure with their covariates.
 
 use super::*;
 
