@@ -1,4 +1,4 @@
-//! A solver's answer, `trued.diagnosis/1`, as far as the score looks at it.
+//! A solver's answer, `trued.diagnosis/1`, as far as it is needed for the score.
 //!
 //! Promises: whatever text it is given, it says what it can use of it or that it is no answer; it never panics.
 //! Never: the truth.

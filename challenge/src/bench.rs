@@ -1,4 +1,4 @@
-//! How much of an effect shows, and whether another effect would show the same.
+//! Visibility of an effect, and whether another effect would have the same signature.
 //!
 //! Everything is linear here: effects as columns over the whitened values, with what is fitted anyway taken out (registration, unknown
 //! targets, the model's own numbers with their uncertainty as one more reading each). `z` is the length of what is left of an effect;

@@ -1,4 +1,4 @@
-//! An arm that is bent a little at known places: its forward kinematics in full, and its tangent.
+//! An arm with small deviations at known places: exact forward kinematics and tangent.
 //!
 //! Promises: a bend of zeros is the arm itself; the tangent is exact at the unbent arm. Never: why it bends.
 

@@ -1,4 +1,4 @@
-//! The rivals of a hidden effect: every name of the contract's library that this recording could be answered with, as columns.
+//! Alternatives to a hidden effect: every effect with which this recording could be explained, as columns.
 //!
 //! Promises: numbers that do not enter linearly stand on a grid, one form each. Never: names that need what was not recorded.
 

@@ -1,4 +1,4 @@
-//! One blind case: a robot, what its model knows of it, what is hidden, what is measured.
+//! One blind case: robot, its model, hidden effects, measurements.
 //!
 //! Promises: everything follows from it and its seed. Never: what the solver is told beyond the files.
 

@@ -1,4 +1,4 @@
-//! Chance by seed: xoshiro256++ (Blackman and Vigna, 2019), started by `SplitMix64`.
+//! Random numbers by seed: xoshiro256++ (Blackman and Vigna, 2019), initialised by `SplitMix64`.
 //!
 //! Promises: the same seed and stream give the same numbers. Never: the machine's own randomness.
 

@@ -1,4 +1,4 @@
-//! Cases by chance: a robot, a motion, an instrument, and what is hidden, sized so that it shows as the tier asks.
+//! Random cases: robot, motion, instrument and hidden effects, with a size that suits the tier.
 //!
 //! Promises: the same seed, index and tier give the same case; kinds take turns, so that rare ones are asked as often as common ones.
 //! Never: a draw that looks at a solver's answer.

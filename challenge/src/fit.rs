@@ -1,8 +1,8 @@
-//! Error on a recording that nobody saw, and the oracle: the true form's numbers and the model's own fitted by Gauss and Newton. Of any domain.
+//! Error on an unseen recording, and the oracle: parameters of the true form and of the model, fitted by Gauss-Newton. For all domains.
 //!
 //! What is fitted anyway is fitted on training rows alone, of a prediction as of the oracle.
 //!
-//! Promises: errors of one pair are over the same rows. Never: a look at an answer's name.
+//! Promises: errors of one pair are over the same rows. Never: use of an answer's name.
 
 use crate::law::{Effect, Law, Trial};
 use crate::linear::Span;

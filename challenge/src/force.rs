@@ -1,4 +1,4 @@
-//! Blind cases of what a cutter exerts: forces of milling and turning, with hidden edges, coefficients, wear, runout, chatter, and faults of the sensor.
+//! Blind cases of cutting forces: milling and turning, with hidden edge forces, coefficients, wear, runout, chatter, and faults of the sensor.
 //!
 //! Teeth are stepped in time. A chip is as thick as its edge stands beyond the path that the tooth before it really took, both on a tool that moves on while
 //! it turns; runout is an edge that stands elsewhere; wear is a share of the way. A sensor of its own reads it: turned, leaking, scaled, off, drifting,

@@ -1,4 +1,4 @@
-//! What every domain's hidden effects have in common: facts about a kind, an effect with its numbers, what a model knows, and the face of a case.
+//! Common parts of hidden effects of all domains: facts about a kind, an effect with its parameters, the model's knowledge, and the interface of a case.
 //!
 //! A domain gives its kinds ([`Law`]) and its cases ([`Trial`]); drawing, weighing, sealing and proving then know nothing else of it.
 //!

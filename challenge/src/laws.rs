@@ -1,4 +1,4 @@
-//! What each hidden effect does, by a law of its own: contacts, elastic-slip elements, two thermal nodes, series with sidebands.
+//! Laws of the hidden effects, formulated independently: contacts, elastic-slip elements, two thermal nodes, series with sidebands.
 //!
 //! Laws outside the contract's library, δθ of joint i, p another joint's position: `CableDrag` a v sin q; `VaryingDelay` −Δ v sin p;
 //! `SpeedCube` c v³; `CrossJoint` A sin 2p; `VaryingPlay` play whose gap follows sin q.

@@ -1,4 +1,4 @@
-//! The blind proof: cases that nobody tuned to, sealed before anyone answers, and the score of the answers.
+//! The blind test: sealed cases, and the score of the answers.
 //!
 //! The physics here is formulated otherwise than anywhere else in the house, and shares nothing with it: homogeneous transforms from
 //! Denavit–Hartenberg tables, play as a contact of two faces, hysteresis by springs that slip, warmth by two nodes, gear errors as series with

@@ -1,4 +1,4 @@
-//! Least squares by orthogonal columns: what a set of columns explains, and what it leaves.
+//! Least squares by orthogonal columns: explained part and residual.
 //!
 //! Promises: columns that say nothing new (to 1e-9 of their length) are left out. Never: a column's meaning.
 

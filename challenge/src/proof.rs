@@ -1,8 +1,8 @@
-//! What an answer is worth on a motion that nobody saw: error before, after, and of an oracle that knows the true form.
+//! Evaluation of an answer on an unseen motion: error before, after, and of an oracle that knows the true form.
 //!
 //! Registration is fitted on training rows alone; outliers are left out.
 //!
-//! Promises: the three errors are over the same rows. Never: a look at an answer's name.
+//! Promises: the three errors are over the same rows. Never: use of an answer's name.
 
 use crate::bench::registration;
 use crate::case::Case;

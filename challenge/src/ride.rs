@@ -1,4 +1,4 @@
-//! How the motors really move, and what pulls at the arm meanwhile.
+//! Actual motion of the motors, and the loads on the arm.
 //!
 //! Motion: a fine grid between the rows, late and lagging as the hidden effects say. Loads: forces on point masses, found
 //! from where the masses are: weight, and −m times the second difference of their places in time.

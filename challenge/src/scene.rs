@@ -1,4 +1,4 @@
-//! What a robot is asked to do in a case: a motion, loads, temperatures, process state, row by row.
+//! Inputs of a case row by row: motion, loads, temperatures, process state.
 //!
 //! Motions in time are sums of sines about a centre that swell from rest, known at any instant; poses are settled, each with the side
 //! from which every joint came.

@@ -1,6 +1,6 @@
 //! The score of answers against the truth (docs/diagnosis.md, "How success is counted", and the end of `effects.md`).
 //!
-//! A finding is right if it is a hidden effect (or its other name in one family); or a candidate that cannot be told apart from it, with the truth among
+//! A finding is right if it is a hidden effect (or its other name in one family); or a candidate that cannot be distinguished from it, with the truth among
 //! its alternatives. A case counts towards a bar where a hidden effect has z of at least 8 and an expected gain of at least 5 over every rival.
 //!
 //! Promises: an answer that is missing counts as wrong. Never: a case left out because it went badly.

@@ -1,4 +1,4 @@
-//! The seal: a hash that is told before, of a text that is opened after.
+//! Commitment: the hash of a text is published first, the text later.
 //!
 //! Promises: a text that was changed by one byte does not fit its hash. Never: secrecy; who wants that keeps the text elsewhere.
 

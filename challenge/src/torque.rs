@@ -1,4 +1,4 @@
-//! Blind cases of what motors feel: torques of one-axis rigs and of arms, with hidden friction, springs, ripple, gains, delays, masses.
+//! Blind cases of drive torques: one-axis rigs and arms, with hidden friction, springs, ripple, gains, delays, masses.
 //!
 //! The rigid body's share is the work of points: each of a link's points is carried a little forward and back along the motion, the second difference of
 //! its places is its acceleration, and a joint holds the moment of its force. Hysteresis is springs that slip; what is recorded late is the torque of

@@ -1,4 +1,4 @@
-//! What is hidden in a case of any domain, as it is sealed and opened.
+//! The hidden truth of a case of any domain, as sealed and published.
 //!
 //! Promises: numbers in the units of the contract's keys; of a revised effect the difference to what the model says. Never: an answer.
 

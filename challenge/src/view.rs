@@ -1,4 +1,4 @@
-//! What an instrument makes of a robot: points or joint angles, a frame of its own, noise with colour, a last digit, gaps, outliers.
+//! Simulated instruments: points or joint angles in a measuring frame, with coloured noise, quantisation, gaps, outliers.
 //!
 //! Promises: values stand row by row in one order; whitened values have unit variance and no memory. Never: an effect.
 

@@ -1,4 +1,4 @@
-//! What an effect shows against what other names would show: z, ρ, gains, and which of its numbers can be told.
+//! Signature of an effect compared with alternatives: z, ρ, gains, and its identifiable parameters.
 //!
 //! Everything is a column of whitened values here, of positions or of torques.
 //!

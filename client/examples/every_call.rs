@@ -2,7 +2,7 @@
 //!
 //! `cargo run -p trued-client --example every_call -- CELL [TARGETS]`
 //!
-//! The cell: six joints, `run --lockstep`, mode "full", force of 3 channels at 10 kHz with the vibration watch, a recorder.
+//! The cell: six joints, `run --lockstep`, mode "full", force of 3 channels at 10 kHz with the vibration monitor, a recorder.
 #![expect(clippy::print_stdout, reason = "the figures are what it is for")]
 
 use std::error::Error;

@@ -64,7 +64,7 @@ pub use shm_schema::{
 };
 pub use target::{Source, Target};
 
-/// This build's version, and the contract by which it understands a daemon, for people.
+/// This build's version, and the contract by which it understands a daemon, for users.
 #[must_use]
 pub fn contract() -> String {
     shm_schema::Contract::ours().to_string()

@@ -2,7 +2,7 @@
 //!
 //! `beside arm` tells the arm, and the poses that are gone through: joints (their number; each: axis, point, mass, centre), tool (TCP, mass, centre), gravity,
 //! poses (their number; each: its joints), SI. `beside correct` takes orders from standard input, one a line: `look` (TCP and gravity torques of each pose),
-//! `batch N` (time of one of N corrections, ns, and Newton steps of one). Never: a judgement.
+//! `batch N` (time of one of N corrections, ns, and Newton steps of one). Never: a decision.
 #![expect(
     clippy::expect_used,
     clippy::print_stdout,

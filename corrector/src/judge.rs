@@ -10,7 +10,7 @@ use physics::{Arm, JOINTS_MAX, Joints};
 /// A commanded joint target, as it came.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
-    /// Names the run of the sender; another one starts anew.
+    /// Identifies the run of the sender; the path history is reset when it changes.
     pub session: u64,
     /// Counts up within a session.
     pub seq: u64,
@@ -43,11 +43,11 @@ impl Command {
 /// How a command follows its forerunner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Follows {
-    /// The first of a session: memory of the path starts anew.
+    /// The first of a session: memory of the path is reset.
     Anew,
-    /// The commands' clock was set: it went on by more than really passed, or far back; memory of the path starts anew.
+    /// The commands' clock was set: it went on by more than really passed, or far back; memory of the path is reset.
     TimeJump,
-    /// A joint moved faster than it can; memory of the path starts anew.
+    /// A joint moved faster than it can; memory of the path is reset.
     CommandJump,
     /// By this many ns.
     After(u64),

@@ -94,13 +94,13 @@ pub enum Reason {
     ModelChanged,
     /// The correction comes in from zero.
     Starting,
-    /// The commands' time jumped; memory of the path starts anew.
+    /// The commands' time jumped; memory of the path is reset.
     TimeJump,
     /// Shadow mode.
     ShadowMode,
     /// The joint limits cut the correction.
     JointLimit,
-    /// The command moved faster than the joints' stated speeds allow; memory of the path starts anew.
+    /// The command moved faster than the joints' stated speeds allow; memory of the path is reset.
     CommandJump,
     /// A singular pose: the joints cannot move the tool the way that is needed.
     Singular,

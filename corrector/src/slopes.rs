@@ -22,7 +22,7 @@ pub(crate) const MARGIN: f64 = 10.0;
 const FIRST_DAMPING: f64 = 1e-8;
 const DAMPED_TRIES: u32 = 6;
 
-/// Where the arm stands in the midst of a solve.
+/// Where the arm is at rest in the midst of a solve.
 pub(crate) struct Here<'a> {
     pub(crate) arm: &'a Arm,
     pub(crate) seen: &'a Evaluation,
@@ -152,7 +152,7 @@ impl Slopes {
         widest(self.joints, Solve { slopes: self, error, damping }).is_some()
     }
 
-    /// The next step by the inverse of the slopes last seen, `last` being the size of the step since, put right by the geometry where the arm stands; whether
+    /// The next step by the inverse of the slopes last seen, `last` being the size of the step since, put right by the geometry where the arm is at rest; whether
     /// it is much smaller than that. Never where `last` was damped.
     pub(crate) fn again(&mut self, here: &Here<'_>, last: f64, error: &TaskError) -> bool {
         if last == f64::INFINITY {
@@ -256,7 +256,7 @@ impl Slopes {
         error.less(&products(lanes, &self.rates, step))
     }
 
-    /// What a step does to the task as the arm stands: what it did by the slopes last seen, and how much more the joints do by themselves here.
+    /// What a step does to the task as the arm is at rest: what it did by the slopes last seen, and how much more the joints do by themselves here.
     #[inline(always)]
     fn does_in<S: Lanes>(&self, lanes: S, here: &Here<'_>, step: &Joints) -> [f64; ROWS] {
         let Here { arm, seen, told, rows, .. } = here;
@@ -366,7 +366,7 @@ impl Work for Solve<'_> {
     }
 }
 
-/// A step on slopes that were inverted where the arm stood before, once more for what it leaves as the arm stands, and what then is left; the largest that
+/// A step on slopes that were inverted where the arm stood before, once more for what it leaves as the arm is at rest, and what then is left; the largest that
 /// another refinement would add.
 struct Refine<'a> {
     slopes: &'a mut Slopes,

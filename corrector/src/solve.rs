@@ -62,7 +62,7 @@ pub fn solve(
 }
 
 impl Solver {
-    /// Room for an evaluation of the arm that was solved for; the next solve begins anew there.
+    /// Room for an evaluation of the arm that was solved for; the next solve overwrites it.
     pub(crate) fn room(&mut self) -> &mut Evaluation {
         &mut self.seen
     }

@@ -16,7 +16,7 @@ use physics::{Inputs, Joints};
 const BENDS: f64 = 20.0;
 /// Time of a motion after which one is solved from the command again, s.
 const RENEWED_S: f64 = 0.256;
-/// The longest from one command to the next, s: what comes later begins anew.
+/// The longest from one command to the next, s: after a longer pause the warm start is reset.
 const PAUSE_S: f64 = 0.02;
 /// The correction times the curvature, below which there is one solution only near the command: Kantorovich's half.
 const UNIQUE: f64 = 0.5;

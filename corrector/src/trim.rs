@@ -38,7 +38,7 @@ pub const DELAYS: f64 = 5.0;
 pub struct TrimRules {
     /// How long the share takes from nothing to all and back, s; 0.1 to 10. Default 1: so slow that a delay of 80 ms instead of 40 makes it overshoot by 5 % (`cargo test -p corrector trim::`).
     pub fade_s: f64,
-    /// A cycle that comes later than this begins anew, s; above the longest cycle of a cell with an instrument. Default 0.05: commands have paused.
+    /// A longer time between two cycles counts as a pause, s; above the longest cycle of a cell with an instrument. Default 0.05.
     pub pause_s: f64,
     /// How far a stamp may lie ahead of the clock, s; 0 to 1. Default 0.005, as for force samples: clocks that are synchronised by PTP or NTP on one network differ by less.
     pub ahead_s: f64,

@@ -86,7 +86,7 @@ pub enum DaemonError {
     /// A bound of the envelope.
     #[error(transparent)]
     Envelope(#[from] envelope::LimitsError),
-    /// The vibration watch.
+    /// The vibration monitor.
     #[error(transparent)]
     Vibration(#[from] spectrum::ConfigError),
     /// The cell's shared memory.

@@ -38,7 +38,7 @@ fn is_being_written(path: &Path) -> bool {
     File::open(path).is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
 }
 
-/// The same in a thread of its own; none where the system refuses one.
+/// The same in a separate thread; none where the system refuses one.
 #[must_use]
 pub fn start(dir: PathBuf, cell: String, current: PathBuf) -> Option<JoinHandle<()>> {
     let book = notebook::of_this_thread();

@@ -27,7 +27,7 @@ struct Word {
     /// Turns of its cycle: now, and when the watchdog was fed.
     turns: u64,
     fed: u64,
-    /// One line for people.
+    /// One line for users.
     words: String,
     has_ended: bool,
 }
@@ -68,7 +68,7 @@ impl Manager {
     }
 
     /// Cell `place` lives. The manager is told two to three times within the watchdog's patience, and only where `turns`, which a cycle counts,
-    /// has changed in every cell. `words` are one line for people.
+    /// has changed in every cell. `words` are one line for users.
     pub fn says(&mut self, place: usize, turns: u64, words: &str) {
         let Some(cell) = self.cells.get_mut(place) else { return };
         cell.turns = turns;

@@ -30,7 +30,7 @@ pub fn status(status: &Status) -> StatusRecord {
     }
 }
 
-/// A verdict of the vibration watch.
+/// A verdict of the vibration monitor.
 #[must_use]
 pub fn verdict(verdict: &Verdict) -> VerdictRecord {
     let state = verdict.state().unwrap_or(VibrationState::Over);

@@ -212,7 +212,7 @@ impl Pose {
 /// One instrument: readings that share one noise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Instrument {
-    /// What it measures, for people: `targets of FILE`.
+    /// What it measures, for users: `targets of FILE`.
     pub name: String,
     /// Whether its standard uncertainty is known; else the fit estimates a factor on it.
     pub noise_is_known: bool,
@@ -223,7 +223,7 @@ pub struct Instrument {
 /// One recording that poses come from.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Source {
-    /// Its name, for people.
+    /// Its name, for users.
     pub name: String,
     /// Whether the arm moved along a path; else it stood at each pose.
     pub is_path: bool,

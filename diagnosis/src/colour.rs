@@ -4,7 +4,7 @@
 //! forerunners are missing (a gap, the start of a segment) stay as they are.
 //!
 //! Promises: white noise of unit variance where the law is right; residuals and all columns pass the same filter.
-//! Never: a look at what a model says; see [`Colour::of_runs`]'s callers.
+//! Never: use of what a model says; see [`Colour::of_runs`]'s callers.
 
 use crate::campaign::{Campaign, Place, Pose, Reading};
 use std::collections::BTreeMap;
@@ -71,7 +71,7 @@ impl Colour {
         self.fresh * self.fresh * shares.iter().map(|share| share * share).sum::<f64>()
     }
 
-    /// The sum of the law's numbers, below one: how much of a slow change is noise to it, for people.
+    /// The sum of the law's numbers, below one: how much of a slow change is noise to it, for users.
     #[must_use]
     pub fn memory(&self) -> f64 {
         self.law.iter().sum()

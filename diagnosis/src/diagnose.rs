@@ -108,7 +108,7 @@ pub struct Finding {
     pub group: Option<usize>,
 }
 
-/// Structure that no name explains.
+/// Structure that no effect explains.
 #[derive(Clone, Debug)]
 pub struct Unexplained {
     /// The contract's words for what it follows.

@@ -271,7 +271,7 @@ pub fn named(effect: &AnyEffect, value: usize) -> Option<Named> {
     None
 }
 
-/// What a value of an effect is called, for people: `joint 3's tilt 2 (axis_tilt)`.
+/// What a value of an effect is called, for users: `joint 3's tilt 2 (axis_tilt)`.
 #[must_use]
 pub fn describe(effect: &AnyEffect, value: usize) -> String {
     let kind = effect.spec().kind;

@@ -36,7 +36,7 @@ const FEW: usize = 150;
 pub struct Split {
     /// One entry per pose: whether it trains.
     pub training: Vec<bool>,
-    /// How it was made, for people.
+    /// How it was made, for users.
     pub says: String,
 }
 

@@ -81,7 +81,7 @@ pub struct Undetermined {
 }
 
 impl Undetermined {
-    /// A sentence for people.
+    /// A sentence for users.
     #[must_use]
     pub fn says(&self) -> String {
         match self.with.as_slice() {

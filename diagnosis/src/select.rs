@@ -139,7 +139,7 @@ impl Selecting<'_> {
         picks
     }
 
-    /// What no name explains, joint by joint.
+    /// What no effect explains, joint by joint.
     fn among_remainders(&self) -> Vec<Pick> {
         let model = &self.fit.hypothesis.model;
         let mut open = remainders(&model.arm, self.campaign, self.settings.used);

@@ -66,7 +66,7 @@ pub struct Compliances {
     pub covariance: [[f64; JOINTS_MAX]; JOINTS_MAX],
     /// What stays, as root of the mean square in units of the stated noise: near 1 for a sound model.
     pub left: f64,
-    /// Joints that cannot be told apart from those before them, or that no load bends, 0-based.
+    /// Joints that cannot be distinguished from those before them, or that no load bends, 0-based.
     pub undetermined: Vec<usize>,
 }
 

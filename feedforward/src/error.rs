@@ -1,4 +1,4 @@
-//! Why a path or a measured run cannot be used.
+//! Errors of paths and measured runs.
 
 use thiserror::Error;
 

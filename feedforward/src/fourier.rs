@@ -1,6 +1,6 @@
-//! A path as a spectrum: extended at both ends by standing still, then run back to its beginning, so that nothing jumps where it repeats.
+//! Spectrum of a path: extended by rest at both ends and returned to its start, so that its periodic continuation has no jump.
 //!
-//! Promises: exact to rounding there and back. Standing still lasts long enough for a plant to settle where the caller says how long that takes.
+//! Promises: forward and inverse transform are exact to rounding. The rest is long enough for the plant to settle, if the caller states the settling time.
 
 use realfft::num_complex::Complex64;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};

@@ -1,6 +1,6 @@
-//! A path on even time stamps that begins and ends standing still.
+//! A path with even time steps that begins and ends at rest.
 //!
-//! Rows that are even already stay as they are; others are taken from the curve through the samples (`world::forward::positions_at`) at the median step.
+//! Even rows are kept; others are interpolated by the curve through the samples (`world::forward::positions_at`) at the median step.
 
 use crate::FeedforwardError;
 use physics::JointKind;

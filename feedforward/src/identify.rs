@@ -1,10 +1,10 @@
-//! The numbers of a joint's plant from what it did on a run, with the model as prior.
+//! Identification of a joint's plant parameters from a run, with the model as prior.
 //!
-//! Minimises `Σ |(G(p) C − Y) H|² / s² + Σ ((p − p̂)/σ)²` over the bins of the band: C what was commanded, Y where the joint was, H a high pass that leaves static errors out, s² the
-//! mean power of the residual. Frequencies of modes are first looked for around the model's, since a sharp peak is found from nearby alone; then Gauss and
-//! Newton's method with steps that are halved where they do not help.
+//! Minimises `Σ |(G(p) C − Y) H|² / s² + Σ ((p − p̂)/σ)²` over the bins of the band: C the commands, Y the joint positions, H a high-pass that removes static errors, s² the
+//! mean power of the residual. Frequencies of modes are first searched around the model's, since a sharp peak has a small region of convergence; then Gauss-Newton
+//! with step halving.
 //!
-//! Promises: none where the run is not explained much better by the new numbers than by the model's; numbers stay above zero. Never: a new effect.
+//! Promises: no result unless the new parameters explain the run much better than the model's; parameters stay positive. Never: a new effect.
 
 use crate::fourier::{Transform, product};
 use crate::plant::{Plant, Uncertain};

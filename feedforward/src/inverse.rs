@@ -1,14 +1,14 @@
-//! The gains of a joint, frequency by frequency: from the path to what is added to its commands (preview), or from a measured error to a change of them (learning).
+//! Gains of a joint in the frequency domain: from the path to the correction of its commands (preview), or from a measured error to a change of them (learning).
 //!
 //! With the plant Ĝ of the model, the spread `U = Σ |∂Ĝ/∂p|² σ_p²` of its uncertain numbers and the weight `R = (f/f_b)⁶` of the third derivative:
 //! preview `W − 1` with `W = (Ĝ* + R) / (|Ĝ|² + U + R)`, which minimises `E |1 − G W|² + R |W − 1|²`; learning `L = Ĝ* / (|Ĝ|² + U + R)`,
-//! which minimises `E |1 − G L|² + R |L|²`. Both are Wiener's; where the plant is uncertain a preview leaves out of the commands what would ring.
+//! which minimises `E |1 − G L|² + R |L|²`. Both are Wiener's; where the plant is uncertain, the preview attenuates commands that would excite oscillations.
 //!
-//! Of this step a share λ ≤ 1 is taken with which no plant nearby makes things worse: `|b − λ G x| ≤ |b|` for every G whose numbers are off by up to a stated
-//! share, with `b = 1 − G, x = W − 1` in a preview and `b = 1, x = L` in learning, which is robust monotonic convergence. Frequencies of modes are off together, delays together,
-//! lags together. A participation is off by three standard uncertainties at most: above a mode's frequency it decides the sign of what is to be done.
+//! The step is scaled by λ ≤ 1 such that it is robust: `|b − λ G x| ≤ |b|` for every G whose parameters deviate by up to a stated
+//! fraction, with `b = 1 − G, x = W − 1` in a preview and `b = 1, x = L` in learning, which is robust monotonic convergence. Frequencies of modes deviate together, delays together,
+//! lags together. A participation factor deviates by at most three standard uncertainties: above the frequency of a mode it determines the sign of the correction.
 //!
-//! Holds for linear plants: the root mean square over the path cannot grow, its largest value can.
+//! Valid for linear plants: the RMS over the path cannot increase, its maximum can.
 
 use crate::plant::Plant;
 use realfft::num_complex::Complex64;

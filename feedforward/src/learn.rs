@@ -1,11 +1,11 @@
 //! Iterative learning: the commands of the next run from the error of the last one.
 //!
-//! Norm-optimal learning with the model as inverse ([`crate::inverse`]), which converges monotonically for every plant whose numbers are off by up to the stated
-//! share. At each frequency the error counts by the share that stands above the noise (Wiener's filter): of several runs of the same commands the noise is how they differ,
-//! of one run what is left far above the band. What differs between runs cannot be learned and is told as repeatability.
+//! Norm-optimal learning with the model as inverse ([`crate::inverse`]), which converges monotonically for every plant whose parameters deviate by up to the stated
+//! fraction. At each frequency the error is weighted by its share above the noise (Wiener filter): for several runs of the same commands the noise is their difference,
+//! for one run the level far above the bandwidth. Differences between runs cannot be learned and are reported as repeatability.
 //!
-//! The run also says what the plant's numbers are (`identify`); where they explain it much better than the model's they are used for this step,
-//! and the share by which they may be off shrinks with what is left unexplained.
+//! The plant's parameters are also estimated from the run (`identify`); if they explain it much better than the model's, they are used for this step,
+//! and the assumed deviation is reduced according to the residual.
 
 use crate::FeedforwardError;
 use crate::fourier::Transform;

@@ -1,18 +1,18 @@
-//! Commands for a whole path that is known ahead: what a robot's joints must be told so that they follow it in time.
+//! Feedforward for a path that is known ahead: commands that compensate dynamic errors of the joints.
 //!
 //! Each joint is a linear plant of the model: delay, first-order lags, flexible modes ([`plant`]). Its commands come from one step, in the frequency domain and
-//! therefore without causality: `c ← c + λ L e`, with the error e of the path, the regularised inverse L of the plant and a share λ ≤ 1 that keeps
-//! the step from making anything worse for any plant whose numbers are off by a stated share ([`inverse`]). With the error that the model predicts this is preview compensation
+//! therefore without causality: `c ← c + λ L e`, with the error e of the path, the regularised inverse L of the plant and a factor λ ≤ 1 that makes
+//! the step robust for any plant whose parameters deviate by a stated fraction ([`inverse`]). With the error that the model predicts this is preview compensation
 //! ([`preview()`]), with an error that was measured it is norm-optimal iterative learning ([`learn()`]).
-//! The result keeps limits of position, rate and jerk (`envelope`, the limiter of the daemon).
+//! The result satisfies limits of position, rate and jerk (`envelope`, the limiter of the daemon).
 //!
 //! Sources: Bristow, Tharayil, Alleyne, "A survey of iterative learning control", IEEE Control Systems 26(3), 2006 (norm-optimal ILC, robust monotonic
-//! convergence `|1 − L G| < 1`); Wiener's filter for what noise hides.
+//! convergence `|1 − L G| < 1`); Wiener filter for noise.
 //!
 //! Read in this order: [`plant`], [`inverse`], [`step`], [`mod@preview`], [`identify`], [`grid`], [`measured`], [`mod@learn`], [`tool`].
 //!
 //! Promises: same input, same bits. Never: a file, a clock, a cycle of the daemon. Couplings between joints through inertia are not modelled;
-//! what of the model is left out is listed ([`plant::Plants::left_out`]).
+//! effects of the model that are not compensated are listed ([`plant::Plants::left_out`]).
 
 pub mod error;
 mod fourier;

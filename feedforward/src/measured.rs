@@ -1,10 +1,10 @@
-//! What a measured run says of the error of each joint, on the rows of the path.
+//! Error of each joint from a measured run, on the rows of the path.
 //!
-//! Joint positions of the link side count where they are there, else those of the motor side; points of the tool become joints by damped least squares
-//! (`Δq = Jᵀ (J Jᵀ + μ² I)⁻¹ Δx`), which moves as little as it can and leaves the orientation to itself.
-//! Of an unknown measuring frame the rigid motion that fits best is taken out (Horn 1987), so that what is left is the path's form and timing.
+//! Link-side joint positions are used if available, otherwise those of the motor side; points of the tool are converted to joints by damped least squares
+//! (`Δq = Jᵀ (J Jᵀ + μ² I)⁻¹ Δx`), with minimum norm and free orientation.
+//! For an unknown measuring frame the best-fit rigid motion is removed (Horn 1987), so that form and timing of the path remain.
 //!
-//! Promises: what was not sampled is interpolated between its neighbours (`world::forward::positions_at`). Never: a fit of the model.
+//! Promises: missing samples are interpolated (`world::forward::positions_at`). Never: a fit of the model.
 
 use crate::FeedforwardError;
 use crate::grid::median_step_s;

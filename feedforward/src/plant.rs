@@ -3,7 +3,7 @@
 //! `G(s) = e^(−D s) Π 1/(1 + T s) · (1 − Σ γ s² / (s² + 2 ζ ω s + ω²))`: delay D, first-order lags T, modes of natural frequency ω, damping ratio ζ,
 //! participation γ. Laws: effects `time_delay`, `servo_lag`, `flexible_mode` (docs/reference/effects.md), written as frequency response.
 //!
-//! Linear about any pose: numbers that change over the workspace count as uncertainty. Modes of the base and what wrenches excite are left out.
+//! Linear about any pose: variation of parameters over the workspace counts as uncertainty. Modes of the base and excitation by wrenches are not included.
 
 use physics::Arm;
 use realfft::num_complex::Complex64;

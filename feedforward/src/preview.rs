@@ -1,6 +1,6 @@
-//! Preview compensation: the commands with which each joint is, by the model, where it shall be at each instant.
+//! Preview compensation: the commands that bring each joint, by the model, to its target position at each instant.
 //!
-//! The path is known ahead, so that commands come as much earlier as delay and lag ask for, and modes are not excited.
+//! The path is known ahead, so that commands can precede it by delay and lag, without exciting modes.
 
 use crate::FeedforwardError;
 use crate::fourier::Transform;
@@ -90,7 +90,7 @@ pub fn check_joint_limits(arm: &Arm, commanded: &[Vec<f64>]) -> Result<(), Feedf
     Ok(())
 }
 
-/// For how long a path stands still at both ends, s: the delay and five time constants of the slowest joint, and three periods of the bandwidth.
+/// For how long a path is at rest at both ends, s: the delay and five time constants of the slowest joint, and three periods of the bandwidth.
 #[must_use]
 pub fn lead_s(plants: &Plants, settings: &Settings) -> f64 {
     let slowest = plants.joints.iter().map(Plant::reach_s).fold(0.0, f64::max);

@@ -1,10 +1,10 @@
 //! One step of one joint: from the path, or from the path and a measured error, to the next correction, within its limits.
 //!
-//! Where learning takes a share λ of its step only, since plants nearby disagree about its sign (about a mode), the commands go to those of the preview by the rest `1 − λ`,
-//! if the plant is known from the run itself and that leaves less by it.
+//! If learning uses only a fraction λ of its step, because the sign is uncertain (near a mode), the commands approach those of the preview by `1 − λ`,
+//! if the plant was identified from the run and this reduces the error.
 //!
-//! The correction ends at nothing at both ends of the path. Where the limits would hold it back, lower bandwidths are tried, and the one is taken that leaves the
-//! smallest root mean square error by the model; the limiter of the daemon (`envelope`) has the last word, so that limits hold whatever was computed.
+//! The correction is zero at both ends of the path. If it would exceed the limits, lower bandwidths are tried, and the one with the
+//! smallest RMS error by the model is used; the limiter of the daemon (`envelope`) is applied last, so that limits hold in any case.
 
 use crate::fourier::{Transform, product};
 use crate::inverse::{Design, Gains, Source};

@@ -1,7 +1,7 @@
-//! What errors of joints do to the tool: how far it is from where it shall be at each instant, and how far from the path.
+//! Tool errors caused by joint errors: deviation from the target position at each instant, and distance from the path.
 //!
-//! On the controller's own geometry (`physics::Chain::tool_at`). The distance from the path is that to the nearest point of the polygon through the wanted points,
-//! searched within half a second of the instant; a tool that is late on its path has none.
+//! With the controller's geometry (`physics::Chain::tool_at`). The distance from the path is that to the nearest point of the polygon through the target points,
+//! searched within half a second; a tool that is only late on its path has zero distance.
 
 use glam::DVec3;
 use physics::{Arm, Chain, Joints};

@@ -1,4 +1,4 @@
-//! A joint in the time domain, for tests: a delay line, lags and modes integrated by Runge and Kutta's method. No line of it is shared with the inverse.
+//! A joint in the time domain, for tests: a delay line, lags and modes integrated by a Runge-Kutta method. Shares no code with the inverse.
 
 use crate::Settings;
 

@@ -1,4 +1,4 @@
-//! Robots of any number of joints and effects, as texts of models: what a cost is measured on.
+//! Models with any number of joints and effects, for measurements of computing time.
 //!
 //! Promises: a robot's solve takes as many steps with many effects as with few, and with few joints as with many: the gears are off by
 //! so much that one step never does, and the effects that are added are small beside that. Never: a robot that anybody has.

@@ -1,4 +1,4 @@
-//! A process of the bench's own: asked to end when dropped, killed where it does not.
+//! A child process of the bench: stopped when dropped, killed if it does not end.
 
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};

@@ -1,4 +1,4 @@
-//! Chunks of round trips, sorted by where the two cores stood when they were measured.
+//! Chunks of round trips, classified by the placement of the two cores during the measurement.
 //!
 //! Promises: bounded memory however long a bench runs; a chunk whose placement changed counts in the whole alone.
 

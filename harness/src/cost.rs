@@ -1,4 +1,4 @@
-//! What a correction costs: by the robot's joints, by the model's effects, by the cells of one daemon.
+//! Computing time of a correction: by joints, by effects, by cells of one daemon.
 //!
 //! Promises: each figure comes from a daemon of its own, over shared memory. Of a correction the lowest median of many short batches counts, as what
 //! others take of the machine comes on top; the solve's steps stand beside it. Never: a judgement: what is told is the straight line, and how far the

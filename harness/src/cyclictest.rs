@@ -1,4 +1,4 @@
-//! `cyclictest` amid the bench's own chunks, where it is installed: how late the kernel wakes a thread, by the tool that everybody knows.
+//! `cyclictest` between the bench's own chunks, if installed: wake-up latency of the kernel, measured by the standard tool.
 //!
 //! Promises: where it is missing that is said, never passed over. Never: a figure of our own in its name.
 

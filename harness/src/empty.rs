@@ -1,4 +1,4 @@
-//! An empty cycle beside the measured one: a thread that wakes half a period after each command is due, and does nothing.
+//! An empty cycle in parallel with the measured one: a thread that wakes half a period after each command is due, and does nothing.
 //!
 //! Promises: it has the same core, the same schedule and a priority that nothing of the measurement can keep it from, so that what it
 //! suffers is the machine's doing. Never: an allocation while it runs.

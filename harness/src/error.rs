@@ -1,4 +1,4 @@
-//! Why a bench could not be run: where, what, what was expected, what to do.
+//! Errors of a bench: where, what, what was expected, what to do.
 
 use std::io;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! What a bench found, as it goes into the JSON. Never how it is drawn.
+//! Results of a bench, as written to the JSON. Never their presentation.
 
 use std::collections::BTreeMap;
 

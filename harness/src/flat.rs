@@ -1,7 +1,7 @@
-//! Round trips one after the other, of trued and of all that it is compared with, in short chunks that take turns.
+//! Back-to-back round trips of trued and of all reference transports, in alternating short chunks.
 //!
 //! Promises: every chunk has a reference of bare atomics before and after it, between the same two cores; while others are measured the
-//! daemon stands still, as its cycle would take their core; chunks are short and leave both cores to others in between, so that the
+//! daemon is at rest, as its cycle would take their core; chunks are short and leave both cores to others in between, so that the
 //! kernel's fair server does not stall what spins. Never: a mean.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};

@@ -1,4 +1,4 @@
-//! What the figures are held against: ratios of medians in one run, and counts.
+//! Acceptance limits of the figures: ratios of medians in one run, and counts.
 //!
 //! Promises: a figure that was not measured is not judged, nor are trips without a correction; near is held against near, far against far. Never: an absolute tail, which on
 //! most machines says more of the machine.

@@ -1,4 +1,4 @@
-//! Durations counted, and what is said of them.
+//! Histograms of durations, and their summary.
 //!
 //! Promises: three significant digits from 1 ns to 100 s; what is longer counts as 100 s, and the worst says so. Never: a quantile
 //! shown that fewer than ten values stand beyond.

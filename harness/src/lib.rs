@@ -1,4 +1,4 @@
-//! `trued bench` and `trued doctor`: what a cell engineer asks a machine before trusting it.
+//! `trued bench` and `trued doctor`: latency and suitability of a machine.
 //!
 //! Promises: what was asked for and refused (policy, pinning, locked memory) ends the bench; all that is compared is measured in the
 //! same run, by turns, on the same two cores; what could not be measured is said and counted. Never: a correction of its own.

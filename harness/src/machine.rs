@@ -1,4 +1,4 @@
-//! What the machine is that a bench ran on, and what that means for its figures.
+//! Description of the machine of a bench run, and its implications for the figures.
 //!
 //! Promises: what the machine does not tell is said to be unknown. Never: a figure corrected for it.
 

@@ -1,4 +1,4 @@
-//! How the measuring threads run: which core, which policy, memory locked.
+//! Real-time settings of the measuring threads: core, policy, memory locked.
 //!
 //! Promises: what was asked and refused ends the bench; threads of no concern to the measurement keep the ordinary policy.
 //! Never: a policy for the whole process.

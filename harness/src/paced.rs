@@ -1,4 +1,4 @@
-//! Round trips at a given rate, as a robot's controller makes them.
+//! Round trips at a given rate, as in a robot controller.
 //!
 //! Promises: every cycle of the schedule is counted, from the time at which it was due as well as from its actual sending: what a stall
 //! holds up is as late as the robot would have found it (no coordinated omission). Never: a cycle left out because it was late.

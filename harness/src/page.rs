@@ -1,4 +1,4 @@
-//! A bench as one HTML page, and its plots as SVG. Never a figure that is not in the findings.
+//! A bench as one HTML page, and its plots as SVG. Shows only figures of the findings.
 
 use report::{Axis, Number, Page, Plot, Role, Series, Svg, Table, Tone, quantity};
 

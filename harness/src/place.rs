@@ -1,4 +1,4 @@
-//! Where a bench keeps its files: a directory in memory, gone with all that it made.
+//! Directory of a bench: in memory, removed at the end.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -2,7 +2,7 @@
 //! factor of five with that. Chunks are sorted by a reference taken before and after each.
 //!
 //! Promises: where the references do not part into two groups there is one placement; a chunk whose two references disagree belongs to
-//! none. Never: a look at what is being compared.
+//! none. Never: use of what is being compared.
 
 use serde::Serialize;
 

@@ -1,4 +1,4 @@
-//! What is asked of a bench. Never how it is measured.
+//! Request of a bench. Never how it is measured.
 
 use std::path::PathBuf;
 use std::process::Command;

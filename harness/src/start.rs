@@ -1,4 +1,4 @@
-//! From the start of a daemon to its first corrected target, as a cell finds it.
+//! Time from the start of a daemon to its first corrected target, as seen by a cell.
 //!
 //! Promises: the clock starts before the process does; the client is there already, as a cell is whose daemon starts again; only an
 //! answer to its own command that the model had a part in counts.

@@ -1,4 +1,4 @@
-//! What is measured: a daemon of the bench's own, or a running cell.
+//! The measured daemon: the bench's own, or that of a running cell.
 //!
 //! Promises: the daemon has the manners that were asked for or does not start; it ends with the bench. Never: a correction of its own.
 

@@ -1,4 +1,4 @@
-//! Models swapped under a running path: no cycle missed, the correction continuous.
+//! Change of the model during a path: no cycle missed, the correction continuous.
 //!
 //! Promises: the models differ, so that there is something to ramp; a step is judged by the daemon's own bound on the rate.
 

@@ -1,4 +1,4 @@
-//! What was found, as tables of words. Never how they are laid out.
+//! Results as tables of text. Never their layout.
 
 use crate::chunks::Flat;
 use crate::cost::{Cost, Costs};

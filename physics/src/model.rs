@@ -257,7 +257,7 @@ impl Model {
         self.derivatives_under((inputs, memories), &seen, wanted, visit);
     }
 
-    /// [`Model::derivatives`] at a sample of which [`Model::load_into`] has said where the arm stands and what pulls at it.
+    /// [`Model::derivatives`] at a sample of which [`Model::load_into`] has said where the arm is at rest and what pulls at it.
     pub fn derivatives_under(
         &self,
         (inputs, memories): (&Inputs, &Memories),

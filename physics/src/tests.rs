@@ -35,7 +35,7 @@ fn evaluated(arm: Arm, effects: &[AnyEffect], inputs: &Inputs) -> Evaluation {
 }
 
 prop_compose! {
-    /// Positions of six joints anywhere; a sliding joint takes rad for m, which is a long slide.
+    /// Positions of six joints anywhere; a prismatic joint takes rad for m, which is a long slide.
     fn six_joints()(six in prop::array::uniform6(-2.5..2.5_f64)) -> Joints {
         let mut q = [0.0; JOINTS_MAX];
         q[..6].copy_from_slice(&six);

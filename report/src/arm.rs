@@ -1,4 +1,4 @@
-//! An arm seen from the side and from above: its links, the joints that matter, and errors at its tool as vectors.
+//! Side and top view of an arm: links, relevant joints, and tool errors as vectors.
 //!
 //! Takes points in the base frame, m, and names; knows no model. The side view looks at the upright plane through the base in which most of the tool's
 //! places lie. Errors are drawn longer than they are, by a round factor that is said; one factor and one scale of colours for all panels of a drawing.

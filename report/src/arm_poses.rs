@@ -1,4 +1,4 @@
-//! Poses of an arm as small multiples: each from the side and from above, all on one scale.
+//! Poses of an arm as small multiples: side and top view of each, on one scale.
 //!
 //! Takes points in the base frame, m, and names; knows no model.
 

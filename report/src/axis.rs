@@ -1,4 +1,4 @@
-//! What an axis is called, in which unit, and how it is spaced. Never data.
+//! Label, unit and spacing of an axis. Never data.
 
 use crate::scale::Span;
 

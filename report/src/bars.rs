@@ -1,4 +1,4 @@
-//! Level bars by name: rankings, comparisons before and after, parameters with their intervals.
+//! Horizontal bars: rankings, comparisons before and after, parameters with intervals.
 
 use crate::axis::Axis;
 use crate::canvas::{Anchor, Area, Canvas, Svg, shortened, text_width};

@@ -1,4 +1,4 @@
-//! Text from anywhere made safe to stand in HTML, XML and attributes. Never interprets what it is given.
+//! Escapes arbitrary text for HTML, XML and attributes. Never interprets it.
 
 /// The text with the five reserved characters as references, and what XML forbids (control characters,
 /// non-characters) as U+FFFD.

@@ -1,4 +1,4 @@
-//! Values over a plane by colour: waterfalls of spectra, maps of where an error stands.
+//! Values over a plane by colour: waterfall spectra, error maps.
 //!
 //! Promises: bounded size. A grid finer than 208 × 104 is pooled, each cell then shows the LARGEST of its values, so
 //! that a narrow line stays visible. Colours are of even lightness steps (viridis), readable without colour vision.

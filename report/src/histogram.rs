@@ -1,4 +1,4 @@
-//! How often which value: overlapping distributions as shares, so that runs of different length compare.
+//! Histograms: overlapping distributions as shares, so that runs of different length can be compared.
 
 use crate::axis::Axis;
 use crate::canvas::{Area, Canvas, Px, Svg};

@@ -1,4 +1,4 @@
-//! Which colour is which series: one row, or several, above a plot.
+//! Legend above a plot, in one or several rows.
 
 use crate::canvas::{Anchor, Area, Canvas, Px, shortened, text_width};
 use crate::role::Look;

@@ -1,4 +1,4 @@
-//! One look for every HTML page and SVG plot.
+//! Uniform HTML pages and SVG plots.
 //!
 //! Promises: the same input gives the same bytes; every text is escaped; no value that is not finite reaches a
 //! drawing; a page is one file that asks nothing of the network; long series are thinned to a bounded size.

@@ -1,4 +1,4 @@
-//! Numbers as people read them: sensible digits, a true minus, grouped thousands, powers of ten written out.
+//! Number formatting: sensible digits, a true minus, grouped thousands, powers of ten.
 //!
 //! What is not finite reads `–`; nothing here fails.
 

@@ -1,4 +1,4 @@
-//! What a curve, dot or bar stands for, and how that looks: one colour, one dash and one marker for one role on every page.
+//! Roles of curves, dots and bars: one colour, dash and marker per role on every page.
 //!
 //! Colour never stands alone: a line has a dash beside it, a dot a shape. Colours are in `style.css`, for light, dark and print.
 

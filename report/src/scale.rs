@@ -1,4 +1,4 @@
-//! From values to pixels, and where the ticks stand.
+//! Conversion of values to pixels, and positions of ticks.
 //!
 //! Promises: no result is NaN or infinite; the number of ticks is bounded; a degenerate range is widened.
 

@@ -1,4 +1,4 @@
-//! Named points with a manner of drawing. Never a scale.
+//! Named points with a drawing style. Never a scale.
 
 use crate::role::{Look, Role};
 

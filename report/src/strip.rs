@@ -1,4 +1,4 @@
-//! The strip under a title: of which files, when, by which program and by which command a page was made.
+//! The strip under a title: input files, time, program and command of a page.
 //!
 //! Never: a clock, a file, a hash of its own; whoever makes the page says them.
 

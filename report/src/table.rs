@@ -1,4 +1,4 @@
-//! Tables of text and numbers: the numbers of a column share their decimals, and stand under each other.
+//! Tables of text and numbers: the numbers of a column have equal decimals and are aligned.
 //!
 //! A table that holds numbers carries them as CSV too, all digits, behind a link in its caption: the page needs no other file and no network for it.
 

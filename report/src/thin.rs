@@ -1,4 +1,4 @@
-//! Long series made short without losing what the eye would see.
+//! Decimation of long series for plots, without visible loss.
 //!
 //! Promises: at most [`POINTS_MAX`] entries out; a signal keeps the least and the largest value of every pixel column,
 //! so no peak is lost. `None` is a gap in a line; gaps narrower than a pixel column are closed.

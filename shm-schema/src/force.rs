@@ -16,7 +16,7 @@ plain_struct! {
     pub struct ForceBlock = "trued.ForceBlock/1" {
         /// From 1, plus 1 with each block made, sent or not: a gap counts lost blocks.
         pub seq: u64,
-        /// Names this run of the sender: another number means that `seq` starts anew.
+        /// Names this run of the sender: another number means that `seq` starts again.
         pub session: u64,
         /// Time of the first sample, `CLOCK_MONOTONIC` live, the recording's time in a replay.
         pub t_ns: u64,

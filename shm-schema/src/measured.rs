@@ -10,7 +10,7 @@ plain_struct! {
     pub struct MeasuredPoint = "trued.MeasuredPoint/1" {
         /// From 1, plus 1 with each message of this sender.
         pub seq: u64,
-        /// Names this run of the sender: another number means that `seq` starts anew.
+        /// Names this run of the sender: another number means that `seq` starts again.
         pub session: u64,
         /// When it was measured, `CLOCK_MONOTONIC`, where `HAS_TIME` is set.
         pub t_ns: u64,

@@ -14,7 +14,7 @@ plain_struct! {
     pub struct Command = "trued.Command/1" {
         /// From 1, plus 1 with each message of this sender.
         pub seq: u64,
-        /// Names this run of the sender: another number means that `seq` starts anew.
+        /// Names this run of the sender: another number means that `seq` starts again.
         pub session: u64,
         /// When the target holds: `CLOCK_MONOTONIC` live, the recording's time in a replay.
         pub t_ns: u64,

@@ -10,7 +10,7 @@ plain_struct! {
     pub struct RobotState = "trued.RobotState/1" {
         /// From 1, plus 1 with each message of this sender.
         pub seq: u64,
-        /// Names this run of the sender: another number means that `seq` starts anew.
+        /// Names this run of the sender: another number means that `seq` starts again.
         pub session: u64,
         /// Time of measurement, `CLOCK_MONOTONIC` live, the recording's time in a replay.
         pub t_ns: u64,

@@ -1,11 +1,11 @@
-//! What to do about a line, from its class and the process.
+//! Recommended action for a line, from its class and the process.
 //!
-//! Pure arithmetic on speeds and modes; no promise beyond it: one frequency gives a first guess, not a computed lobe.
+//! Pure arithmetic on speeds and modes: one frequency gives a first guess, not a computed stability lobe.
 //! - Forced: the speed must keep the runout and every multiple of the tooth passing off every mode.
 //! - Regenerative chatter: stable depths peak where the tooth passing is the mode's frequency over a whole number. With
 //!   the tooth passing far above the mode the waves of two teeth hardly differ (28° and a quarter of the most that
 //!   regeneration can do at 72 against 933 Hz), and far below it the pockets are narrower than a spindle holds its speed.
-//! - Mode coupling does not know the speed at all (thesis 4.6).
+//! - Mode coupling does not depend on speed (thesis 4.6).
 //!
 //! Source: Altintas, Manufacturing Automation, chapter 3, for the lobes.
 

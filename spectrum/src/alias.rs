@@ -1,8 +1,8 @@
-//! Multiples of the spindle speed, and where sampling folds them to.
+//! Harmonics of the spindle speed, and their aliases.
 //!
 //! A tone above half the sampling rate is seen at its distance from the nearest multiple of the rate:
-//! 933.3 Hz (28 000 rpm, two teeth) sampled at 1 kHz reads 66.7 Hz. Which multiples can be strong is a
-//! judgement: the first 20 of the spindle, and the first 10 of the teeth.
+//! 933.3 Hz (28 000 rpm, two teeth) sampled at 1 kHz reads 66.7 Hz. Which harmonics can be strong is an
+//! assumption: the first 20 of the spindle, and the first 10 of the teeth.
 
 use crate::verdict::NearestLine;
 

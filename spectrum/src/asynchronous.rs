@@ -1,10 +1,10 @@
-//! What the signal does that the spindle does not drive: the difference to one revolution before.
+//! The asynchronous part of the signal: difference to one revolution before.
 //!
 //! `a(t) = x(t) − x(t − T)`, T: one revolution. Runout, tooth passing and all their multiples repeat after T and vanish; a tone at `f` is left
-//! with the gain `|2 sin(π f T)|`, by which its amplitude is divided again. A slow spindle's multiples lie so close that the short windows
-//! do not part a chatter from them; here it stands alone. Source: comb filtering of the periodic force, as for the energy ratio of
-//! Caliskan, Kilic and Altintas 2018. Holds for a speed that is told within 0.5 % and steady over a revolution; where the force
-//! itself changes over one (an entry), a rest stands on the multiples, where nothing is looked for. Execution does not allocate.
+//! with the gain `|2 sin(π f T)|`, by which its amplitude is divided again. With a slow spindle the harmonics are so close that short windows
+//! do not separate chatter from them; here it is isolated. Source: comb filtering of the periodic force, as for the energy ratio of
+//! Caliskan, Kilic and Altintas 2018. Valid for a speed known within 0.5 % and steady over a revolution; if the force
+//! itself changes over a revolution (entry), a residual remains at the harmonics, which are not searched. Execution does not allocate.
 
 use crate::branch::{Branch, SPLIT_HZ};
 use crate::config::WatchConfig;

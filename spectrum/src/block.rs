@@ -1,4 +1,4 @@
-//! What comes in: blocks of force samples, and what the process is doing meanwhile.
+//! Input: blocks of force samples, and the state of the process.
 //!
 //! Plain borrowed values; nothing here is trusted, [`crate::Watch::push`] checks it.
 

@@ -1,8 +1,8 @@
-//! What a line is, and what else it may be.
+//! Classification of a line, and its alternatives.
 //!
-//! A pure function of the evidence. Order matters: what the spindle drives is forced before it is
-//! anything else; what was there in air is not chatter. Where the evidence cannot part two classes,
-//! the second is named as a rival. Source: research note on vibration monitoring, section 2.6.
+//! A pure function of the evidence. Order matters: harmonics of the spindle are forced before
+//! anything else; lines present in air are not chatter. If the evidence does not distinguish two classes,
+//! the second is listed as a rival. Source: research note on vibration monitoring, section 2.6.
 
 use crate::verdict::{Class, ClassSet, State};
 

@@ -1,4 +1,4 @@
-//! What the watch is asked to watch, checked once so that nothing later can be wrong.
+//! Configuration of the monitor, validated once.
 
 use crate::rules::Rules;
 

@@ -1,7 +1,7 @@
-//! What is wrong with the sensor and the stream, each named.
+//! Detection of sensor and stream faults.
 //!
-//! Judges samples before they reach a window. Never stops the watch: a bad sample is replaced by
-//! the one before it and its channel held back, a bad block refused, a gap counted.
+//! Checks samples before they reach a window. Never stops the monitor: an invalid sample is replaced by
+//! the previous one and its channel suspended, an invalid block refused, a gap counted.
 
 use crate::block::CHANNELS_MAX;
 use std::fmt;

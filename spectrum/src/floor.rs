@@ -1,4 +1,4 @@
-//! The noise floor of one channel in one window: what each bin holds while nothing rings.
+//! The noise floor of one channel in one window: power of each bin without vibration.
 //!
 //! Two sets, air and cut. A set is first learned as a plain mean; at the end of that, steady lines
 //! (powers that hardly vary, far above their neighbours) are taken out of it, so that a line that

@@ -2,8 +2,8 @@
 //!
 //! H1 = ⟨F* X⟩ / ⟨|F|²⟩ (noise on the response averages out), H2 = ⟨|X|²⟩ / ⟨X* F⟩ (noise on the
 //! force does); γ² = H1 / H2. The response is the complex quotient of two transforms. Coherence of a
-//! single hit is 1 by construction, so it is given from three hits on. Source: thesis 4.8 to 4.19 with
-//! its slips corrected; Ewins, Modal Testing, section 3. Holds for linear structures.
+//! single hit is 1 by construction, so it is given from three hits on. Source: thesis 4.8 to 4.19,
+//! corrected; Ewins, Modal Testing, section 3. Holds for linear structures.
 
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;

@@ -1,4 +1,4 @@
-//! The newest samples of one channel, always in one piece.
+//! The newest samples of one channel, always contiguous.
 //!
 //! Every sample is written twice, half a buffer apart, so that any run of the newest samples is a
 //! plain slice. Execution does not allocate.

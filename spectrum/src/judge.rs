@@ -1,4 +1,4 @@
-//! From a tracked line to its verdict: gathers the evidence, asks for class and advice.
+//! From a tracked line to its verdict: collects evidence, determines class and advice.
 //!
 //! Pure bookkeeping over fixed-size state; no allocation.
 

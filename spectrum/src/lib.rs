@@ -1,10 +1,10 @@
 //! Windows, transforms, floors, peaks and verdicts on vibration; offline, FRF and surface profiles.
 //!
-//! Contract: this crate knows nobody. No IPC, no clock, no file, no log. What is planned may
-//! allocate ([`Watch::new`]); what is executed ([`Watch::push`]) neither allocates nor panics, so
-//! that the vibration thread may call it beside the control cycle.
+//! Contract: no dependency on other crates of the workspace. No IPC, no clock, no file, no log. Planning can
+//! allocate ([`Watch::new`]); execution ([`Watch::push`]) neither allocates nor panics, so
+//! that the vibration thread can call it in real time.
 //!
-//! The way of a sample: [`Block`] → sensor checks → one-revolution average and decimation → Hann
+//! Path of a sample: [`Block`] → sensor checks → one-revolution average and decimation → Hann
 //! windows of several lengths → power over a learned floor → peaks that two or three disjoint
 //! windows agree on → a tracked line → a [`Verdict`].
 

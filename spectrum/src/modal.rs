@@ -1,13 +1,13 @@
 //! Natural frequencies, damping and modal masses from a receptance.
 //!
-//! A mode is where three signs meet (thesis 4.8 to 4.19): the imaginary part peaks, the real part changes sign
+//! A mode is identified by three signs (thesis 4.8 to 4.19): the imaginary part peaks, the real part changes sign
 //! beside it, and the coherence (where there is one) is high enough. Frequency and damping are then fitted as a
-//! complex pole, modes whose bands overlap together. Beside what noise and misfit leave, the stated uncertainty holds
-//! how far the result moves with the width of the band and the smooth part that is allowed beside the modes.
-//! Peaks whose real part keeps its sign, as on a strong neighbour's flank, and a second mode within one peak are looked for
-//! too; the fit must show them clearly, and they are marked. Peaks too close for the record's bins to be fitted one by one are
-//! fitted together; those that no fit explains are reported with the record that would resolve them. Ringing that earlier hits
-//! left has the same poles: it leaves frequency and damping as they are and widens the uncertainty of the modal mass. Holds for viscous damping up to about 0.2. Never a mode
+//! complex pole, modes whose bands overlap together. The stated uncertainty includes noise, misfit, and
+//! the variation of the result with the bandwidth and the smooth background.
+//! Peaks whose real part keeps its sign, as on a strong neighbour's flank, and a second mode within one peak are searched
+//! too; they must be clear in the fit, and are marked. Peaks too close for the record's bins to be fitted one by one are
+//! fitted together; those that no fit explains are reported with the record that would resolve them. Residual vibration of earlier hits
+//! has the same poles: it does not affect frequency and damping, and widens the uncertainty of the modal mass. Holds for viscous damping up to about 0.2. Never a mode
 //! that lies outside the band.
 
 mod fit;

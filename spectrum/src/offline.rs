@@ -1,7 +1,7 @@
-//! Recordings heard by the same watch as the daemon's, and the lines of their spectra.
+//! Runs the daemon's vibration monitor on recordings, and finds the lines of their spectra.
 //!
-//! Offline code: it allocates. A recording comes in pieces without holes; between two pieces the watch's windows start
-//! anew, what it learned stays.
+//! Offline code: it allocates. A recording consists of pieces without gaps; between two pieces the windows of the monitor are
+//! reset, its noise floor is kept.
 
 mod lines;
 mod process;

@@ -16,7 +16,7 @@ pub(crate) enum Admission {
     Refused,
 }
 
-/// A value that does not move this long stands still, s.
+/// A value that does not move this long is at rest, s.
 const STILL_S: f64 = 0.1;
 /// Fewer equal samples are chance.
 const STILL_SAMPLES: f64 = 20.0;
@@ -30,7 +30,7 @@ const RATE_SEEN: f64 = 1e-2;
 const TIME_JUMP_S: f64 = 0.005;
 /// A channel whose samples spread this many times less than those of its kind is dead.
 const DEAD_SPREAD: f64 = 1e-5;
-/// A sender that begins anew sooner than this loses samples each time, s.
+/// A sender that restarts sooner than this loses samples each time, s.
 const SHORT_RUN_S: f64 = 1.0;
 /// Forces; moments follow.
 const FORCES: usize = 3;

@@ -1,4 +1,4 @@
-//! The vibration watch: blocks in, verdicts out.
+//! The vibration monitor: blocks in, verdicts out.
 //!
 //! [`Watch::new`] plans and allocates; [`Watch::push`] does neither allocate, lock, log nor panic.
 //! Verdicts depend on the samples alone, not on how they are cut into blocks.
@@ -25,7 +25,7 @@ const FROM_START_S: f64 = 0.3;
 /// A speed that differs by more than this part is another speed.
 const SPEED_CHANGE: f64 = 0.005;
 
-/// The vibration watch over one force sensor.
+/// The vibration monitor over one force sensor.
 pub struct Watch {
     config: WatchConfig,
     process: ProcessState,

@@ -1,4 +1,4 @@
-//! The rules of the house that a program can check: room sizes, arrows between crates, where `unsafe` may stand.
+//! The rules of this project that a program can check: room sizes, arrows between crates, where `unsafe` may stand.
 
 use std::collections::BTreeMap;
 use std::fs;

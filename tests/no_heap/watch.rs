@@ -1,4 +1,4 @@
-//! The vibration watch, from noise to a line and back, with gaps and broken samples.
+//! The vibration monitor, from noise to a line and back, with gaps and broken samples.
 
 use crate::heap_of;
 use spectrum::{Block, State, Watch, WatchConfig};

@@ -1,4 +1,4 @@
-//! Chance by seed, the same on every machine.
+//! Random numbers by seed, the same on every machine.
 
 /// A row of numbers (xorshift).
 #[derive(Clone, Debug)]

@@ -1,4 +1,4 @@
-//! The client library as others get it: installed under a prefix, linked by programs that are built outside the tree.
+//! The client library as installed by users: under a prefix, linked by programs built outside the tree.
 //!
 //! Promises: what a machine lacks is said as SKIPPED and counted in `target/tmp/skipped`, never passed over in silence.
 

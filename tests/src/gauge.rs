@@ -1,4 +1,4 @@
-//! Whether a correction keeps its rate in real time.
+//! Check of the rate limit of a correction in real time.
 //!
 //! What moves is poured into a bucket that leaks at the rate allowed. The bucket holds what the daemon may make up for after
 //! a pause (20 ms of real time), so that a late thread breaks nothing and a step does.

@@ -1,4 +1,4 @@
-//! A thread whose writes hang, as in a disk that does not answer: `strace` holds up each of them.
+//! A thread whose writes block, like a disk that does not respond: `strace` delays each of them.
 //!
 //! Promises: nothing else of the process is held up; let go, the thread goes on.
 

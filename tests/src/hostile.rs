@@ -1,4 +1,4 @@
-//! Commands that no sane client sends, each with what must be said of it.
+//! Invalid commands, each with the expected reason.
 
 use crate::cell_loop::{JOINTS, path};
 use crate::chance::Chance;

@@ -1,4 +1,4 @@
-//! A cell around the real program: a place of its own, the daemon as a process, a robot's loop, and what it watches.
+//! A test cell around the real program: directory, daemon process, robot loop, and monitors.
 //!
 //! Promises: what a test starts ends with it; every test has a shared memory of its own. Never: a claim; those stand in `it/`.
 #![expect(clippy::expect_used, clippy::panic, reason = "a rig that cannot go on fails its test")]

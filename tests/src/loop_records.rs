@@ -1,4 +1,4 @@
-//! What a robot's loop of any language commanded and would have sent, cycle by cycle, judged by the [`Oracle`].
+//! Commands and targets of a robot loop in any language, cycle by cycle, checked by the [`Oracle`].
 //!
 //! A record has 144 bytes, little-endian: time and the newest sent stamp, ns (u64); the cell's mode and what the correction is, by the numbers of the C
 //! interface (u32); the limits of a joint's correction: position, velocity, jerk (f64, rad, s); six commanded joints and six sent ones (f64, rad).

@@ -1,4 +1,4 @@
-//! Whether a process that lives long grows: by medians of thirds of its life, which neither its beginning nor a single peak moves.
+//! Detection of memory growth of long-running processes: by medians of thirds of the run, insensitive to start-up and single peaks.
 //!
 //! Never: a word on how much memory is much.
 

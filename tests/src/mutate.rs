@@ -1,4 +1,4 @@
-//! Inputs that nobody meant well, made from good ones: the same by seed on every machine.
+//! Malformed inputs generated from valid ones: the same by seed on every machine.
 //!
 //! Promises: an input of at most [`BYTES_MAX`]. Never: knowledge of a format beyond what its examples show.
 

@@ -1,4 +1,4 @@
-//! A daemon and the robot's loop that it serves, both processes of their own, with whoever looks on: what faults strike.
+//! A daemon and the robot loop that it serves, as separate processes, with monitors: the target of faults.
 //!
 //! Promises: what the loop saw break is never passed over; at the end nothing may be left in shared memory.
 

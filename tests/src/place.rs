@@ -1,4 +1,4 @@
-//! A cell of its own for one test: runtime directory in memory, configuration, model.
+//! A separate cell for one test: runtime directory in memory, configuration, model.
 
 use recording::model::presets::preset;
 use shm_schema::{Cell, new_session, sweep};

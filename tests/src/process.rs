@@ -1,4 +1,4 @@
-//! A process that a test started: what it says, and its end.
+//! A process started by a test: its output and its end.
 //!
 //! Promises: killed with the test at the latest.
 

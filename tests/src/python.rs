@@ -1,4 +1,4 @@
-//! A Python environment of its own, with packages from the registry.
+//! A separate Python environment, with packages from the registry.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};

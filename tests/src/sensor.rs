@@ -1,4 +1,4 @@
-//! A force sensor that may be broken: noise on every channel, lines on some, and whatever a test does to its blocks.
+//! A force sensor with faults: noise on every channel, lines on some, and modifications of its blocks.
 //!
 //! Promises: its blocks carry the stream's own times and go out as fast as the daemon takes them, so that no claim hangs on the
 //! speed of the machine: never more are under way than the transport holds.

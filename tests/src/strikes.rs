@@ -1,4 +1,4 @@
-//! Faults that strike a cell at work, one at a time: what the soak draws from.
+//! Faults injected into a running cell, one at a time: used by the soak test.
 //!
 //! Promises: each is over when its function returns; what had to come back of its own (a recording, a refusal) was waited for, and how long
 //! is told. Never: harm to what is outside the cell.

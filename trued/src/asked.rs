@@ -1,4 +1,4 @@
-//! What a diagnosis asks to be done next, as `trued plan --for` reads it of `diagnosis.json`.
+//! The experiment proposed by a diagnosis, as read from `diagnosis.json` by `trued plan --for`.
 //!
 //! Promises: whatever the text is, it says what is asked, that nothing is, or why it is no diagnosis. Never: a file.
 

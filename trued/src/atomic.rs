@@ -1,6 +1,6 @@
-//! Writes all output files of a command or none, and never over a user's file.
+//! Writes all output files of a command or none, and never overwrites a user's file.
 //!
-//! A file that exists and is not empty is refused, unless it is a result that an earlier run made anew (see [`is_result`]) or `--overwrite` is given. Each file is
+//! A file that exists and is not empty is refused, unless it is a result that an earlier run created again (see [`is_result`]) or `--overwrite` is given. Each file is
 //! written beside its place under a hidden name and synced; once all are there they are renamed. A failure (a full disk, say) removes what was made, folders
 //! too. After a crash hidden `.NAME.PID-N.part` files may be left, never half a file under its name. What is no ordinary file (a pipe, `/dev/null`) is written as
 //! it comes.

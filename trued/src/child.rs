@@ -1,4 +1,4 @@
-//! A child process that does not outlive this process' interest in it.
+//! A child process that is ended together with its handle.
 
 use std::io::Write;
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};

@@ -1,4 +1,4 @@
-//! The arguments as types. Never what they do.
+//! The arguments as types. Never their execution.
 
 use clap::Parser;
 

@@ -1,4 +1,4 @@
-//! What a corrector answered to a recording, row by row: as a table beside the recording, and in figures.
+//! Corrections of a recording, row by row: as a table, and as figures.
 //!
 //! Promises: one row per command, the recording's columns first; the same answers give the same bytes.
 

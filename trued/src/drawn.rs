@@ -1,4 +1,4 @@
-//! What pages of several commands draw alike: the arm with errors at its tool, what each effect does, effects by joint.
+//! Drawings shared by several pages: arm with tool errors, sizes of effects, effects by joint.
 //!
 //! Never: a number of its own but means of errors over the readings of a pose.
 

@@ -1,4 +1,4 @@
-//! How a command ends, as types and as exit codes.
+//! Results of a command as types and exit codes.
 //!
 //! | code | meaning |
 //! | --- | --- |

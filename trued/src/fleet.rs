@@ -1,4 +1,4 @@
-//! What a manifest names: models and mappings that can be used, recordings that exist.
+//! Checks of a manifest: usable models and mappings, existing recordings.
 //!
 //! A batch with an unusable model would refuse every recording of that robot for a fault that is not the recording's, so this is checked first.
 

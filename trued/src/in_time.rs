@@ -1,4 +1,4 @@
-//! What commands that compensate in time share: options, and errors of joints and tool in words and in JSON.
+//! Common parts of dynamic compensation: options, and errors of joints and tool as text and JSON.
 
 use clap::Args;
 use feedforward::plant::Plants;

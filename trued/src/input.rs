@@ -1,4 +1,4 @@
-//! What commands read: models by file or preset, recordings against their model, with words for what cannot be used.
+//! Reading of inputs: models by file or preset, recordings checked against their model, with error messages.
 //!
 //! Promises: nothing is used that has a fault; every fault of a file is told at once. Never: a guess which robot is meant.
 

@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM as a flag that long commands look at, so that they end in order.
+//! Ctrl-C and SIGTERM as a flag that long commands check, so that they end cleanly.
 //!
 //! Promises: the first signal only sets the flag; a second Ctrl-C ends the program at once with 130, should a command
 //! hang. Chosen: `signal-hook`, as it sets an atomic from the handler itself; `ctrlc` starts a thread for it, which a

@@ -1,7 +1,7 @@
-//! The command line: what every command shares, and one file for each under `commands`.
+//! The command line: common parts, and one file per command under `commands`.
 //!
 //! Promises: the conventions of docs/inputs.md and docs/reference/results.md (streams, `--json`, exit codes, files complete or not at all) hold for
-//! every command because they are kept here, once. Never: logic that a library of the house could offer.
+//! every command because they are kept here, once. Never: logic that a library of this project could offer.
 
 pub mod asked;
 pub mod atomic;

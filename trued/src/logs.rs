@@ -1,4 +1,4 @@
-//! Logs to standard error, above the progress bars, never through them.
+//! Logs to standard error, without disturbing progress bars.
 //!
 //! Promises: a log that nobody reads any more costs its lines; the program goes on. A daemon's log waits in a queue for whoever reads it, so that a
 //! reader that stalls stalls nothing else; lines beyond the queue are lost, counted, and told of when the reader is back.

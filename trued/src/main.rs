@@ -1,4 +1,4 @@
-//! The one program of the house. All it does stands in the library, so that tests can build the same program.
+//! The program. Everything is in the library, so that tests can build the same program.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-//! Options that commands share, to be flattened into theirs. One way to say a thing on every command.
+//! Common options of commands, to be flattened into theirs.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::num::NonZeroUsize;

@@ -1,4 +1,4 @@
-//! Where a command's words go: text to standard output, errors to standard error, JSON and pages to files.
+//! Output of a command: text to standard output, errors to standard error, JSON and pages to files.
 //!
 //! Promises: a reader that left (`trued info … | head`) is no error, the command goes on and ends with its own exit
 //! code; no colour where none was asked for; with `--json -` standard output holds the JSON object alone.

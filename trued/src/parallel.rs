@@ -1,4 +1,4 @@
-//! Work that is shared among the machine's cores, with the same results as on one.
+//! Parallel work on several cores, with the same results as on one.
 
 use std::num::NonZeroUsize;
 use std::panic::resume_unwind;

@@ -1,4 +1,4 @@
-//! Progress bars on standard error; nothing where it is no terminal, or with `-q`.
+//! Progress bars on standard error; none without a terminal, or with `-q`.
 
 use std::time::Duration;
 

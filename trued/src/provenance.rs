@@ -1,4 +1,4 @@
-//! How a page was made: by which command line, when, of which files.
+//! Provenance of a page: command line, time, input files.
 //!
 //! The time is that of the start of the program, or of `SOURCE_DATE_EPOCH` (s since 1970, reproducible-builds.org): with it the same inputs give the same bytes.
 

@@ -1,4 +1,4 @@
-//! JSON Schemas (draft 2020-12) of every file that is read and of every JSON that a command writes.
+//! JSON Schemas (draft 2020-12) of every input file and every JSON result.
 //!
 //! Promises: a result fits its schema. A result may get further keys without a new name of its format: whoever reads it ignores what it does not know.
 //! Numbers that are not finite are `null`.

@@ -1,4 +1,4 @@
-//! A recording as the setpoints that the robot's side would have sent: one per row, in order.
+//! A recording as setpoints of the robot's loop: one per row, in order.
 //!
 //! Promises: the same recording gives the same setpoints, bit for bit; their times increase strictly, over segments too.
 //! A wrench that was not sampled in a row is left

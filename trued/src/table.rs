@@ -1,4 +1,4 @@
-//! Text for people at a terminal: tables with aligned columns, two spaces apart, no frame; lines beside their names, 80 columns wide.
+//! Tables of text: aligned columns, two spaces apart, no frame; labelled lines, 80 columns wide.
 
 /// Width of a terminal.
 const COLUMNS: usize = 80;

@@ -1,4 +1,4 @@
-//! Text for a terminal's width: long lines are broken between words and hang under where they began.
+//! Line wrapping for a terminal: long lines are broken between words, with a hanging indent.
 //!
 //! Only for terminals: what goes to a pipe or a file keeps its lines, so that programs can read them.
 

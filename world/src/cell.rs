@@ -1,4 +1,4 @@
-//! The virtual cell: a path, the true robot twice (uncorrected and corrected), and the cut, tick by tick.
+//! The simulated cell: a path, the true robot twice (uncorrected and corrected), and the cut, tick by tick.
 //!
 //! A tick is one joint command. The force of the cut depends on feed and direction alone, so both robots feel the same
 //! one; it bends them by its mean over a revolution, since the tooth passing is far above what an arm follows; chatter

@@ -1,4 +1,4 @@
-//! A virtual contact: a flat surface that gives way like a spring, and a robot with lag that is pressed onto it.
+//! A simulated contact: an elastic surface, and a robot with lag that is pressed onto it.
 //!
 //! `F = k · max(0, depth)` along the normal, without friction. k: stiffness, N/m; 0.1 to 10 N/µm are 1e5 to 1e7. The robot
 //! gives way too, so force and place hold at once: `F = k · depth(tcp(F))`, solved on the true model.

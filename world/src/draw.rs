@@ -1,4 +1,4 @@
-//! A true robot for a calibrated model: what a calibration leaves unknown, drawn by seed.
+//! A true robot for a calibrated model: random residual errors of a calibration, by seed.
 //!
 //! Every parameter moves by a normal draw of its stated standard uncertainty, redrawn where it would leave its physical
 //! range. What the model lacks altogether is drawn by [`crate::hidden`].

@@ -1,4 +1,4 @@
-//! What is recorded of the drives on a motion that is known, row by row. Where the motion answers to the drives, see [`crate::servo`].
+//! Recorded drive quantities for a known motion, row by row. For motion that depends on the drives, see [`crate::servo`].
 //!
 //! Promises: the same rows give the same bits; a path begins settled; a delay of torques shifts them against the motion. Never: noise; a
 //! drive that cannot do what is asked of it.

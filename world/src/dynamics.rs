@@ -1,4 +1,4 @@
-//! What of a robot's motion lags, rings and snaps: delay lines, servo lags, flexible modes, spikes at reversals.
+//! Dynamic effects: delay lines, servo lags, flexible modes, reversal spikes.
 //!
 //! Laws: docs/reference/effects.md (`time_delay`, `servo_lag`, `flexible_mode`, `reversal_spike`), each solved exactly over the curve through the
 //! samples, so that no step size enters. They need a whole path and a heap, which the correction's cycle has not.

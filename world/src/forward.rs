@@ -1,4 +1,4 @@
-//! A recorded motion run through a model: where the tool really goes, row by row.
+//! A recorded motion run through a model: real position of the tool, row by row.
 //!
 //! Order (docs/reference/effects.md): command → delay → lag → errors by position, and play → compliance → modes. On a path the loads have
 //! their inertial part, from speeds and accelerations of the motors.

@@ -1,10 +1,10 @@
-//! What a robot hides: one effect that its calibrated model lacks, drawn by seed.
+//! Hidden effects: one random effect that the calibrated model lacks, by seed.
 //!
 //! Kind first, then joint, sign, direction, phase ([`menu`]); then how large it is: so that it shows on the work, stands above the instrument's noise on
 //! the measuring program, and does no harm. What the calibrated model has of the same thing in the same place is taken out of it, so that the hidden
 //! effect is lacking and not merely off.
 //!
-//! Promises: a seed means one effect; it moves the tool by the asked size. Never: a look at what a diagnosis makes of it.
+//! Promises: a seed means one effect; it moves the tool by the asked size. Never: use of what a diagnosis makes of it.
 
 pub mod menu;
 

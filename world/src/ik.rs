@@ -1,4 +1,4 @@
-//! Joint positions for a wanted placement of the tool, on the controller's own geometry.
+//! Inverse kinematics on the controller's geometry.
 //!
 //! Damped Newton: `Δq = Jᵀ (J Jᵀ + λ² I)⁻¹ e` with `λ² = ½ |e|²`, which fades as the error does (Sugihara, IEEE T-RO
 //! 27(5), 2011); a redundant arm takes the least step. e: placement error, m and rad.

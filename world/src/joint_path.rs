@@ -1,4 +1,4 @@
-//! The joint commands of a path, sample by sample, as a controller would send them.
+//! Joint commands of a path, sample by sample, as sent by a controller.
 //!
 //! Promises: planned whole before it runs, so that what cannot be reached is said before anything moves; each sample
 //! closes on its wanted placement to 1e-12 m and rad; joints stay within limits and speeds.

@@ -1,4 +1,4 @@
-//! The robot, the instrument and the cutter, run forward: deterministic by seed.
+//! Simulation of robot, instrument and cutter: deterministic by seed.
 //!
 //! Promises: the same inputs and seed give the same bits on every machine of one kind; each kind of chance has a
 //! stream of its own ([`random`]).

@@ -1,4 +1,4 @@
-//! A cut that is recorded: how the cutter stands in each row, and what the sensor reads there.
+//! A recorded cut: state of the cutter in each row, and sensor readings.
 //!
 //! Promises: the same rows give the same bits; tooth 0 stands at angle 0 where a segment begins; where spindle or feed stand still nothing is cut.
 //! Never: noise; a mean over the sensor's own time, a row is an instant.

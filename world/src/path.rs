@@ -1,4 +1,4 @@
-//! Where the tool shall be, as a function of time: strokes of straight lines joined by arcs, each from rest to rest.
+//! Target position of the tool as a function of time: straight strokes joined by arcs, each from rest to rest.
 //!
 //! Promises: position and direction are continuous along a stroke; along it speed, acceleration and jerk stay
 //! within what was asked. An arc of radius r adds `v²/r` across the path, all at once where it begins.

@@ -1,4 +1,4 @@
-//! How far along a stroke the tool is: from rest to rest with bounded speed, acceleration and jerk.
+//! Motion profile of a stroke: from rest to rest with bounded speed, acceleration and jerk.
 //!
 //! Seven phases of constant jerk (`+j, 0, −j, 0, −j, 0, +j`), symmetric in time; phases that a short stroke has no
 //! room for have no length. Source: the double-S profile of Biagiotti and Melchiorri, Trajectory Planning, 2008, 3.4.

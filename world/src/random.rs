@@ -1,4 +1,4 @@
-//! Chance by seed: one stream of numbers per purpose.
+//! Random numbers by seed: one stream per purpose.
 //!
 //! Promises: the same seed gives the same bits; a draw more for one purpose, or a purpose more, shifts no other.
 //! Never: the machine's own randomness or a clock.

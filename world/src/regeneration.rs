@@ -1,4 +1,4 @@
-//! A milling cut that may ring by itself: teeth cut into the surface that the teeth before them left.
+//! A milling cut with regeneration: teeth cut the surface left by the preceding teeth.
 //!
 //! Tool on modes `q'' + 2ζω q' + ω² q = ω²/k (u·F)`, moved by `r = Σ u q` (exact between steps under a constant force). Per tooth at
 //! angle φ, with `n = (sin φ, cos φ)`: chip `h = f_t sin φ + (n·r + ρ) − s(φ)`, ρ: the tooth's runout, `s`: what the tooth before left there;

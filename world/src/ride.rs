@@ -1,4 +1,4 @@
-//! One segment of a path as the motors go it: late, lagging; and what rings and snaps on the way.
+//! One path segment as executed by the motors: delay, lag, modes, reversal spikes.
 //!
 //! Promises: the same rows give the same bits; numbers of zero leave the path as it was commanded. Never: a bend that has no dynamics; see
 //! [`crate::forward`].

@@ -1,4 +1,4 @@
-//! A cut that rings: chatter as a force that grows and then stays, and the structural mode that it shakes.
+//! A cut with chatter: a force that grows and then stays constant, and the structural mode that it excites.
 //!
 //! The chatter is given, not self-excited: its growth and limit are stated, so that a test knows when it was how large.
 //! Mode (docs/reference/effects.md, `flexible_mode`, its force part): `x'' + 2ζω x' + ω² x = ω² C_d F`, exact between samples.

@@ -1,11 +1,11 @@
-//! The true robot, run forward at a fixed rate.
+//! The true robot, simulated at a fixed rate.
 //!
 //! Order (docs/reference/effects.md): command → delay → lag → errors of position, and play → compliance.
 //! Delay and lag are those of the servos, every joint alike, off by default. The arm is taken as quasi-static:
 //! speeds and accelerations are zero for the effects, good at machining feeds (mm/s), not at handling speeds.
 //!
 //! Promises: the same targets and wrenches give the same bits.
-//! Never: a look at the wanted path.
+//! Never: use of the wanted path.
 
 use libm::exp;
 use physics::{Frame, Inputs, Joints, Memories, Model, Wrench};

@@ -1,4 +1,4 @@
-//! A path under a plain controller: where the motors really go when the drives have to overcome friction, and what is recorded of the drives.
+//! A path under a simple controller: actual motion of motors with friction, and recorded drive quantities.
 //!
 //! Each joint has a position loop (P, with the commanded speed ahead) around a speed loop (PI), as machine tools and robots have had for long; its gains go by the
 //! joint's own inertia at the first row. The plant is the model's whole inverse dynamics turned round. Dry friction holds a joint at rest as long as it can:

@@ -1,4 +1,4 @@
-//! A measuring program: all joints through their ranges and back, each at a pace of its own, under loads from several sides, while the air warms.
+//! A measuring program: all joints through their ranges and back, at different speeds, under loads from several sides, while the temperature rises.
 //!
 //! The same motion whatever is looked for: what a model may lack shows under position, direction, load or heat, and here none of these
 //! follows another. Slow (minutes), so that an arm's own inertia plays no part.

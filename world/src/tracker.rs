@@ -1,4 +1,4 @@
-//! The instrument: a tracker that reads the TCP at its own rate, with noise and a last digit.
+//! The instrument: a tracker that measures the TCP at its own rate, with noise and quantisation.
 //!
 //! `reading = round((p + s z)/d) d` per axis of the measuring frame, z normal. s: standard uncertainty · d: resolution.
 //!

@@ -1,4 +1,4 @@
-//! Where a joint turned round between two rows of a path.
+//! Reversals of a joint between two rows of a path.
 //!
 //! A joint goes on a little after the last row before it turns; play and hysteresis remember how far.
 //!

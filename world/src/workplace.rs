@@ -1,8 +1,8 @@
-//! A place to work at in front of an arm.
+//! A working area in front of an arm.
 //!
 //! Promises: a point straight ahead (base +x) that the arm reaches with the tool as asked, of a grid the one that is
 //! clearest of singular poses and joint limits.
-//! Never: a look at what stands around.
+//! Never: use of what stands around.
 
 use crate::ik::{self, IkError};
 use glam::{DMat3, DVec3};

@@ -1,4 +1,4 @@
-//! Batch diagnosis over generated recordings: one digest whatever the shards and wherever they were killed, and the throughput beside single diagnoses.
+//! Batch diagnosis of generated recordings: one digest for any shards and kills, and the throughput compared with single diagnoses.
 //!
 //! Recordings are made by `trued simulate`: four robots, of which the last one loses more motion at joint 3 from recording to recording. A recording has [`ROWS`]
 //! rows, so that thousands take minutes. By hand: as many processes at a time as there are cores, each `trued diagnose` of one recording on one thread.

@@ -1,4 +1,4 @@
-//! The product beside others, and its languages beside each other: programs of the package `tests`, built and run.
+//! Comparisons with other software, and between languages: programs of the package `tests`, built and run.
 //!
 //! Never: part of CI, as it is a matter of time.
 

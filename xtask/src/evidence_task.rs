@@ -1,4 +1,4 @@
-//! `cargo xtask evidence`: its words, and the program that it runs, built for release unless one is given.
+//! `cargo xtask evidence`: options, and the program under test, built in release mode unless one is given.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -1,4 +1,4 @@
-//! What of the chores is tried by tests: the maker of `docs/evidence.md`.
+//! Tasks that are tested: the generator of `docs/evidence.md`.
 //!
 //! Never part of the product: nothing but tests depends on it.
 

@@ -1,4 +1,4 @@
-//! The chores of the house. Every figure that a document quotes comes from one of these commands.
+//! Development tasks. Every figure quoted in a document comes from one of these commands.
 //!
 //! Never part of the product: nothing depends on it.
 #![expect(

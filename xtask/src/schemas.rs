@@ -1,4 +1,4 @@
-//! `cargo xtask schemas`: the JSON Schemas under `schemas/`, made of the program's own types. `tests/it/schemas.rs` fails where they are stale.
+//! `cargo xtask schemas`: the JSON Schemas under `schemas/`, generated from the program's types. `tests/it/schemas.rs` fails if they are out of date.
 
 use std::fs;
 use std::io::Result;

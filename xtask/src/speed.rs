@@ -1,4 +1,4 @@
-//! How long a diagnosis takes: processor time of `trued diagnose` on paths of 1e5 and 1e6 rows, Parquet in, report out, beside its bar.
+//! Duration of a diagnosis: processor time of `trued diagnose` on paths of 1e5 and 1e6 rows, Parquet in, report out, with its limit.
 //!
 //! Recordings are made by `trued simulate` from a model that hides two effects; what is timed is the whole program, reading and report included.
 //!

@@ -1,4 +1,4 @@
-//! The vibration watch's figures: detection, false alarms, transients, cost, each beside its bar, and the curve of
+//! The vibration monitor's figures: detection, false alarms, transients, cost, each beside its bar, and the curve of
 //! detection against false alarms as numbers and as a plot. Simulated by `spectrum/examples/watch_figures`.
 
 use report::{Axis, Column, Page, Plot, Series, Svg, Table};

@@ -1,4 +1,4 @@
-//! z, ρ and gains against what can be said with pencil and paper.
+//! z, ρ and gains compared with analytical results.
 
 use super::*;
 use crate::arm::Arm;

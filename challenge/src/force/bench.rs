@@ -1,4 +1,4 @@
-//! How much a hidden effect of forces shows, and whether another name would show the same: z, ρ and gains as in the other domains ([`crate::weigh`]).
+//! Visibility of a hidden force effect, and whether another effect would have the same signature: z, ρ and gains as in the other domains ([`crate::weigh`]).
 //!
 //! Fitted anyway: where the spindle stands as each pass begins, of which no recording tells; the amplifier's drift and the model's uncertain numbers, each with
 //! one reading of what is told of it.

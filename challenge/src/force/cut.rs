@@ -1,4 +1,4 @@
-//! What is cut and with what, as a recording tells of it, drawn by chance.
+//! A random cut: workpiece and cutter, as described by a recording.
 //!
 //! Promises: sizes, coefficients and feeds of real milling and turning. Never: what is hidden.
 

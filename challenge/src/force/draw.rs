@@ -1,7 +1,7 @@
-//! Cases of forces by chance: a cut, its passes, a sensor, and what is hidden, sized so that it shows as the tier asks.
+//! Random cases of forces: cut, passes, sensor and hidden effects, with a size that suits the tier.
 //!
 //! Promises: the same seed, index and tier give the same case; kinds take turns; noise is such that the path which chips are measured along here, and the
-//! sine that the contract writes, cannot be told apart. Never: a draw that looks at a solver's answer.
+//! sine that the contract writes, cannot be distinguished. Never: a draw that looks at a solver's answer.
 
 use crate::case::Tier;
 use crate::chance::Chance;

@@ -1,4 +1,4 @@
-//! The laws: what each effect makes of the forces of the teeth, and what the sensor makes of these; laws that no library has.
+//! Laws of the effects on the forces of the teeth and on the sensor, and laws outside the catalogue.
 //!
 //! Outside the library: a tooth whose lower edge broke off, so that the next one cuts twice as thick there (`BrokenTooth`); edges that plough the more the
 //! faster they go (`PloughingSpeed`); an edge that builds up, cuts harder, and falls off (`BuiltUpEdge`); guides of the table that resist the feed

@@ -1,8 +1,8 @@
-//! What an answer is worth on forces of passes that nobody saw: error before, after, and of an oracle that knows the true form.
+//! Evaluation of an answer on forces of unseen passes: error before, after, and of an oracle that knows the true form.
 //!
 //! Rows are those of which a law of the cut says something: it cuts as set, or nothing moves. The amplifier's drift is nobody's to foretell.
 //!
-//! Promises: the three errors are over the same rows. Never: a look at an answer's name; a gain where something swings by itself, whose phase is its own.
+//! Promises: the three errors are over the same rows. Never: use of an answer's name; a gain where something swings by itself, whose phase is its own.
 
 use crate::fit::{Pair, Part};
 use crate::law::Trial;

@@ -1,4 +1,4 @@
-//! What spindle and feed do: passes through a work with bevelled borders, row by row.
+//! Spindle speed and feed row by row: passes through a workpiece with bevelled borders.
 //!
 //! A pass may begin in air, standing or moving, and end in air. The depth grows over the bevel as the tool enters, and falls as it leaves.
 //!

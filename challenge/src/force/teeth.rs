@@ -1,4 +1,4 @@
-//! Teeth stepped in time: where each edge stands, how far beyond the path of the tooth before it, and which way its forces point.
+//! Teeth stepped in time: position of each edge, its distance beyond the path of the preceding tooth, direction of its forces.
 //!
 //! Cut axes: x along the feed, z up out of the work, y = z × x. An edge at angle φ from y towards x stands at `C(t) + ρ + R (sin φ, cos φ)`: the tool's
 //! centre moves on while it turns. The chip is measured along the ray from the centre: from the edge to where the edge before crossed that ray, found by

@@ -1,4 +1,4 @@
-//! A case of forces as the files that a solver gets: a model without a robot, recording, and the cut as the recording tells of it (docs/reference/recording.md).
+//! Writes a case of forces as the files for a solver: a model without a robot, a recording, and the description of the cut (docs/reference/recording.md).
 //!
 //! Promises: nothing that is hidden is in them. Never: read back.
 

@@ -1,4 +1,4 @@
-//! Every law's own signature, as textbooks tell it.
+//! The characteristic signature of every law.
 
 use super::*;
 use crate::arm::Arm;

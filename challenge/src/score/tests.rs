@@ -1,4 +1,4 @@
-//! Scores of answers whose worth is plain to see.
+//! Scores of answers with obvious quality.
 
 use super::*;
 use crate::bench::Judged;

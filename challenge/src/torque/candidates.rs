@@ -1,4 +1,4 @@
-//! The rivals of a hidden effect of torques: every name of the contract's table that this recording could be answered with.
+//! Alternatives to a hidden torque effect: every effect with which this recording could be explained.
 //!
 //! Promises: numbers that do not enter linearly stand on a grid, one form each. Never: names that need what was not recorded.
 

@@ -1,4 +1,4 @@
-//! One blind case of torques: a rig, what its model knows of it, what is hidden, how it is measured.
+//! One blind case of torques: rig, its model, hidden effects, measurements.
 //!
 //! Promises: everything follows from it and its seed. Never: what the solver is told beyond the files.
 

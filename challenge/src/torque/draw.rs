@@ -1,4 +1,4 @@
-//! Cases of torques by chance: a rig, a motion, an instrument, and what is hidden, sized so that it shows as the tier asks.
+//! Random cases of torques: rig, motion, instrument and hidden effects, with a size that suits the tier.
 //!
 //! Promises: the same seed, index and tier give the same case; kinds take turns. Never: a draw that looks at a solver's answer.
 

@@ -1,4 +1,4 @@
-//! Effects added to a real recording: where all the rest is as it was, what is asked is only what was added.
+//! Effects added to a real recording: everything else is unchanged, and only the added effect is scored.
 //!
 //! Motion is read off the recorded positions by cubics through neighbouring rows. Noise is what a fit of free masses and plain frictions leaves of the
 //! recorded torque, means over a hundredth of a second, its memory taken out by a long linear predictor. `z` and gains are then those of [`crate::weigh`].

@@ -1,4 +1,4 @@
-//! The laws: what each effect adds to the torques that are recorded (docs/reference/effects.md, torque table), and laws that no library has.
+//! Laws of the contributions of each effect to the recorded torques (docs/reference/effects.md, torque domain), and laws outside the catalogue.
 //!
 //! Outside the library: drag with the cube of the speed (`SpeedCube`), dry friction that comes and goes along the way (`PlaceFriction`), oil that drags
 //! by the place (`PlaceDamping`), a hose that pulls at one joint as another turns (`CrossTorque`), a torque that wanders with time (`Wander`).

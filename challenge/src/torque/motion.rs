@@ -1,4 +1,4 @@
-//! What a robot does in a torque case: each joint's motion as a formula, known at any instant with its velocity and acceleration.
+//! Motion of each joint in a torque case as a formula, with velocity and acceleration at any instant.
 //!
 //! Sums of sines that swell from rest, moves from stop to stop with rounded corners and a stretch of even speed (trapezoids), or moves with random
 //! stops between them. Where temperatures are recorded, several runs at other temperatures.

@@ -1,4 +1,4 @@
-//! Noise that remembers itself, whitened by a linear predictor (Yule and Walker's equations by Levinson's recursion).
+//! Whitening of autocorrelated noise by a linear predictor (Yule-Walker equations, Levinson recursion).
 //!
 //! Promises: what the predictor was made of comes out with unit variance and without memory. Never: a signal's meaning.
 

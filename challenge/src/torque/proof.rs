@@ -1,9 +1,9 @@
-//! What an answer is worth on torques of a motion that nobody saw: error before, after, and of an oracle that knows the true form.
+//! Evaluation of an answer on torques of an unseen motion: error before, after, and of an oracle that knows the true form.
 //!
 //! Masses that the model does not say are fitted on training rows for all three; the oracle fits the true form's numbers and the model's own (with their
 //! uncertainty) there by Gauss and Newton. Joints count by their noise, in units of its geometric mean.
 //!
-//! Promises: the three errors are over the same rows. Never: a look at an answer's name.
+//! Promises: the three errors are over the same rows. Never: use of an answer's name.
 
 use crate::arm::Joints;
 use crate::fit::{Pair, Part};

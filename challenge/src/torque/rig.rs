@@ -1,4 +1,4 @@
-//! What the motors carry: a slide, a pendulum or an arm as points that have mass, and what the joints hold of them.
+//! Load of the motors: a slide, a pendulum or an arm as point masses, and the joint torques.
 //!
 //! `τᵢ = Σ m (p̈ − g) · ∂p/∂qᵢ`, the acceleration p̈ of a point from its places a little before and after on the parabola that the joints are on.
 //!

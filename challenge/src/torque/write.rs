@@ -1,4 +1,4 @@
-//! A case of torques as the files that a solver gets: model, recording, and what the recording says of itself (docs/reference/model.md, `recording.md`).
+//! Writes a case of torques as the files for a solver: model, recording and its metadata (docs/reference/model.md, `recording.md`).
 //!
 //! Promises: nothing that is hidden is in them. Never: read back.
 

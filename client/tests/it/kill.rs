@@ -40,7 +40,7 @@ impl Pair {
         }
     }
 
-    /// Kills and starts anew: 0 the cell, 1 the daemon, 2 the cell then the daemon, 3 the other way.
+    /// Kills and restarts: 0 the cell, 1 the daemon, 2 the cell then the daemon, 3 the other way.
     fn strike(&mut self, runtime: &Runtime, what: u64, chance: &mut Chance) {
         let order: &[Who] = match what {
             0 => &[Who::Cell],

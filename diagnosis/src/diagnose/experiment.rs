@@ -28,7 +28,7 @@ const READINGS: usize = 250;
 /// Rivals that are looked at, the nearest first.
 const RIVALS: usize = 3;
 
-/// An experiment that would part what cannot be told apart.
+/// An experiment that would part what cannot be distinguished.
 #[derive(Clone, Debug)]
 pub struct Proposed {
     /// What to do.
@@ -41,7 +41,7 @@ pub struct Proposed {
     pub says: String,
 }
 
-/// What cannot be told apart in which recording.
+/// What cannot be distinguished in which recording.
 pub(super) struct Design<'a> {
     campaign: &'a Campaign,
     given: &'a Model,

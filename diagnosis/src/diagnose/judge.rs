@@ -9,7 +9,7 @@ use physics::AnyEffect;
 
 /// Names must carry this share of what was found above the noise, as energy; else the structure is unknown.
 const CARRIED: f64 = 0.999;
-/// Where more than this share of what is named cannot be told apart, nothing is claimed.
+/// Where more than this share of what is named cannot be distinguished, nothing is claimed.
 const CLEAR: f64 = 0.5;
 /// Beside a name that brings so much log-likelihood and is alike none other, the alike ones are told as sets.
 const SURE: f64 = 20.0;

@@ -29,7 +29,7 @@ pub(super) fn set_moving(campaign: &mut Campaign, joints: usize) {
 
 /// Leaves out the readings that depend on how play and friction stood when a path began, which nobody recorded: those before each joint has gone far enough to
 /// forget it, where that is soon; and those before a start of what the model has from either side puts the tool in one place. Where it never does (a joint
-/// that stands still) all stay.
+/// that is at rest) all stay.
 pub(super) fn set_begun(campaign: &mut Campaign, model: &Model, notes: &mut Vec<String>) {
     let paths: Vec<Range<usize>> = paths(campaign).collect();
     let mut firsts: Vec<usize> =

@@ -24,7 +24,7 @@ use rayon::prelude::*;
 
 /// Rounds of the preselection.
 const PRESELECTION_ROUNDS: usize = 3;
-/// A rival within this many units of log-likelihood cannot be told apart (docs/diagnosis.md).
+/// A rival within this many units of log-likelihood cannot be distinguished (docs/diagnosis.md).
 pub(super) const ALIKE: f64 = 5.0;
 
 /// Another name for what a finding explains.

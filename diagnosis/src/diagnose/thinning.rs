@@ -33,7 +33,7 @@ pub(super) struct Stepwise {
     pub(super) kept: Vec<bool>,
     /// Rows whose readings stay.
     pub(super) read: Vec<bool>,
-    /// What was done, for people.
+    /// What was done, for users.
     pub(super) says: String,
 }
 

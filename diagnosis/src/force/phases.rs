@@ -37,7 +37,7 @@ pub enum State {
     Cut,
     /// It leaves.
     Exit,
-    /// Air and cut cannot be told apart.
+    /// Air and cut cannot be distinguished.
     Unknown,
 }
 

@@ -43,7 +43,7 @@ fn target_of(reading: &Reading) -> Option<usize> {
     }
 }
 
-/// What is farthest off, for people.
+/// What is farthest off, for users.
 pub(super) fn worst(campaign: &Campaign, model: &Model) -> String {
     let medians = medians(campaign, model);
     let worst = medians.iter().max_by(|a, b| a.1.total_cmp(b.1));

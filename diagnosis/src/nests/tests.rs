@@ -17,7 +17,7 @@ fn places() -> [DVec3; 3] {
     [DVec3::new(2.4, 0.5, -0.5), DVec3::new(2.9, 0.8, -0.5), DVec3::new(2.7, 0.0, -0.6)]
 }
 
-/// A point of the tool, tracker frame, of a tracker that stands still, m.
+/// A point of the tool, tracker frame, of a tracker that is at rest, m.
 fn tool(row: usize) -> DVec3 {
     let t = 0.1 * row as f64;
     DVec3::new(2.6 + 0.3 * t.sin(), 0.2 + 0.4 * (1.3 * t).cos(), 0.2 * (0.7 * t).sin())

@@ -108,7 +108,7 @@ pub struct Judgement {
 }
 
 impl Damage {
-    /// What it is called, for people.
+    /// What it is called, for users.
     #[must_use]
     pub fn says(&self) -> String {
         match self {

@@ -1,9 +1,9 @@
-//! How sure numbers are, from blocks of time: by how much they would move were one block not there (the jackknife of whole blocks, which is White's sandwich
-//! with each block freed of the part that it had in its own fit: Cameron and Miller, A practitioner's guide to cluster-robust inference, 2015, section VI B).
+//! Uncertainty of parameters from blocks of time: their change when one block is left out (block jackknife, which is White's sandwich estimator
+//! with each block corrected for its leverage: Cameron and Miller, A practitioner's guide to cluster-robust inference, 2015, section VI B).
 //!
-//! With many numbers beside few blocks, what a block leaves is smaller than its noise, as the fit has bent to it: uncorrected, every number would be told too sure.
+//! With many parameters and few blocks, the residual of a block is smaller than its noise because of overfitting: uncorrected, every uncertainty would be too small.
 //!
-//! Promises: noise that remembers itself within a block makes nothing sure; no number is surer than white noise would leave it. Never: a law of the noise.
+//! Promises: autocorrelation within a block does not reduce uncertainties; none is smaller than with white noise. Never: a noise model.
 
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;

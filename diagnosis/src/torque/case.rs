@@ -242,7 +242,7 @@ impl Case {
         products
     }
 
-    /// Learns each joint's noise from what no name explains.
+    /// Learns each joint's noise from what no effect explains.
     pub(super) fn estimate_noise(&mut self) {
         // The first look has no weights of joints, the second has.
         for _ in 0..2 {

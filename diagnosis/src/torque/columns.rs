@@ -1,9 +1,9 @@
-//! What a number of an effect adds to the torque of each joint, row by row: the columns that everything is fitted with.
+//! Regressors: contribution of each parameter of an effect to the torque of each joint, row by row.
 //!
 //! Sharp laws (a sign, a memory) are evaluated at the rate of the run, on motion in a wider band, and then pass the filter of the torque; smooth ones are
 //! evaluated on what has passed it.
 //!
-//! Promises: a column is what the contract's table adds, per unit of its number. Never: a decision.
+//! Promises: a column is the term of docs/reference/effects.md per unit of its parameter. Never: a decision.
 
 use std::sync::Arc;
 

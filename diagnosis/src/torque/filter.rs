@@ -1,9 +1,9 @@
-//! A low-pass without delay, and the derivative of what it passed: the same for both sides of an equation of motion.
+//! Zero-phase low-pass and derivatives of the filtered signal: the same for both sides of an equation of motion.
 //!
-//! Butterworth of fourth order, forward and backward, so that its phase is nil and its gain at the band's edge a half (Gautier, Dynamic
+//! Butterworth of fourth order, forward and backward, so that its phase is zero and its gain at the band edge one half (Gautier, Dynamic
 //! identification of robots with power model, ICRA 1997, filters both sides alike for the same reason).
 //!
-//! Promises: what goes into torque and what is derived from motion pass the same filter. Never: a look at what the samples mean.
+//! Promises: torque and quantities derived from motion pass the same filter. Never: the meaning of the samples.
 
 use std::f64::consts::PI;
 

@@ -1,4 +1,4 @@
-//! The result of a torque diagnosis: effects with their parameters, what they bring on the test set, what remains. The test set is read here for the first time, and changes
+//! The result of a torque diagnosis: effects with their parameters, improvement on the test set, residual. The test set is read here for the first time, and changes
 //! no selection.
 
 use nalgebra::DMatrix;

@@ -1,6 +1,6 @@
-//! What was found, as numbers with their names: columns become parameters of effects, likelihoods become probabilities.
+//! Findings: converts columns to parameters of effects, and likelihoods to probabilities.
 //!
-//! Promises: stems and SI units of the contract's parameters. Never: a unit of a file.
+//! Promises: parameter names of docs/reference/effects.md, in SI. Never: units of a file.
 
 use glam::DVec3;
 use nalgebra::DMatrix;
@@ -16,7 +16,7 @@ const FLOOR: f64 = 5e-3;
 const CONSTANT: f64 = 0.1;
 /// A first moment that is open by as much, kg m, is one that nothing feels: no arm carries it.
 const UNFELT: f64 = 1e4;
-/// Names within so much log-likelihood cannot be told apart.
+/// Names within so much log-likelihood cannot be distinguished.
 const ALIKE: f64 = 5.0;
 /// A rival explains at least this share of what the name does.
 const SHARES: f64 = 0.5;

@@ -1,8 +1,8 @@
-//! What the model already knows of the drives: its torque, and how far its numbers may be off by their stated uncertainty.
+//! Drive effects stated by the model: their torque, and their parameters with stated uncertainty.
 //!
-//! The physics' own effects say it, at the rate of the runs and of motion in a wider band; what they add to the rigid body then passes the filter of the torque.
+//! Computed by the effects of `physics`, at the sampling rate and with motion of a wider bandwidth; their contribution then passes the filter of the torque.
 //!
-//! Promises: a number within its stated uncertainty is no finding, since it is fitted along, held by what is believed of it. Never: a law of its own.
+//! Promises: a deviation within the stated uncertainty is not a finding, since the parameter is fitted with it as prior.
 
 use physics::dynamics::inverse_dynamics;
 use physics::spec::Range;

@@ -1,6 +1,6 @@
-//! What may be missing in the torque of each joint: every name of the contract's table with the columns that its numbers have.
+//! Candidates for the torque of each joint: every effect of the torque domain with the columns of its parameters.
 //!
-//! Promises: signs and limits of numbers as the contract has them; a name whose condition never occurs in the recording is not asked for, and why is said.
+//! Promises: signs and limits as in docs/reference/effects.md; an effect whose condition never occurs in the recording is not a candidate, and the reason is given.
 //! Never: a selection.
 
 use glam::DVec3;

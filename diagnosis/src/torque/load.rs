@@ -1,6 +1,6 @@
-//! Torques that go with the torque itself: friction under load, a gain, a delay; and what a fit tells of masses made known to them.
+//! Effects proportional to the torque itself: load-dependent friction, gain, delay; updated with fitted masses.
 //!
-//! Promises: masses that a fit tells load the gears, of friction that the model states as of friction that may be missing. Never: a selection.
+//! Promises: fitted masses are included in the load of stated and of candidate friction. Never: a selection.
 
 use std::sync::Arc;
 

@@ -1,9 +1,9 @@
-//! What noise that remembers itself leaves open of the numbers of a fit.
+//! Uncertainty of the parameters by the AR noise model.
 //!
-//! Blocks of time tell uncertainties without a law of the noise, but from few blocks, of which every number that is fitted takes a part. So they are held against
-//! what the law says that is left in the residual: `Var β = A Xᵀ Σ X A`, Σ autoregressive.
+//! Uncertainties from blocks of time need no noise model, but rely on few blocks, of which every fitted parameter takes a share. They are therefore compared with
+//! those of the noise model of the residual: `Var β = A Xᵀ Σ X A`, Σ autoregressive.
 //!
-//! Promises: an uncertainty is only made larger, and what two numbers share with it. Never: a number changed.
+//! Promises: uncertainties are only increased, and covariances with them. Never: a changed parameter.
 
 use nalgebra::DMatrix;
 

@@ -1,7 +1,7 @@
-//! Recordings of torque as motion at an even rate: position, speed, acceleration and torque of every joint, all in one band.
+//! Resampled recordings of torque: position, speed, acceleration and torque of every joint, all in one frequency band.
 //!
-//! Promises: gaps are never bridged; what lies between samples is drawn by the cubic through the four nearest; both sides pass the same filter.
-//! Never: physics, a value invented beyond the ends of what was recorded.
+//! Promises: gaps are never bridged; cubic interpolation through the four nearest samples; motion and torque pass the same filter.
+//! Never: physics, extrapolation beyond the recording.
 
 use std::borrow::Cow;
 
@@ -23,7 +23,7 @@ const QUICK_SHARE: f64 = 0.25;
 const ROWS_PER_PERIOD: f64 = 5.0;
 /// Periods of the band's edge that are left out at the ends of a run: the filter does not know what was before.
 const ENDS: f64 = 2.0;
-/// A joint that goes less than this share of its whole way in [`REST_S`] stands still.
+/// A joint that goes less than this share of its whole way in [`REST_S`] is at rest.
 const REST: f64 = 1e-4;
 /// A joint that goes no further at all does not move, rad or m.
 const STILL: f64 = 1e-3;
@@ -75,7 +75,7 @@ pub(super) struct Motion {
     pub(super) band_hz: f64,
     /// The band of motion that turns sharply, at least as wide.
     pub(super) quick_hz: f64,
-    /// What was done, for people.
+    /// What was done, for users.
     pub(super) notes: Vec<String>,
     /// Whether torque comes from currents and a constant that was told.
     pub(super) by_current: bool,

@@ -1,8 +1,8 @@
-//! The noise of each joint's torque: what no name of the library explains, and how it remembers itself.
+//! The AR noise model of each joint's torque: residual of all candidates.
 //!
-//! Taken after everything that may be missing was fitted at once, so that what is missing is not taken for noise.
+//! Estimated after all candidates were fitted together, so that missing effects are not mistaken for noise.
 //!
-//! Promises: only rows that train. Never: less than the last digit of what was recorded.
+//! Promises: training rows only. Never: less than the resolution of the recording.
 
 use super::columns::Column;
 use super::table::{Solved, Table};

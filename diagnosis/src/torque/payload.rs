@@ -1,6 +1,6 @@
-//! A mass at the flange that the model does not know of: four numbers, linear about a point; a mass that lies elsewhere has inertia about that point besides.
+//! Unmodelled payload: four linear parameters about a point; a mass elsewhere also has inertia about that point.
 //!
-//! Promises: told about the place where it was found, a point mass is exact to first order. Never: a selection.
+//! Promises: linearised about its estimated position, a point mass is exact to first order. Never: a selection.
 
 use glam::DVec3;
 use physics::dynamics::INERTIAL;

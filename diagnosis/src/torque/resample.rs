@@ -1,6 +1,6 @@
-//! Samples brought to even times.
+//! Resampling to even time steps.
 //!
-//! Promises: what lies between samples is drawn by the cubic through the four nearest. Never: a value beyond the first and the last.
+//! Promises: cubic interpolation through the four nearest samples. Never: a value beyond the first and the last.
 
 /// Samples at even times by the cubic through the four nearest (Lagrange).
 pub(super) fn resampled(

@@ -1,4 +1,4 @@
-//! What a diagnosis of torque gives.
+//! Result of a torque diagnosis.
 //!
 //! Promises: SI, joints from 0. Never: a unit of a file, a sentence.
 
@@ -48,7 +48,7 @@ pub struct JointProof {
     pub after: f64,
     /// The same without the zones of low speed.
     pub after_outside: f64,
-    /// Noise: what no name explains on rows that train.
+    /// Noise: what no effect explains on rows that train.
     pub noise: f64,
 }
 

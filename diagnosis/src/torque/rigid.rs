@@ -1,8 +1,8 @@
-//! What the masses of the arm ask of its drives: the part that the model states, and the numbers that it leaves open.
+//! Rigid-body torques: the part stated by the model, and its unknown inertial parameters.
 //!
-//! A body is stated about a point near it (its centre of mass, or its joint's pivot where nothing is known), so that each number can be doubted by itself.
+//! The parameters of a body refer to a point near it (its centre of mass, or its joint's pivot if unknown), so that each can have its own uncertainty.
 //!
-//! Promises: ten numbers per body, the payload's four at the TCP. Never: a judgement which of them a motion can tell.
+//! Promises: ten numbers per body, the payload's four at the TCP. Never: identifiability of the parameters.
 
 use glam::{DMat3, DVec3};
 use physics::dynamics::{INERTIAL, Inertial, Regressor};

@@ -1,10 +1,10 @@
-//! Unmodelled structure in torques: a torque, dry friction or drag whose size varies smoothly with a covariate of the contract.
+//! Unmodelled structure in torques: a torque, dry friction or drag whose size varies smoothly with a covariate.
 //!
 //! Each function is a series of Chebyshev polynomials of one or two covariates times what it scales (a varying-coefficient model: Hastie and Tibshirani 1993). It is
 //! tried beside the selected effects and in place of those of its joint, with the AR noise model estimated again once the function is subtracted: slow
 //! structure would otherwise be taken for slow noise. It also shows whether the size of a selected effect varies with speed or position: then it is not that effect.
 //!
-//! A function pays for its parameters and for the number of functions tried, and is reported only if it raises the likelihood of the test set.
+//! The criterion includes penalties for parameters and for the number of functions tried; a function is reported only if it raises the likelihood of the test set.
 
 use std::cell::RefCell;
 
@@ -230,7 +230,7 @@ impl<'a> Question<'a> {
     }
 }
 
-/// Whether rows that took no part bear a law out: freed of the noise's memory, and as they are. Beside noise that remembers itself a level hardly counts, and a law
+/// Whether rows that took no part bear a law out: freed of the noise's memory, and as they are. Beside autocorrelated noise a level hardly counts, and a law
 /// that leaves one makes the torque no better known.
 pub(super) fn is_borne_out(
     table: &Table,

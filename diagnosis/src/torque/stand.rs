@@ -1,6 +1,6 @@
-//! The names that stand at the end: sure, with numbers that are theirs to have, borne out by rows that nothing had seen.
+//! Final checks of selected effects: significance, physical range of parameters, confirmation on held-out rows.
 //!
-//! Promises: held-out rows take a name away, never choose one.
+//! Promises: held-out rows can remove an effect, never select one.
 
 use super::case::Case;
 use super::library::Form;
@@ -114,7 +114,7 @@ fn instead(search: &Search<'_>, one: &mut Weighed, rival: &Rival) {
     one.rivals.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
 }
 
-/// Names, each whose numbers are not its own to have in this fit in the place of the likeliest rival that cannot be told from it, if one has them.
+/// Names, each whose numbers are not its own to have in this fit in the place of the likeliest rival that cannot be distinguished from it, if one has them.
 fn replaced(search: &Search<'_>, weighed: &[Weighed]) -> Vec<Weighed> {
     let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
     let stand = search.admissible(names.clone());

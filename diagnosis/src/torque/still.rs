@@ -1,8 +1,8 @@
-//! What a joint holds that never moves: one constant, which friction at rest, gravity, a spring, a bias or a drive's gain may be alike.
+//! Torque of a joint that never moves: one constant, which static friction, gravity, a spring, a bias or a drive's gain can equally explain.
 //!
-//! Promises: it is asked only where nothing else was found, and it is never a claim: a set of all that it can be. Dry friction is nothing at rest (the
-//! contract's law), so that what it may hold there is in the set, stated or not.
-//! Never: a number of one of them alone.
+//! Promises: only if nothing else was found, and never a claim, but the set of all explanations. The friction model is zero at rest,
+//! so static friction is always in the set.
+//! Never: a parameter of one of them alone.
 
 use physics::JointKind;
 

@@ -1,8 +1,8 @@
-//! Where the recorded position of a joint stays the same: it stands, however the filter rings.
+//! Detection of rest: a joint whose recorded position does not change, regardless of ringing of the filter.
 //!
-//! Never: a turn taken for a stop.
+//! Never: a reversal mistaken for rest.
 
-/// A joint whose recorded position does not change by a digit for so long stands still too, s: a turn passes its crest sooner.
+/// A joint whose recorded position does not change by a digit for so long is at rest too, s: a turn passes its crest sooner.
 const STOP_S: f64 = 0.03;
 
 /// The least step between two samples of a position that differ.

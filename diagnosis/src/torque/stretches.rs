@@ -1,7 +1,7 @@
-//! Which samples of long recordings are looked at: stretches, spread evenly.
+//! Subsampling of long recordings by evenly spread stretches.
 //!
-//! Stretches and not single samples, since what has a memory and what is filtered need those before; a stretch costs its own length in every trial of a
-//! number that no column gives.
+//! Stretches instead of single samples, since effects with memory and filters need the preceding ones; the cost of evaluating a nonlinear parameter is
+//! proportional to their length.
 
 /// At most so many rows of all runs together.
 const ROWS_MOST: usize = 40_000;

@@ -1,7 +1,7 @@
-//! Sums of products of columns, kept from one question to the next: only columns that have changed are whitened and multiplied anew.
+//! Cache of products of columns: only changed columns are whitened and multiplied again.
 //!
-//! Promises: sums over the rows that count and that were asked for, with the noise as it is; what was kept of other rows or another memory of the noise is
-//! thrown away. Never: a selection.
+//! Promises: sums over the requested rows in use, with the present noise model; entries for other rows or another noise model are
+//! discarded. Never: a selection.
 
 use std::sync::Arc;
 

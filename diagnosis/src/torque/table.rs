@@ -1,7 +1,7 @@
-//! The rows that are fitted, and what sums of their products answer.
+//! The rows of the fit, and the sums of their products.
 //!
-//! Promises: rows of one joint are weighed by that joint's noise and freed of its memory, columns and right-hand side alike; rows set aside count in
-//! nothing. Never: a selection.
+//! Promises: rows of a joint, columns and right-hand side alike, are whitened by its AR noise model; rows set aside are not
+//! used. Never: a selection.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::borrow::Cow;

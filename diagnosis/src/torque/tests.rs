@@ -1,4 +1,4 @@
-//! Torques of a slider and of a pendulum whose physics is known, with noise that is not.
+//! Torques of a slider and a pendulum with known physics and unknown noise.
 
 mod load;
 mod numbers;

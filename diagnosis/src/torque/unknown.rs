@@ -1,6 +1,6 @@
-//! What structure that no name explains may follow: the contract's words with their values, and the law that is told in them.
+//! Covariates of unmodelled structure: names, values, and text.
 //!
-//! Promises: a joint's own words come first. Never: a fit.
+//! Promises: covariates of the joint itself come first. Never: a fit.
 
 use super::motion::Motion;
 

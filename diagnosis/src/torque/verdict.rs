@@ -1,6 +1,6 @@
-//! The verdict on torques: consistent, named, unknown, or not to be told apart.
+//! The verdict on torques: consistent, missing physics, unknown structure, or undetermined.
 //!
-//! Promises: what cannot be told apart is never claimed. Never: a number that was not found elsewhere.
+//! Promises: indistinguishable effects are never claimed. Never: an estimate of its own.
 
 use crate::diagnose::Verdict;
 
@@ -12,7 +12,7 @@ use super::{Finding, Rival, prove};
 
 /// Names must carry this share of what stands above the noise on held-out rows, as energy; else the structure is unknown.
 const CARRIED: f64 = 0.98;
-/// Where more than this share of what is named cannot be told apart, nothing is claimed.
+/// Where more than this share of what is named cannot be distinguished, nothing is claimed.
 const CLEAR: f64 = 0.5;
 /// A rival that is so much behind is listed, but the verdict no longer waits for it: where names differ by 5 in expectation, chance takes more than this of it only in
 /// one case in four, and where they do not differ it seldom gives as much.

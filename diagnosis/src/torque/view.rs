@@ -1,6 +1,6 @@
-//! What the page shows of the torques: measured, and what the model is off by without and with what was found.
+//! Data of the page on torques: measured values, and residuals without and with findings.
 //!
-//! Promises: whole rows, thinned evenly. Never: a number of its own.
+//! Promises: complete rows, evenly subsampled. Never: an estimate of its own.
 
 use super::case::Case;
 use super::selection::Selection;

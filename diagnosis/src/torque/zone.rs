@@ -1,8 +1,8 @@
-//! A zone of low speed in which the torque follows another law than outside: located, told, and set apart, so that it bends no other number.
+//! A zone of low speed in which the torque follows another law: located, reported and excluded, so that it does not bias parameters.
 //!
-//! Two sizes of noise, one within and one beyond a speed, against one for all (a likelihood ratio over the speed).
+//! Two noise levels, one below and one above a speed, compared with a single one (likelihood ratio over the speed).
 //!
-//! Promises: a zone is small, stands out, and is told with its speed and its share of the rows. Never: a name.
+//! Promises: a zone is small, significant, and reported with its speed and its share of the rows. Never: an effect.
 
 use physics::{Arm, JointKind};
 

@@ -1,4 +1,4 @@
-//! Clocks, frames and what is refused of a measurement.
+//! Clocks, frames and refused measurements.
 
 use super::*;
 use crate::virtual_joint::{STEP_S, settings};

@@ -1,4 +1,4 @@
-//! Preview compensation on a joint that is integrated in time: what it inverts, what it never makes worse, which limits hold.
+//! Preview compensation on a joint integrated in time: inversion, robustness, limits.
 
 use super::*;
 use crate::plant::{Mode, Uncertain};

@@ -1,4 +1,4 @@
-//! What a robot's cycle asks of a machine, check by check. Pure.
+//! Requirements of a robot's cycle on the machine, check by check. Pure.
 
 use super::parse::{self, Limit};
 use super::{Check, Core, Texts};

@@ -1,4 +1,4 @@
-//! `trued doctor`: whether a machine is fit for a robot's cycle, line by line, with the fix where it is not.
+//! `trued doctor`: checks whether a machine is suitable for a robot's cycle, with the fix if not.
 //!
 //! Promises: every judgement is a pure function of texts that the kernel gave, read once by [`Texts::read`]; a text that is missing or
 //! makes no sense is said to be unknown, never taken for good or bad. Never: a change of the machine.

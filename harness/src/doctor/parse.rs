@@ -1,4 +1,4 @@
-//! The kernel's texts, read. Pure; nonsense is none.
+//! Parsers of the kernel's texts. Pure; invalid text gives none.
 
 /// Cores of a list like `0-3,8`; empty text is an empty list.
 pub(crate) fn list(text: &str) -> Option<Vec<usize>> {

@@ -1,4 +1,4 @@
-//! What the kernel says of the machine, as texts. Never what that means.
+//! The kernel's information on the machine, as texts. Never their interpretation.
 
 use std::fs;
 use std::path::{Path, PathBuf};

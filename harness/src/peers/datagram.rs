@@ -1,4 +1,4 @@
-//! What the kernel carries: Unix datagrams, UDP over the loopback, pipes.
+//! Transports of the kernel: Unix datagrams, UDP over the loopback, pipes.
 //!
 //! Promises: polled, a look is one system call that does not block; woken, it is one that does.
 

@@ -1,4 +1,4 @@
-//! The process that answers what is compared: plain transport, datagrams, pipes. Both its ends stand here.
+//! The echo process for reference transports: plain transport, datagrams, pipes. Contains both ends.
 //!
 //! The bench tells it over a stream what to answer next (`unix poll`, `end`); it says `ready`, answers each message, and comes back
 //! for the next word when a message with the number [`STOP`] arrives. Promises: it ends with its parent, and has the same core and

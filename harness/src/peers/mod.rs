@@ -1,4 +1,4 @@
-//! What a round trip is compared with: the bare limit of the machine, the plain transport, what the kernel offers.
+//! Reference transports of a round trip: the limit of the machine, the plain transport, transports of the kernel.
 //!
 //! Promises: each carries the same bytes as trued does, a command there and a corrected target back, copied in and out on both
 //! sides; none corrects anything. All but the atomics go to a process of its own. Never: an allocation per trip of our own making.

@@ -1,4 +1,4 @@
-//! The plain transport: iceoryx2 with the payloads and the settings of trued's hot services, and nothing else.
+//! The plain transport: iceoryx2 with the payloads and settings of trued's real-time services, nothing else.
 //!
 //! Promises: in a domain of its own; the answering process creates, the bench opens. Never: anything of trued but its payloads' layout.
 

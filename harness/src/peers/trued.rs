@@ -1,4 +1,4 @@
-//! The round trip that is judged: client library, daemon with its correction, client library.
+//! The measured round trip: client library, daemon with its correction, client library.
 //!
 //! Promises: every trip commands another pose, at a speed that robots have, with a wrench and temperatures, so that nothing of the
 //! correction can be left out; the answers are counted by how they were made.

@@ -1,4 +1,4 @@
-//! From a table's columns to records: which are waveforms, where they stand, where they break.
+//! Converts table columns to records: waveforms, their positions, gaps.
 
 use std::collections::BTreeMap;
 

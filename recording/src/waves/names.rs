@@ -1,6 +1,6 @@
-//! What a column's name says: its unit, its axis, whether it counts time, length or samples.
+//! Interpretation of column names: unit, axis, time, length or sample count.
 //!
-//! Names are a convention, not a promise: what cannot be told from a name is left open.
+//! Names are a convention, not a promise: what cannot be distinguished from a name is left open.
 
 use super::quantity;
 use crate::unit::{Quantity, Unit};

@@ -1,4 +1,4 @@
-//! Which of a file's columns were asked for, by name or number.
+//! Selection of columns by name or number.
 
 use crate::faults::{Fault, Faults, nearest};
 

@@ -1,4 +1,4 @@
-//! Where the table begins in a text of numbers, its separator and the names above it.
+//! Detection of the start of a table in a text of numbers, its separator and column names.
 //!
 //! Instruments put lines of their own before the table, with or without a line of names, with any separator. The table
 //! begins at the first of six lines (or of all that follow) of which most hold as many numbers each.

@@ -1,4 +1,4 @@
-//! Units as instruments spell them: what they measure and their size in SI.
+//! Spellings of units by instruments: quantity and size in SI.
 //!
 //! Wider than [`crate::unit`], which is the house's own spelling: here `g` is the acceleration of gravity and `lbf` a force.
 

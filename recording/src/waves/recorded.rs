@@ -1,4 +1,4 @@
-//! Waveforms of `trued.recording/1`: what `series` has read, as records of even steps.
+//! Waveforms of `trued.recording/1`: the data of `series` as evenly sampled records.
 
 use super::columns::{self, Columns, Stand};
 use super::{Options, Wave, Waves, pick};

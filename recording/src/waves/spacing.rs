@@ -1,4 +1,4 @@
-//! Even steps out of a column of times (or places): the rate, its jitter, its gaps.
+//! Even steps from a column of times (or positions): rate, jitter, gaps.
 //!
 //! Contract: the step is the middle one, refined over each run; a jump of more than 1.75 steps, or back, ends a run.
 //! What strays by more than 1 % of a step is said; by more than half of one it is refused.

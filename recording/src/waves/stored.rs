@@ -1,4 +1,4 @@
-//! Records that are too long for memory: their samples stay in the file and are read a part at a time.
+//! Records too long for memory: samples stay in the file and are read in parts.
 
 use std::fs::File;
 use std::io::Read;

@@ -1,4 +1,4 @@
-//! Tables of numbers without our names: CSV, tabulators, blanks, with or without a header.
+//! Tables of numbers with arbitrary names: CSV, tabulators, blanks, with or without a header.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! How tables of waveforms write their numbers and units.
+//! Number and unit formats of waveform tables.
 
 use super::tests::parsed;
 use super::*;

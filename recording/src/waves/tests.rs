@@ -1,4 +1,4 @@
-//! Waveforms as instruments write them, good and bad; files that other people's code wrote (fixtures/make.py).
+//! Waveforms of instruments, valid and invalid; files written by third-party code (fixtures/make.py).
 
 use proptest::prelude::*;
 

@@ -1,4 +1,4 @@
-//! From the time responses of a universal file to channels, and from channels to records.
+//! Converts the time responses of a universal file to channels, and channels to records.
 //!
 //! A channel is what was measured at one place: response entity, node, direction, quantity and unit. Functions that agree in
 //! all of these are distinguished as follows.

@@ -1,4 +1,4 @@
-//! Names of what a universal file holds: the place, and where several are at one, the first field that tells them apart.
+//! Names of channels in a universal file: the location and, if several share it, the first field that distinguishes them.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! The numbers of a dataset 58: their form, as text in fixed columns, or binary.
+//! The numbers of a dataset 58: text in fixed columns, or binary.
 
 use super::uff::Cursor;
 use crate::faults::{Fault, Place};

@@ -1,4 +1,4 @@
-//! Universal files made here: which functions are one channel, what continues it, and what is refused with which reason.
+//! Synthetic universal files: assignment of functions to channels, continuation, refusals with reasons.
 
 use std::fmt::Write as _;
 

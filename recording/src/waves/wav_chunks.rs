@@ -1,4 +1,4 @@
-//! The chunks of a WAV file: what its samples are, and where.
+//! The chunks of a WAV file: format and position of its samples.
 
 use std::fs::File;
 use std::io;

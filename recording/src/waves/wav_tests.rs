@@ -1,4 +1,4 @@
-//! WAV files of every form, made here byte by byte: the right samples, or the true reason.
+//! WAV files of every format, built byte by byte: correct samples, or the correct error.
 
 use super::*;
 

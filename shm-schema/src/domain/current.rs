@@ -20,7 +20,7 @@ pub struct Contract {
     pub layout: u64,
     /// Version of the transport.
     pub transport: String,
-    /// Version of the program, for people.
+    /// Version of the program, for users.
     pub program: String,
 }
 

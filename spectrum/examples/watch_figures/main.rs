@@ -1,4 +1,4 @@
-//! The vibration watch's figures: detection, false alarms, cost. Prints one JSON object.
+//! The vibration monitor's figures: detection, false alarms, cost. Prints one JSON object.
 //!
 //! `cargo run --release -p spectrum --example watch_figures -- [detection] [curve=HOURS]
 //! [transients] [noise=HOURS] [starts] [cost] [seed=N]`; without a name, all of them, with one hour of noise each. Noise is

@@ -1,10 +1,10 @@
 //! Poles of a response function within a narrow band.
 //!
-//! `H(ω) = Σ A_r/(ω − p_r) + c_0 + c_1 ω + …`: each mode a complex pole `p = ω_d + jσ`, all that lies outside the band a
-//! polynomial. The start is linear (Levy 1959); then Gauss and Newton's steps on all unknowns at once. The function
-//! is analytic in its unknowns, so that the steps are least squares in complex numbers. The scatter of the unknowns
-//! follows from what is left, which holds noise and misfit alike; where the rest is no white noise (neighbouring bins
-//! go together) it is widened by as much.
+//! `H(ω) = Σ A_r/(ω − p_r) + c_0 + c_1 ω + …`: each mode a complex pole `p = ω_d + jσ`, the contribution outside the band a
+//! polynomial. Linear initial values (Levy 1959); then Gauss-Newton steps on all unknowns. The function
+//! is analytic in its unknowns, so that the steps are least squares in complex numbers. The covariance of the unknowns
+//! follows from the residual, which includes noise and misfit; it is increased if the residual is not white (correlated neighbouring
+//! bins).
 
 use super::least_squares::solve;
 use realfft::num_complex::Complex;

@@ -1,9 +1,9 @@
-//! Peaks that look like modes and that no fit explains: what a longer record would resolve.
+//! Peaks that look like modes and that no fit explains, with the record length that would resolve them.
 //!
 //! A fit needs [`BINS_LEAST`](super::BINS_LEAST) bins to either side of a mode. So many bins between two peaks let each
 //! be fitted by itself, which takes a record of that number over their distance; a peak without a neighbour may hide two
 //! modes, for which twice the record is named. Only peaks with all three signs count, outside the bands of fitted modes:
-//! within them [`FittedMode::residual`] says how much the fit leaves.
+//! within them [`FittedMode::residual`] gives the misfit.
 
 use super::{BINS_LEAST, FittedMode, Measured, REACH, peaks};
 use realfft::num_complex::Complex;

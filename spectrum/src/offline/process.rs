@@ -1,4 +1,4 @@
-//! What the process did, from what was recorded of it: speed from a tacho's pulses, path from positions.
+//! State of the process from a recording: speed from tacho pulses, path from positions.
 
 /// A pulse begins above this part of the largest one's height over the middle of the signal: short pulses are caught by
 /// one sample or two, at different heights.

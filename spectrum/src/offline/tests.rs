@@ -1,4 +1,4 @@
-//! What recordings say: known tones, holes, pulses and paths.
+//! Recordings with known tones, gaps, pulses and paths.
 
 use super::*;
 use crate::config::{Mode, WatchConfig};

@@ -1,4 +1,4 @@
-//! Answers and requests that come as JSON: a solver's answer to a challenge, and what a diagnosis asks to be done.
+//! JSON input: a solver's answer to a challenge, and experiment requests of a diagnosis.
 //!
 //! Never: a file, a solver.
 

@@ -1,4 +1,4 @@
-//! Controllers' own protocols and the configurations of their bridges: what is read is whole, and goes out as it is meant.
+//! Controller protocols and bridge configurations: accepted input is complete and written correctly.
 //!
 //! Never: a socket, a daemon; what a bridge does with a correction stands in its own tests.
 

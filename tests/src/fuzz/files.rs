@@ -1,4 +1,4 @@
-//! Files: what is accepted is whole, and is written back to the same bits.
+//! Files: accepted input is complete and written back to the same bits.
 //!
 //! Never: a judgement of faults; any account of them will do, as long as it can be shown.
 

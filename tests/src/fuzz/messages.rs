@@ -1,4 +1,4 @@
-//! Shared memory: whatever another process left there, no target breaks a bound and no sentence fails.
+//! Shared memory: whatever another process wrote, no target violates a limit and no text fails.
 //!
 //! Never: a port; these are the checks behind it.
 
@@ -64,7 +64,7 @@ fn wrench(command: &Command) -> WrenchSample {
     WrenchSample { wrench, in_base, age_ns: PERIOD_NS, faulty: false }
 }
 
-/// Force blocks in a row, through the vibration watch.
+/// Force blocks in a row, through the vibration monitor.
 pub(super) fn force(bytes: &[u8]) {
     let config = WatchConfig { rate_hz: 1000.0, channels: 3, ..WatchConfig::default() };
     let mut watch = Watch::new(WatchConfig { band_hz: [5.0, 400.0], ..config }).expect("a band");

@@ -1,4 +1,4 @@
-//! What must hold of any bytes from outside, one function per parser of the house: `fn(&[u8])`.
+//! Properties that must hold for arbitrary bytes, one function per parser: `fn(&[u8])`.
 //!
 //! Shared by `tests/fuzz` (stable, bounded, in CI) and the programs in `fuzz/` (`cargo fuzz`). Promises: a function returns, whatever
 //! the bytes; where what was read breaks its contract, it panics and says how. Never: chance, a file, a clock.

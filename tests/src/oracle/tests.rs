@@ -1,4 +1,4 @@
-//! The oracle sees each kind of step, and excuses what it says it does.
+//! The oracle detects each kind of step, and accepts what it documents as allowed.
 
 use super::*;
 use crate::chance::Chance;

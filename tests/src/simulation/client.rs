@@ -1,4 +1,4 @@
-//! The client's side: its commands, its clock, and what it sends to the robot.
+//! The client side: commands, clock, and targets sent to the robot.
 
 use crate::cell_loop::{JOINTS, path};
 use crate::chance::Chance;

@@ -28,7 +28,7 @@ use wire::Wire;
 /// Ticks with faults, then without: after those everything must be as if nothing had been.
 const STORM_TICKS: u64 = 1500;
 const CALM_TICKS: u64 = 1500;
-/// Times that the daemon starts anew in a storm, at most.
+/// Largest number of restarts of the daemon in a storm.
 const RESTARTS_MAX: u64 = 3;
 
 /// What a run came to.

@@ -1,4 +1,4 @@
-//! What the daemon's other threads do to the cycle: orders, models, wrenches, and rings that nobody drains.
+//! Actions of the daemon's other threads on the cycle: requests, models, wrenches, and full rings.
 
 use super::watch::Watch;
 use crate::chance::Chance;

@@ -1,4 +1,4 @@
-//! Holds all that the daemon proposes and all that the client sends against the oracle, in every state.
+//! Checks all corrections of the daemon and all targets of the client by the oracle, in every state.
 
 use super::Summary;
 use super::client::Sent;

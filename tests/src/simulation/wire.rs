@@ -1,4 +1,4 @@
-//! What lies between daemon and client: time, messages under way, and all that may happen to them.
+//! The connection between daemon and client: time, messages in transit, and their faults.
 
 use super::client::{Client, READ_AFTER_NS};
 use super::orders;
@@ -171,7 +171,7 @@ impl Wire {
         if jitters { self.chance.below(TICK_NS / 2) } else { 0 }
     }
 
-    /// The client is late, stopped, begins anew, its clock is set, or its commands go astray.
+    /// The client is late, stopped or restarted, its clock is set, or its commands go astray.
     fn client_trouble(&mut self) {
         match self.chance.below(400) {
             10 => self.client.go_astray(&mut self.chance),

@@ -1,4 +1,4 @@
-//! Files of a command on a real disk: whole, together, and never in the place of something else.
+//! Output files on a real disk: complete, all or none, and never replacing other files.
 
 use super::*;
 

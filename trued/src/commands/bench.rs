@@ -1,4 +1,4 @@
-//! `trued bench`: the latency of this machine, measured beside its limit and beside what others offer.
+//! `trued bench`: latency of this machine, compared with the limit and with other transports.
 
 mod asked;
 mod twenty;

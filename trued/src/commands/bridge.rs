@@ -1,4 +1,4 @@
-//! `trued bridge`: a controller's own protocol, as a client of the daemon like any other.
+//! `trued bridge`: connects a controller's protocol to the daemon.
 //!
 //! Promise: a service manager is told that the bridge listens, and that it lives while its loop turns, by a thread of its own.
 

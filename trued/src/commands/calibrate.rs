@@ -1,4 +1,4 @@
-//! `trued calibrate`: from measurements of the tool to a model with its uncertainty, proven on poses that no fit has seen.
+//! `trued calibrate`: from measurements of the tool to a model with its uncertainty, validated on held-out poses.
 //!
 //! Promises: gross faults are looked for first and said with what to do; held-out figures come from fits that never saw those poses; what the
 //! data cannot tell is named; a model is written that loads and that the held-out poses call no worse than the first. Never: a fit on poses that a recording

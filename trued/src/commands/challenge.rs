@@ -1,4 +1,4 @@
-//! `trued challenge`: the blind proof. Cases are drawn and sealed, a solver in processes of its own answers, the answers are hashed, then the truth is opened.
+//! `trued challenge`: the blind test. Cases are generated and sealed, a solver answers in separate processes, the answers are hashed, then the truth is published.
 //!
 //! Promises: the solver sees a model and a recording and nothing else; the truth stands in no file until all answers are hashed; the same seed
 //! gives the same cases whatever the number of threads. Never: a case dropped because its answer is bad.

@@ -1,4 +1,4 @@
-//! `trued check`: every fault of configurations, models, mappings and recordings at once, before anything starts.
+//! `trued check`: reports every error of configurations, models, mappings, manifests and recordings.
 //!
 //! Promises: what this calls good, `trued run`, `correct` and `replay` take.
 

@@ -1,4 +1,4 @@
-//! `trued completions`: what a shell needs to complete this command line.
+//! `trued completions`: shell completions of this command line.
 
 use clap::Args;
 use clap_complete::Shell;

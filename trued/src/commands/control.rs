@@ -1,4 +1,4 @@
-//! `trued bypass`, `trued mode`, `trued arm`, `trued mark`, `trued record`: what an operator asks of a running daemon.
+//! `trued bypass`, `trued mode`, `trued arm`, `trued mark`, `trued record`: requests of an operator to a running daemon.
 //!
 //! Promises: the daemon's answer is told as it is, with exit 1 where it refuses; who asked stands in its log and its recording. Never: a
 //! wait without a limit.

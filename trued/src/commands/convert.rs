@@ -1,4 +1,4 @@
-//! `trued convert`: a recording as another table, CSV or Parquet: of the daemon (MCAP), or a table itself.
+//! `trued convert`: converts a recording of the daemon (MCAP) to one that every other command reads.
 //!
 //! Promises: nothing of a row is lost; an MCAP file that was cut off is read as far as it goes, and that is said. Never: a file over the input.
 

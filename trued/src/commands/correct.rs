@@ -1,4 +1,4 @@
-//! `trued correct`: a whole path, corrected without a daemon.
+//! `trued correct`: corrects a whole path without a daemon.
 //!
 //! Promises: the same rows, judged, solved and bounded by the same code as in the daemon, in lockstep with the recording's
 //! time; `trued replay` on the same input gives the same bits. Nothing is written where the input has a fault.

@@ -1,4 +1,4 @@
-//! `trued diagnose`: where a model and recordings differ, which physics is missing, how much of it, and the proof.
+//! `trued diagnose`: differences between a model and recordings, missing effects with their parameters, and validation.
 //!
 //! Promises: `diagnosis.json`, `model.toml` and `report.html` are written together or not at all, never over an input; the same input and seed give
 //! the same bytes. Never: a claim where a recording does not belong to the model.

@@ -1,4 +1,4 @@
-//! `trued doctor`: whether this machine is fit for a robot's cycle, one line for each check.
+//! `trued doctor`: checks whether this machine is suitable for a robot's cycle, one line per check.
 
 use clap::Args;
 use harness::doctor::{Check, State, diagnose};

@@ -1,4 +1,4 @@
-//! `trued gears`: how often every gear shaft turns, and its teeth meet, per millimetre of path; and which of them a line fits.
+//! `trued gears`: revolutions of gear shafts and tooth meshes per millimetre of path, and assignment of measured lines to them.
 //!
 //! Promises: revolutions, teeth and degrees per mm stand in columns of their own (decision 0010); every wheel that fits a
 //! line is told, with how likely a line fits by chance. Never: a match where the wheels do not turn evenly enough to write a line.

@@ -1,4 +1,4 @@
-//! `trued info`: what a recording of the daemon holds, and its repair.
+//! `trued info`: content of a recording of the daemon, and its repair.
 //!
 //! Promises: the file is only read, unless `--repair` is given; then it is replaced by a whole one in one step, or stays as it is.
 

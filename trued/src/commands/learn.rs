@@ -1,4 +1,4 @@
-//! `trued learn`: the next run's commands from what was measured on the last one.
+//! `trued learn`: commands of the next run from measurements of the last one.
 //!
 //! Promises: the path is corrected as `trued correct --dynamic` does, and what is learned is added to it within the same limits; the table that is written is the
 //! input of the next `trued learn`. Nothing is written where an input has a fault.

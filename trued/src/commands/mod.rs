@@ -1,4 +1,4 @@
-//! The subcommands, one file each. Only what works stands here: what is listed in the help can be relied on.
+//! The subcommands, one file each.
 //!
 //! To add one: a file with `#[derive(clap::Args)] pub(crate) struct X` and `pub(crate) fn run(&self, &mut Console) ->
 //! Outcome`, a variant below, an arm in [`run`]. Its place in the help is already kept in `help.rs`.

@@ -1,4 +1,4 @@
-//! `trued model`: what comes along, what a model says, and models from and to URDF.
+//! `trued model`: presets, content of a model, import and export of URDF.
 
 mod show;
 mod urdf;

@@ -1,4 +1,4 @@
-//! `trued plan`: which poses to measure, what each brings, when it is enough; ten poses that tell whether a model still holds; the test of ISO 9283.
+//! `trued plan`: selection of measuring poses, their contributions and the stopping rule; ten check poses; the test of ISO 9283.
 //!
 //! Promises: every pose is inside the joint limits, seen by the instrument as described, and free of what was described; what is not looked at is said.
 //! Never: a file written over an input, and never a robot moved.

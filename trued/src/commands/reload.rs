@@ -1,4 +1,4 @@
-//! `trued reload`: asks a running daemon to load a model and to swap it in between two cycles.
+//! `trued reload`: requests a running daemon to load a model and activate it between two cycles.
 //!
 //! Promises: one way into a running daemon, for `trued reload`, `trued diagnose --apply` and the demo alike. Never: a wait without a limit.
 

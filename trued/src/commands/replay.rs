@@ -1,4 +1,4 @@
-//! `trued replay`: the daemon itself, driven by a recording over shared memory, row by row.
+//! `trued replay`: runs the daemon on a recording over shared memory, row by row.
 //!
 //! Promises: no command is lost (each row waits for its answer), and the same input gives the same bits, whatever the
 //! machine was busy with; a running cell is not touched; nothing is left behind.

@@ -1,4 +1,4 @@
-//! `trued simulate`: the model run forward over a recording's commands, loads and temperatures: where the tool goes, what the drives exert.
+//! `trued simulate`: simulates tool position and drive torques of a model for a recording's commands, loads and temperatures.
 //!
 //! Promises: the same input and seed give the same bytes; without `--noise` the result is the model's own, to the last digit; the
 //! layout stays the recording's; nothing is written over an input. Never: a fit of the model; only the measuring frame and targets whose

@@ -1,4 +1,4 @@
-//! `trued spectrum`: what rings in a recording, when, and why.
+//! `trued spectrum`: vibrations in a recording, with time and cause.
 //!
 //! Promises: the watch is the daemon's own, with the same settings unless told otherwise; what a recording cannot tell is
 //! said, not guessed; amplitudes are in the channels' own units.

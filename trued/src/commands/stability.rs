@@ -1,4 +1,4 @@
-//! `trued stability`: whether a cut will chatter, how far it is from the limit, and the nearest cut that is stable.
+//! `trued stability`: whether a cut chatters, its distance from the limit, and the nearest stable cuts.
 //!
 //! Promises: the verdict is that of the cut as it stands in the file; a mode that cannot be used is refused, never left out.
 

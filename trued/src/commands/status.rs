@@ -1,4 +1,4 @@
-//! `trued status`: how a running cell is.
+//! `trued status`: state of a running cell.
 //!
 //! Promises: lines of at most 80 columns; a daemon that does not answer is told as such, never by its last state alone.
 

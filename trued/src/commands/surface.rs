@@ -1,4 +1,4 @@
-//! `trued surface`: stylus profiles, taken apart into waviness and roughness, with their parameters and their lines.
+//! `trued surface`: stylus profiles, separated into waviness and roughness, with parameters and lines.
 //!
 //! Promises: a profile with a hole, an uneven step or an unknown unit is refused, never mended; every figure says over
 //! which length it was taken.

@@ -1,4 +1,4 @@
-//! Torques on known motions: laws that are known without the code.
+//! Torques on known motions, compared with independent laws.
 
 use super::*;
 use crate::test_arm::{effect, irb1600, slide};

@@ -1,4 +1,4 @@
-//! Delays, lags, modes and spikes against what is known of them in closed form.
+//! Delays, lags, modes and spikes compared with closed forms.
 
 use super::*;
 use crate::test_arm::irb1600;

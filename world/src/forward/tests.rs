@@ -1,4 +1,4 @@
-//! Paths and poses through a model: limits, signs and orders that are known without it.
+//! Paths and poses through a model: known limits, signs and orders.
 
 use super::*;
 use crate::dynamics::{Mode, Rings, Spike};

@@ -1,4 +1,4 @@
-//! What a robot may hide: every effect that moves the tool and stands still in time, at the largest size that an arm of the IRB 1600's class may have.
+//! Possible hidden effects: every constant effect that moves the tool, at the largest size plausible for an arm of the IRB 1600's class.
 //!
 //! Promises: kinds of the physics' own list; joints, signs, phases and directions drawn. Never: a size at the tool; see [`super::draw`].
 

@@ -1,4 +1,4 @@
-//! Motions under a controller: what friction makes of them, and where energy goes.
+//! Motions under a controller: effects of friction, energy balance.
 
 use super::*;
 use crate::drives;

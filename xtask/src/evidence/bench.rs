@@ -1,4 +1,4 @@
-//! Where a set is run: its recordings copied into a folder of its own, the program as a child process, its answers kept.
+//! Runs a set: its recordings copied into a separate folder, the program as a child process, its results cached.
 //!
 //! Promises: an answer is that of this program, these words and these input bytes; a run beyond its time is ended and said to be late. Never: a write into
 //! the folder of data, a run that was not asked for.

@@ -1,4 +1,4 @@
-//! One case of a set: what was concealed, what was said, and what by rule is to be said of it.
+//! One case of a set: concealed effect, result, and its evaluation by rule.
 //!
 //! Promises: a bar that was missed, a reference that is better, a silence and a doubt are told for every case in the same words. Never: praise.
 

@@ -1,4 +1,4 @@
-//! Distances of points that were measured from points that a model foretells, on rows that no fit has seen.
+//! Distances between measured points and points predicted by a model, on held-out rows.
 //!
 //! Promises: the measuring frame of each station is laid by least squares on the rows that train, never on those that are judged. Never: anything of a
 //! robot; where points sit on the tool comes from the program.

@@ -1,4 +1,4 @@
-//! The document: one table above all, then a section for each set.
+//! The document: a summary table, then a section for each set.
 //!
 //! Never: a sentence about a run that was written before it.
 

@@ -1,4 +1,4 @@
-//! What the program said: one domain of its `diagnosis.json`, read back.
+//! Result of the program: one domain of its `diagnosis.json`, read back.
 //!
 //! Never: a number that does not stand there.
 

@@ -1,4 +1,4 @@
-//! The sets, in the order of the document: what each is, what the program is given, and where its reference figures come from.
+//! The sets, in the order of the document: description, inputs of the program, and source of the reference values.
 //!
 //! Promises: what stands here are facts of the set and of its authors. Never: a statement about a run.
 

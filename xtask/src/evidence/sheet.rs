@@ -1,4 +1,4 @@
-//! Recordings as texts: a column more, rows less. Values pass as they are written.
+//! Recordings as texts: added columns, removed rows. Values are unchanged.
 //!
 //! Never: a number read and written again, but where a column of its own is made of it.
 

@@ -1,4 +1,4 @@
-//! What is added to a recording that stands for a real one.
+//! Effects added to a synthetic recording.
 
 use super::*;
 

@@ -130,7 +130,7 @@ impl<'a> Looking<'a> {
         Some(note)
     }
 
-    /// An orientation that stands still while the tool turns.
+    /// An orientation that is at rest while the tool turns.
     fn turns_frozen(&mut self, group: &[Channel]) -> Option<String> {
         let all: Vec<Vec<f64>> = group.iter().map(|channel| self.values(*channel)).collect();
         let rows: Vec<usize> = (0..self.recording.len())

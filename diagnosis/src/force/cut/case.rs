@@ -32,7 +32,7 @@ const STANDS: f64 = 0.05;
 const BRINGS: f64 = 1e-8;
 /// An amplifier drifts over a segment by this share of the noise, as a standard deviation.
 pub(super) const DRIFTS: f64 = 0.15;
-/// Noise that is told holds where what no name explains is no more than so many times as large.
+/// Noise that is told holds where what no effect explains is no more than so many times as large.
 const HOLDS: f64 = 2.0;
 
 /// What is believed.
@@ -244,7 +244,7 @@ impl Case {
         Products { brings: BRINGS, ..products }
     }
 
-    /// Learns each axis' noise from what no name explains.
+    /// Learns each axis' noise from what no effect explains.
     pub(super) fn estimate_noise(&mut self) {
         for _ in 0..2 {
             self.table.noise.iter_mut().for_each(|(colour, _)| *colour = Colour::default());

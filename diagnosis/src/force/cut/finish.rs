@@ -25,7 +25,7 @@ use crate::torque::{Finding, Refit};
 
 /// Names must carry this share of what stands above the noise on held-out rows, as energy; else the structure is unknown.
 const CARRIED: f64 = 0.98;
-/// Where more than this share of what is named cannot be told apart, nothing is claimed.
+/// Where more than this share of what is named cannot be distinguished, nothing is claimed.
 const CLEAR: f64 = 0.5;
 /// A name that is likelier than all its rivals together by so much is a claim, its rivals told beside it.
 const LIKELY: f64 = 0.95;
@@ -55,7 +55,7 @@ pub struct Compared {
     pub unexplained: Option<Rest>,
     /// Held-out root mean square as told and with what was found, N.
     pub heldout: [f64; 2],
-    /// What no name explains, N.
+    /// What no effect explains, N.
     pub noise: f64,
     /// Of what was read, N.
     pub signal: f64,

@@ -15,7 +15,7 @@ use crate::torque::{Number, Rival};
 
 /// The share of a number that stays open whatever the noise.
 const FLOOR: f64 = 5e-3;
-/// Names within so much log-likelihood cannot be told apart.
+/// Names within so much log-likelihood cannot be distinguished.
 const ALIKE: f64 = 5.0;
 /// Rivals that are further behind are not listed.
 const FAR: f64 = 12.0;

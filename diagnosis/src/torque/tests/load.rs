@@ -1,4 +1,4 @@
-//! What goes with the torque itself or with how it turns: friction under a load that nobody stated, a delay, a memory.
+//! Effects that depend on the torque or its history: unstated load friction, delay, hysteresis.
 
 use physics::JointKind;
 

@@ -1,4 +1,4 @@
-//! Numbers of names that stand: in which form they are told, and how sure they are.
+//! Parameters of findings: their form and uncertainty.
 
 use physics::JointKind;
 

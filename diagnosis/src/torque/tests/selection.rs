@@ -1,4 +1,4 @@
-//! Names that lie near one another: what low speed alone tells, what is the same at every place, what fell once.
+//! Selection between similar effects.
 
 use physics::JointKind;
 

@@ -1,4 +1,4 @@
-//! The checks on texts of good machines, bad ones, none, and nonsense.
+//! The checks on texts of suitable and unsuitable machines, empty texts and nonsense.
 
 use super::*;
 use crate::doctor::{IdleState, State};

@@ -30,7 +30,7 @@ pub(super) struct EgmCell {
     chance: Chance,
     summary: Summary,
     now_ns: u64,
-    /// Time that stands still while the application does, ns.
+    /// Time that is at rest while the application does, ns.
     standing_ns: u64,
     robot_number: u32,
     application_number: u32,
@@ -149,7 +149,7 @@ impl EgmCell {
         }
     }
 
-    /// The controller begins anew: at once or later, where the robot stands or elsewhere, with the application's targets from there.
+    /// The controller restarts: at once or later, where the robot stands or elsewhere, with the application's targets from there.
     fn another_run(&mut self) {
         self.now_ns += self.chance.below(3_000_000_000);
         self.robot_number = self.chance.below(10) as u32;

@@ -1,4 +1,4 @@
-//! What is asked of a bench, in the words of the command line.
+//! Request of a bench, as command-line options.
 
 use std::path::PathBuf;
 

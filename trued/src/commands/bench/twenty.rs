@@ -1,4 +1,4 @@
-//! The robot of the bench with the twenty effects that a correction is timed with beside others: zero, gear and drive train of each joint, the tool, the base.
+//! The bench's robot with twenty effects: zero, gear and drive train of each joint, tool, base.
 //!
 //! Promises: kinds and amounts are those of `cargo xtask peers`. Never: a robot that anybody has.
 

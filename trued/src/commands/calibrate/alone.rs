@@ -1,4 +1,4 @@
-//! What sweeps of single joints and loaded poses say by themselves, beside the fit of everything.
+//! Separate analysis of single-joint sweeps and loaded poses, in addition to the overall fit.
 //!
 //! Promises: what was taken out for sag is told with what it changed; a joint that sweeps say nothing of is told too.
 //! Never: a part in the model that is written: its fit has the same readings, all at once.

@@ -1,4 +1,4 @@
-//! What a calibration found: the three models on held-out poses, the model that is written, and what remains open.
+//! Result of a calibration: the three models on held-out poses, the written model, undetermined parameters.
 //!
 //! Promises: held-out poses that recordings keep for validation take no part in the written model either; those drawn by chance do, after their
 //! figures are taken. Never: words beyond warnings.

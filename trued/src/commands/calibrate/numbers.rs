@@ -1,4 +1,4 @@
-//! The effects of a fit with their numbers in the units of files.
+//! The effects of a fit with their parameters in file units.
 //!
 //! Promises: an effect that the base model has keeps its entry, numbers and uncertainties renewed; others get one of their own.
 //! Never: a number that the data did not tell counted as found.

@@ -1,4 +1,4 @@
-//! What the data cannot tell, for people: one sentence per reason, instead of one per number.
+//! Undetermined parameters as text: one sentence per reason, instead of one per parameter.
 //!
 //! Promises: every number that stayed where it was is in exactly one sentence, whose words name it by joint and effect.
 //! Never: a number left out because the list is long.

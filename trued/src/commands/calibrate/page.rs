@@ -1,4 +1,4 @@
-//! The page of `trued calibrate`: the proof, what was found of each joint, and what remains open.
+//! The page of `trued calibrate`: validation, results of each joint, undetermined parameters.
 
 use diagnosis::proof::Errors;
 use report::{Axis, Cell, Column, Histogram, Number, Page, Role, Table, Tone, significant};

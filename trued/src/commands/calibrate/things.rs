@@ -1,4 +1,4 @@
-//! What stands around the robot as a calibration found it: fixed points, planes, spheres.
+//! Fitted objects around the robot: fixed points, planes, spheres.
 //!
 //! Promises: every number that was fitted, with its standard uncertainty where the data tell it. Never: measuring frames or targets.
 

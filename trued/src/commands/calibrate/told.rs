@@ -1,4 +1,4 @@
-//! What `trued calibrate` says: the lines on the console, the JSON object.
+//! Output of `trued calibrate`: text and JSON.
 
 use diagnosis::proof::Errors;
 use report::{fixed, significant};

@@ -1,4 +1,4 @@
-//! A drawn case of any domain, behind one face: its files, its truth, and what a written model is worth on it.
+//! A random case of any domain behind one interface: files, truth, and evaluation of a written model.
 //!
 //! Promises: the position domain's cases are what they were before there was another. Never: an answer.
 

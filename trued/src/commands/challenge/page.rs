@@ -1,4 +1,4 @@
-//! The page of `trued challenge`: every figure, success over effect-to-noise, and what was confused with what.
+//! The page of `trued challenge`: all figures, success over effect-to-noise ratio, and confusions.
 
 use challenge::score::{Figures, Outcome};
 use report::{

@@ -1,4 +1,4 @@
-//! Another program that answers: started once per case, with a limit of time, and read when it has ended.
+//! An external solver: started once per case, with a time limit, and read after its end.
 //!
 //! Promises: a solver that fails, hangs or says nonsense is no answer, and the challenge goes on. Never: an argument that tells of the truth.
 

@@ -1,4 +1,4 @@
-//! The score of `trued challenge` in words: each figure beside how many cases it is of.
+//! The score of `trued challenge` as text: each figure with its number of cases.
 
 use challenge::score::{Bin, Figures};
 

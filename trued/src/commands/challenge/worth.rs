@@ -1,4 +1,4 @@
-//! What a written model is worth on a motion that nobody saw: predicted as `trued simulate` does.
+//! Evaluation of a written model on an unseen motion: predicted as by `trued simulate`.
 //!
 //! Promises: a model that does not load, or is missing, is worth as much as the model that was given. Never: a fit.
 

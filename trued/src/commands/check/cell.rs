@@ -1,4 +1,4 @@
-//! A cell with its model: what the daemon would refuse at its start.
+//! A cell with its model: errors for which the daemon would not start.
 
 use std::path::{Path, PathBuf};
 

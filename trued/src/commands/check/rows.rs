@@ -1,4 +1,4 @@
-//! The first rows of a recording as they are understood: names with units, where they come from, values in degrees and millimetres.
+//! The first rows of a recording as understood: names with units, source columns, values in degrees and millimetres.
 
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
-//! The second act: the measuring program's recording is diagnosed as `trued diagnose` does, the model is swapped into the running daemon, and only then the truth is told.
+//! Second part of the demo: the recording of the measuring program is diagnosed as by `trued diagnose`, the model is loaded into the running daemon, and the truth is revealed last.
 //!
-//! Promises: the diagnosis sees the daemon's model file and the recording, nothing else; a name that is wrong is called wrong. Never: a look at what is
+//! Promises: the diagnosis sees the daemon's model file and the recording, nothing else; a name that is wrong is called wrong. Never: use of what is
 //! hidden before the verdict was said.
 
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! The cell's process: commands at 1 kHz, corrected targets to the virtual robot, force blocks back; milling, measuring, milling again.
+//! The cell's process: commands at 1 kHz, corrected targets to the simulated robot, force blocks back; milling, measuring, milling again.
 //!
 //! It talks to whoever started it in lines on standard output: `tick K`, `milled {json}`, `measured`, `again {json}`. After `measured` it stands at the
 //! path's start, commanding on, until it is told: `again {json}` (the model was changed) or `end {json}`, each with what was said. The loop is

@@ -1,4 +1,4 @@
-//! What happened tick by tick, and what follows from it.
+//! Log of the demo, tick by tick, and its evaluation.
 
 use hdrhistogram::Histogram;
 use physics::{Arm, Joints};

@@ -1,4 +1,4 @@
-//! The virtual robot runs its measuring program, played fast, and a tracker looks at three reflectors on its tool.
+//! The simulated robot runs its measuring program, accelerated, while a tracker measures three reflectors on its tool.
 //!
 //! Promises: what a recording of a real one would hold, and nothing else: commands, loads, temperature, what was seen with its noise.
 //! Never: the truth.

@@ -1,4 +1,4 @@
-//! What the demo found, by the contract's keys (`trued.demo/1`).
+//! Result of the demo, with the keys of `trued.demo/1`.
 #![expect(non_snake_case, reason = "the contract's keys carry units as they are written")]
 
 use serde::{Deserialize, Serialize};

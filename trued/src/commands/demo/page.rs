@@ -1,4 +1,4 @@
-//! The demo's page: key numbers, the path error before and after, the correction per joint, what the model lacked, the latency, the ringing.
+//! The page of the demo: key figures, path error before and after, correction per joint, missing effect, latency, vibration.
 
 use report::{
     Axis, Column, Histogram, Multiples, Number, Page, Plot, Role, Series, Table, Tone, significant,

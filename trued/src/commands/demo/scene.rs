@@ -1,4 +1,4 @@
-//! What the demo plays: the calibrated model, the true robot and what it hides, the path, the cut that rings, the measuring program. All by seed.
+//! Scene of the demo: calibrated model, true robot and its hidden effect, path, the cut with vibration, measuring program. All by seed.
 //!
 //! Never: a word of what is hidden; see [`super::act`] for when it is told.
 

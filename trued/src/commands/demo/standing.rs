@@ -1,4 +1,4 @@
-//! The cell while it stands and waits for the diagnosis: what is seen of the change of model, what is heard.
+//! The cell at rest during the diagnosis: effects of the change of model, and vibration verdicts.
 //!
 //! Promises: goes on only once the change is half a second old, so that a late answer about it is counted. Never: a wait.
 

@@ -1,4 +1,4 @@
-//! What the demo says to the person in front of it, in the order in which it happens.
+//! Text output of the demo, in order.
 //!
 //! Promises: what is hidden is told last. Never: a number that was not measured.
 

@@ -1,4 +1,4 @@
-//! What was found goes into a running daemon: `trued diagnose --apply CELL`.
+//! `trued diagnose --apply CELL`: loads the resulting model into a running daemon.
 //!
 //! Promises: only a model whose findings explain the mismatch is swapped in, by the way of `trued reload`; what was written stays written,
 //! whatever the daemon says. Never: a change of the cell's own files.

@@ -1,4 +1,4 @@
-//! `trued diagnose --batch`: each recording of a manifest for itself, one Parquet file each, for schedulers to spread over machines.
+//! `trued diagnose --batch`: diagnoses each recording of a manifest independently, one Parquet file each.
 //!
 //! Promises: options that change a result stand in the manifest, so that shards cannot differ; a recording that cannot be diagnosed stops no other.
 

@@ -1,4 +1,4 @@
-//! The torque side of `trued diagnose`: what the drives feel and the model does not know, as effects that a model file can hold.
+//! Torque domain of `trued diagnose`: unmodelled drive torques as effects of a model file.
 //!
 //! Promises: what acts in one recording alone (a payload of that day) is told and not written into the model. Never: a fit of its own.
 

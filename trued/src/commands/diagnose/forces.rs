@@ -1,4 +1,4 @@
-//! The force side of `trued diagnose`: recordings of forces (or accelerations) without any joint.
+//! Force domain of `trued diagnose`: recordings of forces (or accelerations) without joints.
 //!
 //! Promises: the same three files as for a robot, together or not at all. Never: a claim of what was not compared.
 

@@ -1,4 +1,4 @@
-//! The page of `trued diagnose`: what was found in words first, then the proof, where it shows, the rivals, what is open, what was done with the data.
+//! The page of `trued diagnose`: findings as text, validation, location, alternatives, untested effects, handling of the data.
 //!
 //! Promises: a reader who stops anywhere has read the most important of what there is. Never: a number that is not in `diagnosis.json` or its figures.
 

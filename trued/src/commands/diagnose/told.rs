@@ -1,4 +1,4 @@
-//! What a diagnosis says: `trued.diagnosis/1` and lines for people.
+//! Output of a diagnosis: `trued.diagnosis/1` and text.
 //!
 //! Promises: keys, units and signs of the contract; a change carries the difference. Never: a number that was not found.
 

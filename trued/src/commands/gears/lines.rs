@@ -1,4 +1,4 @@
-//! The lines to be matched: given, of profiles, of a recording over its path.
+//! The lines to be matched: given, from profiles, or from a recording over its path.
 
 use super::Gears;
 use crate::commands::spectrum::Spectrum;

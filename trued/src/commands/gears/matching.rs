@@ -1,4 +1,4 @@
-//! Which wheels a line fits, and how likely it is that some wheel fits by chance.
+//! Assignment of lines to wheels, and the probability of a match by chance.
 
 use spectrum::Wheel;
 use spectrum::spatial::{MULTIPLES, match_wheels};

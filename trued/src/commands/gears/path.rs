@@ -1,4 +1,4 @@
-//! How far each joint turns per millimetre of path, by the controller's own geometry.
+//! Rotation of each joint per millimetre of path, by the controller's geometry.
 //!
 //! Promises: a joint that turns back and forth counts both ways; what lies between two segments of a recording is no path.
 

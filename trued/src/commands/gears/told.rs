@@ -1,4 +1,4 @@
-//! What `trued gears` says: tables on the console, the JSON object.
+//! Output of `trued gears`: tables and JSON.
 
 use recording::model::RobotModel;
 use report::{fixed, significant};

@@ -1,4 +1,4 @@
-//! A model as a person wants to see it, in the units of its file.
+//! A model as text, in the units of its file.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! A robot's description in and out: `trued model import`, `trued model export`.
+//! URDF: `trued model import`, `trued model export`.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! `trued plan --check`: poses in which damage would show, and whether a model still holds for what was measured there.
+//! `trued plan --check`: poses that reveal damage, and whether a model still holds for measurements there.
 
 use diagnosis::from_recording;
 use diagnosis::plan::check::{

@@ -1,4 +1,4 @@
-//! The poses as files: a list to be filled with measurements, and programs for the robot.
+//! The poses as files: a list for the measurements, and robot programs.
 //!
 //! Promises: all three carry the same figures; whole or not at all, never over a recording. Never: a program that leaves the joint limits.
 

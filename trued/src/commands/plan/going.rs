@@ -1,4 +1,4 @@
-//! What is to be planned: from the model alone, or going on from what was measured.
+//! Starting point of a plan: the model alone, or existing measurements.
 //!
 //! Promises: with recordings, targets and frame are where their fit finds them, and the noise is what it shows. Never: a gross fault passed over.
 

@@ -1,4 +1,4 @@
-//! `trued plan --iso9283`: the five poses of a cube, visited again and again, and accuracy and repeatability of what was measured.
+//! `trued plan --iso9283`: five poses of a cube with repeated visits, and accuracy and repeatability of measurements.
 
 use diagnosis::from_recording;
 use diagnosis::iso9283::{self, DistanceFigures, Placement, PoseFigures};

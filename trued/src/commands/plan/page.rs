@@ -1,4 +1,4 @@
-//! The page of `trued plan --out`: what the poses bring, each of them drawn, and what was not looked at.
+//! The page of `trued plan --out`: contributions of the poses, a drawing of each, and what was not checked.
 //!
 //! Never: a number that the JSON does not hold.
 

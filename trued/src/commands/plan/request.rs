@@ -1,7 +1,7 @@
-//! `trued plan --for DIR`: the experiment that a diagnosis asks for, as a path that waits to be run and measured.
+//! `trued plan --for DIR`: the experiment proposed by a diagnosis, as a path to be run and measured.
 //!
 //! Promises: the motion is the one that the diagnosis has judged, inside the limits and speeds of its model; both files are written or none.
-//! Never: a look at what stands around the robot; that is said.
+//! Never: use of what stands around the robot; that is said.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! What measures, where it stands, and what bars a pose, as options.
+//! Options for instruments, their positions, and constraints on poses.
 //!
 //! Promises: mm and degrees here, SI from here on. Never: a default that is not said in the help.
 

@@ -1,4 +1,4 @@
-//! What a plan says: the table on the console, the JSON object.
+//! Output of a plan: table and JSON.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! A daemon of one's own: a child process in a private place on tmpfs, in lockstep.
+//! A private daemon: a child process in a private directory on tmpfs, in lockstep.
 //!
 //! Promises: nobody else can join it, no running cell is touched, and nothing of it stays when the value is dropped.
 

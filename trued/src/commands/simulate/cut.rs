@@ -1,4 +1,4 @@
-//! The force domain of `trued simulate`: what a force sensor reads of the cut that the recording's `[cut]` tells of.
+//! Force domain of `trued simulate`: sensor readings for the cut described in the recording's `[cut]`.
 //!
 //! Promises: forces stand where forces were measured (everywhere, where a column is there and empty); noise of a row depends on the seed and the
 //! row alone. Never: a moment; these columns are left out and named.

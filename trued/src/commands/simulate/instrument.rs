@@ -1,4 +1,4 @@
-//! What the instruments read of the simulated arm, in the columns and rows of the recording.
+//! Simulated instrument readings, in the columns and rows of the recording.
 //!
 //! Promises: a value stands where one was measured (everywhere, where a column is there and empty); noise of a row depends on
 //! the seed and the row alone; the instrument stands in each row where targets on the base say that it stood.

@@ -1,4 +1,4 @@
-//! Where the instrument stands and where its targets sit on the tool: as the recording says, else as what was recorded shows.
+//! Pose of the instrument and positions of the targets: as stated in the recording, otherwise estimated from it.
 //!
 //! Promises: without anything recorded the frame is the base, and that is said in the result. Never: a fit of the robot.
 

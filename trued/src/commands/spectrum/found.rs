@@ -1,4 +1,4 @@
-//! All that is found in a recording, in the order in which it is worked out.
+//! All results on a recording, in the order of computation.
 
 use super::Spectrum;
 use super::listen::{self, Episode, Listened};

@@ -1,4 +1,4 @@
-//! Runs the daemon's vibration watch over the recording and groups its verdicts by spectral line.
+//! Runs the daemon's vibration monitor on the recording and groups its verdicts by spectral line.
 
 use recording::model::RobotModel;
 use spectrum::offline::{Averaging, Event, Heard, Hearing, line_near};

@@ -1,4 +1,4 @@
-//! What the machine did meanwhile: spindle, feed, path, joints; from what was told, else from the recording.
+//! State of the machine during a recording: spindle, feed, path, joints; as stated, otherwise from the recording.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;

@@ -1,4 +1,4 @@
-//! What was found, by the contract's keys (`trued.spectrum/1`).
+//! Results with the keys of `trued.spectrum/1`.
 #![expect(non_snake_case, reason = "the contract's keys carry units as they are written")]
 
 use serde::Serialize;

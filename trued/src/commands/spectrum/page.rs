@@ -1,4 +1,4 @@
-//! The page: what rings, when, why; spectra over time and path; the sensor's health.
+//! The page: vibrations with time and cause; spectra over time and path; sensor status.
 
 use report::{Column, Number, Page, Table, Tone, fixed, significant};
 

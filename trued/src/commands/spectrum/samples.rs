@@ -1,4 +1,4 @@
-//! The samples of a piece: at hand, or left in their file and read a part at a time, so that a long recording fits into memory.
+//! The samples of a piece: in memory, or read from the file in parts, so that long recordings fit into memory.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Spectra over the tool's path: what stays where it is in cycles per mm, matched with the gears.
+//! Spectra over the tool's path in cycles per mm, matched with the gears.
 
 use physics::JOINTS_MAX;
 use recording::model::RobotModel;

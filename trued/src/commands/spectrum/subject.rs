@@ -1,4 +1,4 @@
-//! What is looked at: the channels of a recording in pieces without holes, and who they belong to.
+//! The channels of a recording in pieces without gaps, and the robot they belong to.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! What was found, as an engineer would say it; the console's lines.
+//! Results as text.
 
 use report::{fixed, quantity, significant};
 use spectrum::{Advice, Class, State, Verdict};

@@ -1,4 +1,4 @@
-//! What is found of a cut: its verdict, the chart, the nearest stable cuts.
+//! Results of a cut: verdict, chart, nearest stable cuts.
 
 use recording::cut::CutFile;
 use spectrum::stability::{

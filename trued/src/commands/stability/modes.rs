@@ -1,4 +1,4 @@
-//! The modes of a cut: those typed by hand, and those that tap tests found.
+//! The modes of a cut: entered by hand, and from tap tests.
 
 use std::path::{Path, PathBuf};
 

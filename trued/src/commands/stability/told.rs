@@ -1,4 +1,4 @@
-//! What `trued stability` says: the lines on the console, the JSON object.
+//! Output of `trued stability`: text and JSON.
 
 use report::{fixed, significant};
 use serde::Serialize;

@@ -1,4 +1,4 @@
-//! Profiles out of files: one channel of heights over even steps, µm.
+//! Profiles from files: one channel of heights over even steps, µm.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! One profile with everything that was found in it, for the console, the JSON and the page alike.
+//! One profile with all its results, for text, JSON and page.
 
 use spectrum::surface::{
     Cause, Line, Machining, Parameters, Parting, SurfaceError, by_segments, element_width_mm,

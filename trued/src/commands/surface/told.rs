@@ -1,4 +1,4 @@
-//! What `trued surface` says: the lines on the console, the JSON object.
+//! Output of `trued surface`: text and JSON.
 
 use report::significant;
 use serde::Serialize;

@@ -1,4 +1,4 @@
-//! From hits or response functions to modes, with what is to be said about them.
+//! From hits or response functions to modes, with warnings.
 
 use report::{fixed, significant};
 use spectrum::Complex;

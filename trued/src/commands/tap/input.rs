@@ -1,4 +1,4 @@
-//! Hits and response functions out of files, in SI.
+//! Hits and response functions from files, in SI.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! The model with the measured modes, as text, and what became of each.
+//! The model with the measured modes, as text, and the change of each mode.
 
 use recording::model::{ModeChange, ModeEntry, RobotModel};
 use spectrum::MODES_MAX;

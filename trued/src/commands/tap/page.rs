@@ -1,4 +1,4 @@
-//! The page of `trued tap`: the modes, the three signs that show them, and the hits that they rest on.
+//! The page of `trued tap`: modes, their three signs, and the hits used.
 
 use report::{
     Axis, Cell, Column, Multiples, Number, Page, Plot, Series, Table, Tone, fixed, significant,

@@ -1,4 +1,4 @@
-//! What `trued tap` says: the lines on the console, the JSON object.
+//! Output of `trued tap`: text and JSON.
 
 use std::f64::consts::TAU;
 

@@ -1,4 +1,4 @@
-//! EMPS: one linear axis, force and position, two experiments of which one is never seen by choice or fit.
+//! EMPS: one linear axis, force and position, two experiments of which one is held out.
 //!
 //! Never: a mass or a friction told, but in the cases that say so.
 

@@ -1,4 +1,4 @@
-//! A heavy KUKA with encoders on the link side: what lies between motor and link.
+//! A heavy KUKA with link-side encoders: deviations between motor and link.
 
 use super::super::bench::{Answer, Bench};
 use super::super::case::{Case, Judged, Reference};

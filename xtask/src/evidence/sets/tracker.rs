@@ -1,4 +1,4 @@
-//! Arms before a laser tracker or a total station: from the nominal model to the names of what is off, on halves and scenes that nothing has seen.
+//! Arms measured by a laser tracker or a total station: from the nominal model to the effects, validated on held-out halves and scenes.
 //!
 //! The mean distance is that of the written model, run forward by `trued simulate`: the measuring frame is laid on the rows that train; places of reflectors
 //! are those that the program finds. Rows that are unseen stand in the recording without their readings, so that time and the way to each pose stay whole.

@@ -1,4 +1,4 @@
-//! UR10e, motor currents: friction, a payload that nobody told of, friction that grows with the load.
+//! UR10e, motor currents: friction, a concealed payload, load-dependent friction.
 //!
 //! Never: a mass of a link told.
 

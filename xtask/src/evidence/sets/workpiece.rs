@@ -1,4 +1,4 @@
-//! A hammer's blow on a tool, and profiles of machined surfaces.
+//! An impact test of a tool, and profiles of machined surfaces.
 
 use super::super::bench::{Answer, Bench, json};
 use super::super::case::{Case, Judged, Reference};

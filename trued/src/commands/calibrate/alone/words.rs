@@ -1,4 +1,4 @@
-//! Lines for people on what sweeps and loads say by themselves.
+//! Text output on sweeps and loads.
 //!
 //! Promises: each number with its uncertainty where it has one. Never: a number that the JSON lacks.
 

@@ -1,4 +1,4 @@
-//! Forces beside the law of the told cut: over one turn of the spindle, over time, and as spectra of what the law is off by.
+//! Forces compared with the model of the stated cut: over one spindle revolution, over time, and as spectra of the residual.
 //!
 //! Promises: a bounded number of points in each drawing. Never: a number of its own.
 

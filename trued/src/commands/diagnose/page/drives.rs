@@ -1,4 +1,4 @@
-//! The torque domain's part of the page: torque over time and over speed, what the model is off by before and after, joint by joint.
+//! The torque domain's part of the page: torque over time and speed, residual before and after, joint by joint.
 //!
 //! Promises: a bounded number of points in each drawing. Never: a number of its own.
 

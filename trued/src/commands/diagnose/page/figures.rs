@@ -1,4 +1,4 @@
-//! Figures of the page: before and after over time, as spectrum and as distribution; where it shows; each finding over what it follows; the rivals.
+//! Figures of the page: residual before and after over time, as spectrum and as distribution; location; findings over their covariates; alternatives.
 //!
 //! Promises: a bounded number of points in each drawing, and a caption that says which were left out. Never: a number of its own.
 

@@ -1,4 +1,4 @@
-//! The page of forces alone: when the tool was in air and in the cut, the tones, the sensor.
+//! The page of a force recording: phases of air and cut, spectral lines, sensor.
 //!
 //! Promises: a bounded number of points in each drawing. Never: a number of its own.
 

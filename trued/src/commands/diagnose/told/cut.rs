@@ -1,6 +1,6 @@
-//! What is said of forces that were held against the law of a told cut, with the keys of the contract.
+//! Output of a force comparison with a stated cut, with the keys of `trued.diagnosis/1`.
 //!
-//! Promises: what cannot be told apart is said with the record that would part it. Never: a number that was not found.
+//! Promises: what cannot be distinguished is said with the record that would part it. Never: a number that was not found.
 
 use diagnosis::diagnose::Verdict;
 use diagnosis::force::{Compared, Rest};

@@ -1,4 +1,4 @@
-//! What a diagnosis of torque says: the same keys as of positions, in N m or N, with the proof joint by joint.
+//! Output of a torque diagnosis: the same keys as for positions, in N m or N, with validation joint by joint.
 //!
 //! Promises: sentences that name cause and size. Never: a number that was not found.
 

@@ -1,4 +1,4 @@
-//! What a diagnosis of forces says: phases of the cut, tones, the sensor, with the keys of the contract.
+//! Output of a force diagnosis: phases of the cut, lines, sensor, with the keys of `trued.diagnosis/1`.
 //!
 //! Promises: no tone is called chatter whose cause is known. Never: a number that was not found.
 

@@ -1,4 +1,4 @@
-//! A diagnosis as lines for people.
+//! A diagnosis as lines of text.
 //!
 //! Promises: findings first, the most important ones; what was left out is counted. Never: a number that the file does not hold.
 

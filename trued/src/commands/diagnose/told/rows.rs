@@ -1,4 +1,4 @@
-//! A diagnosis as rows of a table, for batches: one row for each domain, one for each number of a finding.
+//! A diagnosis as table rows, for batches: one row per domain, one per parameter of a finding.
 //!
 //! Promises: the numbers of `trued.diagnosis/1`, in the same units. Never: a number that was not found.
 
