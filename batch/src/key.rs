@@ -13,7 +13,7 @@ use sha2::{Digest, Sha256};
 /// Bytes that are hashed at once.
 const CHUNK: usize = 1 << 16;
 
-/// SHA-256 of what a result is computed from; shown as 64 hexadecimal digits.
+/// SHA-256 hash of the inputs of a result; displayed as 64 hexadecimal digits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Key([u8; 32]);
 
@@ -35,7 +35,7 @@ impl Key {
     /// # Errors
     /// The file cannot be read.
     pub fn of_file(path: &Path) -> io::Result<Self> {
-        // To open a pipe waits for whoever writes into it.
+        // Opening a pipe would block until it has a writer.
         if !path.metadata()?.is_file() {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, "no regular file"));
         }
@@ -50,7 +50,7 @@ impl Key {
     }
 }
 
-/// A key on the way.
+/// Builder of a key.
 #[derive(Debug, Clone)]
 pub struct KeyBuilder(Sha256);
 
@@ -71,7 +71,7 @@ impl KeyBuilder {
         self
     }
 
-    /// The same with a named part that may be missing; missing is not the same as empty.
+    /// The same with an optional named part; missing differs from empty.
     #[must_use]
     pub fn maybe(self, name: &str, bytes: Option<&[u8]>) -> Self {
         match bytes {

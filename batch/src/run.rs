@@ -18,12 +18,12 @@ use crate::shard::Shard;
 use crate::store::{Digest, Existing, Store};
 use crate::table::{self, Recorded, Row};
 
-/// A recording that is to be diagnosed: files where they stand.
+/// A recording to be diagnosed, with resolved paths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Item<'a> {
     /// Its robot.
     pub robot: &'a Robot,
-    /// What the manifest says of it.
+    /// Its entry in the manifest.
     pub entry: &'a Entry,
     /// Its files.
     pub files: Vec<PathBuf>,
@@ -36,9 +36,9 @@ pub struct Item<'a> {
 /// Why a recording was not diagnosed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Failed {
-    /// Its content does not allow it.
+    /// Its content cannot be used.
     Refused(String),
-    /// The machine did not give what is needed.
+    /// System error.
     Unread(String),
 }
 
@@ -51,25 +51,25 @@ pub struct Told {
     pub why: String,
 }
 
-/// What became of a shard.
+/// Result of a shard.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Summary {
-    /// Results that were written.
+    /// Results written.
     pub written: usize,
-    /// Results that were there.
+    /// Existing results kept.
     pub kept: usize,
-    /// Of these: recordings whose result says why nothing is said.
+    /// Of these: recordings that were refused.
     pub refused: Vec<Told>,
     /// Recordings without a result.
     pub unread: Vec<Told>,
-    /// Of all results in the folder, whichever shard wrote them.
+    /// Digest of all results in the folder, of all shards.
     pub digest: Digest,
 }
 
-/// Why a batch ended early. What was written stays.
+/// Errors that end a batch. Written results remain.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// A result is there.
+    /// A result exists already.
     #[error(
         "{} is there already, of {files}: --resume keeps what is there, --overwrite computes it anew, or give another folder",
         path.display()
@@ -85,7 +85,7 @@ pub enum RunError {
     Folder {
         /// The folder.
         path: PathBuf,
-        /// What the system said.
+        /// The system error.
         source: io::Error,
     },
     /// A result cannot be written.
@@ -96,18 +96,18 @@ pub enum RunError {
     Encode(#[from] parquet::errors::ParquetError),
 }
 
-/// A part of a manifest, and where its results go.
+/// A shard of a manifest, and its output folder.
 #[derive(Debug, Clone, Copy)]
 pub struct Job<'a> {
     /// The recordings.
     pub manifest: &'a Manifest,
-    /// The manifest's folder, from which its paths count.
+    /// The manifest's folder, for relative paths.
     pub base: &'a Path,
-    /// Which of them.
+    /// The shard.
     pub shard: Shard,
-    /// Where the results go.
+    /// The output folder.
     pub out: &'a Path,
-    /// What becomes of those that are there.
+    /// Handling of existing results.
     pub existing: Existing,
 }
 
@@ -119,7 +119,7 @@ impl Job<'_> {
     }
 }
 
-/// Diagnoses the recordings of a shard by `diagnose` and writes a result for each; `done` is called after each.
+/// Diagnoses the recordings of a shard with `diagnose` and writes a result for each; `done` is called after each.
 ///
 /// # Errors
 /// See [`RunError`].
@@ -155,7 +155,7 @@ pub fn run(
     Ok(Summary { written, kept, refused, unread, digest })
 }
 
-/// What became of one recording; with why nothing is said of it.
+/// Outcome of one recording, with the reason of a refusal.
 enum Done {
     Written(Option<String>),
     Kept(Option<String>),
@@ -196,7 +196,7 @@ fn one(
     Ok(Done::Written(why))
 }
 
-/// The model of a robot: a file that counts from the manifest's folder, else a preset.
+/// The model of a robot: a file relative to the manifest's folder, otherwise a preset.
 #[must_use]
 pub fn model_of(base: &Path, robot: &Robot) -> PathBuf {
     let file = base.join(&robot.model);
@@ -221,7 +221,7 @@ impl<'a> Item<'a> {
         self.entry.files.join(", ")
     }
 
-    /// Words in which each path stands as the manifest names it.
+    /// A message with each path as in the manifest.
     #[must_use]
     pub fn as_named(&self, words: &str) -> String {
         let files = self.files.iter().zip(self.entry.files.iter().map(String::as_str));
@@ -238,7 +238,7 @@ impl<'a> Item<'a> {
         Told { files: self.names(), why }
     }
 
-    /// The key of its result: over what the manifest says of it, the content of all files that are read for it, the options, and the program's version.
+    /// The key of its result: over its entry in the manifest, the content of all files that are read for it, the settings, and the program version.
     ///
     /// # Errors
     /// Which file cannot be read, and why.

@@ -5,7 +5,7 @@
 use std::num::NonZeroUsize;
 use std::str::FromStr;
 
-/// One of so many shards; written `I/N`, I from 1 to N.
+/// One of N shards; written `I/N`, I from 1 to N.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
     /// From 0.
@@ -17,14 +17,14 @@ impl Shard {
     /// The whole manifest as one shard.
     pub const WHOLE: Self = Self { index: 0, count: NonZeroUsize::MIN };
 
-    /// Whether the recording at this place in the manifest, from 0, is of this shard.
+    /// Whether the recording at this position in the manifest, from 0, belongs to this shard.
     #[must_use]
     pub fn has(self, place: usize) -> bool {
         place % self.count == self.index
     }
 }
 
-/// A text that names no shard.
+/// A text that is not a shard.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("expected I/N with I from 1 to N, as 1/8 … 8/8")]
 pub struct NotAShard;

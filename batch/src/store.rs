@@ -16,14 +16,14 @@ use crate::table;
 /// Ending of a result.
 const ENDING: &str = ".parquet";
 
-/// What becomes of a result that is there already.
+/// Handling of an existing result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Existing {
     /// The run ends with an error.
     Refuse,
-    /// It stays, where it is whole; the recording is not diagnosed again.
+    /// It is kept if complete; the recording is not diagnosed again.
     Keep,
-    /// It is computed anew.
+    /// It is computed again.
     Replace,
 }
 
@@ -31,11 +31,11 @@ pub enum Existing {
 #[derive(Debug)]
 pub struct Store {
     folder: PathBuf,
-    /// What killed processes left, by the key of the result.
+    /// Temporary files of killed processes, by the key of the result.
     leftovers: BTreeMap<String, Vec<PathBuf>>,
 }
 
-/// The digest of a folder: `sha256sum *.parquet | sha256sum` in it gives the same, where nothing but results stands in it.
+/// The digest of a folder: equals `sha256sum *.parquet | sha256sum` in a folder without other Parquet files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Digest {
     /// Number of results.
@@ -45,7 +45,7 @@ pub struct Digest {
 }
 
 impl Store {
-    /// Opens a folder, which is made where it is missing.
+    /// Opens a folder, creating it if necessary.
     ///
     /// # Errors
     /// The folder cannot be made or listed.
@@ -61,31 +61,31 @@ impl Store {
         Ok(Self { folder: folder.to_owned(), leftovers })
     }
 
-    /// Where the result of a key stands.
+    /// Path of the result of a key.
     #[must_use]
     pub fn place(&self, key: Key) -> PathBuf {
         self.folder.join(format!("{key}{ENDING}"))
     }
 
-    /// Whether the result of a key is there and whole: its footer can be read and names that key.
+    /// Whether a complete result of a key exists: its footer can be read and contains that key.
     #[must_use]
     pub fn has(&self, key: Key) -> bool {
         table::key_of(&self.place(key)).is_some_and(|found| found == key.to_string())
     }
 
-    /// Whether anything stands in the place of a result.
+    /// Whether the path of a result exists.
     #[must_use]
     pub fn is_taken(&self, key: Key) -> bool {
         self.place(key).exists()
     }
 
-    /// Writes the result of a key, and removes what killed processes left of it.
+    /// Writes the result of a key, and removes its temporary files of killed processes.
     ///
     /// # Errors
-    /// The system refused; nothing then stands there that did not before.
+    /// System error; the existing file, if any, is then unchanged.
     pub fn write(&mut self, key: Key, bytes: &[u8]) -> Result<(), FileError> {
         for leftover in self.leftovers.remove(&key.to_string()).into_iter().flatten() {
-            // A hidden file that stays is litter, and no result.
+            // A remaining hidden file is harmless.
             let _ = fs::remove_file(leftover);
         }
         write_atomic(&self.place(key), bytes)
@@ -109,13 +109,13 @@ impl Store {
     }
 }
 
-/// Whether that is the name of a result: a key, and the ending.
+/// Whether a name is that of a result: a key and the ending.
 fn is_result(name: &str) -> bool {
     let is_digit = |c: char| c.is_ascii_digit() || ('a'..='f').contains(&c);
     name.strip_suffix(ENDING).is_some_and(|key| key.len() == 64 && key.chars().all(is_digit))
 }
 
-/// Names of what stands in a folder, as far as they are text.
+/// Names of the entries of a folder that are valid UTF-8.
 fn names(folder: &Path) -> io::Result<Vec<String>> {
     let mut names = Vec::new();
     for entry in fs::read_dir(folder)? {

@@ -23,12 +23,12 @@ use crate::key::Key;
 /// Name of the format.
 pub const SCHEMA: &str = "trued.batch-result/1";
 
-/// What the rows of one result share.
+/// Data common to all rows of one result.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recorded {
     /// Key of the result.
     pub key: Key,
-    /// Program that computed it.
+    /// Version of the program that computed it.
     pub version: String,
     /// The robot's name.
     pub robot: String,
@@ -42,14 +42,14 @@ pub struct Recorded {
     pub seed: u64,
 }
 
-/// What a row tells of.
+/// Kind of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Subject {
-    /// A domain of the recording: verdict and errors.
+    /// A recorded domain: verdict and errors.
     Recording,
-    /// A number of a finding.
+    /// A parameter of a finding.
     Finding,
-    /// Why nothing is said.
+    /// The reason of a refusal.
     Refused,
 }
 
@@ -63,7 +63,7 @@ impl Subject {
     }
 }
 
-/// A row; what does not apply to it is none.
+/// A row; columns that do not apply are none.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// What the row tells of.
@@ -76,23 +76,23 @@ pub struct Row {
     pub unit: Option<String>,
     /// Measured rows.
     pub samples: Option<i64>,
-    /// Scatter of the residual.
+    /// RMS noise of the residual.
     pub noise_rms: Option<f64>,
-    /// Error of the model as given, on rows that no fit has seen.
+    /// RMS error of the given model on the test set.
     pub error_before: Option<f64>,
-    /// The same with what was found.
+    /// The same with the findings.
     pub error_after: Option<f64>,
     /// Mean ambient temperature, °C.
     pub ambient_c: Option<f64>,
     /// Mean temperature of the finding's joint, °C.
     pub joint_c: Option<f64>,
-    /// The finding that it is a number of.
+    /// The parameter of a finding.
     pub fact: Option<Fact>,
-    /// The domain, the finding or the refusal in words.
+    /// The row as a sentence.
     pub says: String,
 }
 
-/// A number of a finding.
+/// A parameter of a finding.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fact {
     /// Name of the effect, as in model files.
@@ -101,19 +101,19 @@ pub struct Fact {
     pub joint: Option<i64>,
     /// `new` or `revised`.
     pub change: String,
-    /// Whether it is claimed (probability of a half or more), or a candidate.
+    /// Whether it is claimed (probability of 0.5 or more); otherwise a candidate.
     pub is_claimed: bool,
     /// Probability of the finding, where one is computed.
     pub probability: Option<f64>,
-    /// Name of the number with its unit, as in model files.
+    /// Name of the parameter with its unit, as in model files.
     pub parameter: Option<String>,
-    /// Place in the list, from 1, where the number is one of a list.
+    /// Position in the list, from 1, if the parameter is a list.
     pub index: Option<i64>,
-    /// The number.
+    /// Estimate.
     pub value: Option<f64>,
     /// Its 95 % interval.
     pub interval: Option<[f64; 2]>,
-    /// What the effect alone does to what was measured, root mean square, in the domain's unit.
+    /// RMS change of the measured quantity by this effect alone, in the domain's unit.
     pub size_rms: Option<f64>,
     /// The same, largest.
     pub size_max: Option<f64>,
@@ -140,7 +140,7 @@ impl Row {
     }
 }
 
-/// A row with what it shares with the others.
+/// A row with the common data of the result.
 struct Line<'a>(&'a Recorded, &'a Row);
 
 impl<'a> Line<'a> {
@@ -149,7 +149,7 @@ impl<'a> Line<'a> {
     }
 }
 
-/// How a column takes its values of a row.
+/// Extracts the value of a column from a row.
 enum Values {
     Text(for<'a> fn(&Line<'a>) -> Option<String>),
     Number(fn(&Line<'_>) -> Option<f64>),
@@ -215,7 +215,7 @@ pub fn column_names() -> impl Iterator<Item = &'static str> {
 /// The file of a result.
 ///
 /// # Errors
-/// The library refuses, which it does for no rows of this type.
+/// Error of the library; does not occur for rows of this type.
 pub fn to_parquet(recorded: &Recorded, rows: &[Row]) -> Result<Vec<u8>, ParquetError> {
     let columns: String = COLUMNS
         .iter()
@@ -271,7 +271,7 @@ fn column<T: DataType>(
     column.close()
 }
 
-/// The key that a whole result names in its footer; none where the file is missing, cut off or no result.
+/// The key in the footer of a complete result; none if the file is missing, truncated or not a result.
 #[must_use]
 pub fn key_of(path: &Path) -> Option<String> {
     read(path, |reader| {
@@ -282,7 +282,7 @@ pub fn key_of(path: &Path) -> Option<String> {
     })
 }
 
-/// Why a whole result says nothing of its recording; none where it does.
+/// The reason of a refused recording; none for a diagnosed one.
 #[must_use]
 pub fn refusal(path: &Path) -> Option<String> {
     read(path, |reader| {
@@ -296,7 +296,7 @@ pub fn refusal(path: &Path) -> Option<String> {
     })
 }
 
-/// What is read of a Parquet file; none where that fails.
+/// Reads a value from a Parquet file; none if that fails.
 fn read<T>(path: &Path, of: impl FnOnce(&SerializedFileReader<File>) -> Option<T>) -> Option<T> {
     let file = File::open(path).ok()?;
     // The library asserts here and there on bytes that no writer writes.

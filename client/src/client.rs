@@ -13,10 +13,10 @@ use crate::output::Output;
 use crate::requests::requests;
 use crate::{AskError, Away, ConnectError, NotATarget, NotSent, Setpoint, Target};
 
-/// An answer is awaited spinning for so long, then with naps.
+/// How long an answer is awaited by spinning, before sleeping.
 const SPIN: Duration = Duration::from_micros(200);
 const NAP: Duration = Duration::from_micros(50);
-/// Looks between two looks at the clock, while spinning.
+/// Polls between two readings of the clock, while spinning.
 const LOOKS_PER_CLOCK: u32 = 8;
 
 struct CellPorts {
@@ -38,7 +38,7 @@ impl Ports for CellPorts {
     }
 }
 
-/// A cell's one connection to its daemon. May move between threads; not shared.
+/// The connection of the robot's loop to the daemon, one per cell. Can move between threads; not shared.
 pub struct Client {
     link: Link<CellPorts>,
     output: Output,
@@ -49,13 +49,13 @@ pub struct Client {
     state_seq: u64,
     newest: Option<Corrected>,
     epoch: u64,
-    /// Since when commands are sent in this epoch without any answer.
+    /// Since when commands are sent in this epoch without an answer.
     unheard_since_ns: Option<u64>,
     status: Option<Status>,
 }
 
 impl Client {
-    /// Joins the cell's daemon, within `limit`.
+    /// Connects to the cell's daemon within `limit`.
     ///
     /// # Errors
     /// See [`ConnectError`].
@@ -63,7 +63,7 @@ impl Client {
         Self::connect_to(&Cell::new(cell)?, limit)
     }
 
-    /// The same for a cell in a place of its own.
+    /// The same for a cell in another directory.
     ///
     /// # Errors
     /// See [`ConnectError`].
@@ -96,16 +96,16 @@ impl Client {
         Ok(client)
     }
 
-    /// How old a daemon's answer may be for [`target_for`](Self::target_for): 10 ms unless told
-    /// otherwise. Not below two of the daemon's cycles.
+    /// Age limit of the daemon's answers in [`target_for`](Self::target_for); default 10 ms.
+    /// Use at least two of the daemon's cycles.
     pub fn set_fresh(&mut self, fresh: Duration) {
         self.output.fresh_ns = u64::try_from(fresh.as_nanos()).unwrap_or(u64::MAX);
     }
 
-    /// Sends a commanded target; tells its number.
+    /// Sends a commanded target; returns its number.
     ///
     /// # Errors
-    /// [`NotSent`]; the loop goes on with [`target_for`](Self::target_for) whatever it says.
+    /// [`NotSent`]; the loop continues with [`target_for`](Self::target_for) in any case.
     pub fn send(&mut self, setpoint: &Setpoint) -> Result<u64, NotSent> {
         let now_ns = monotonic_ns();
         let command = setpoint.command(self.seq + 1, self.session, now_ns)?;
@@ -134,32 +134,32 @@ impl Client {
         }
     }
 
-    /// Begins another run: for the daemon the next command follows none, and nothing of the path so far is remembered.
-    /// The correction goes on from what was sent last.
+    /// Starts a new run: the path history is reset.
+    /// The correction continues from the last one sent.
     pub fn start_anew(&mut self) {
         (self.session, self.seq) = (new_session(), 0);
     }
 
-    /// Begins another run. The robot is at its command plus this correction, rad or m. An empty list means zero: the robot's program was
+    /// Starts a new run. The robot is at its command plus this correction, rad or m. An empty list means zero: the robot's program was
     /// restarted, and the controller's sum of corrections with it.
     pub fn start_from(&mut self, correction: &[f64]) {
         self.start_anew();
         self.output.start_from(correction);
     }
 
-    /// What was sent last, for a loop that has to send something and has no command; none before the first target.
+    /// The last target sent, for a loop that must send something and has no command; none before the first target.
     #[must_use]
     pub fn last_target(&self) -> Option<Target> {
         self.output.sent()
     }
 
-    /// The correction in what was sent last, rad or m.
+    /// The correction in the last target, rad or m.
     #[must_use]
     pub fn last_correction(&self) -> [f64; JOINTS_MAX] {
         self.output.correction()
     }
 
-    /// Sends what the robot measures of itself; `seq`, `session` and `sent_ns` are filled in.
+    /// Sends the measured state of the robot; `seq`, `session` and `sent_ns` are filled in.
     ///
     /// # Errors
     /// See [`NotSent`].
@@ -181,7 +181,7 @@ impl Client {
         self.newest
     }
 
-    /// Takes the newest corrected target where there is one not taken yet.
+    /// Takes the newest corrected target not yet taken.
     fn look(&mut self) {
         if let Connection::Connected { epoch, .. } = self.connection()
             && epoch != self.epoch
@@ -197,7 +197,7 @@ impl Client {
         }
     }
 
-    /// The answer to the command of that number, awaited for at most `limit`.
+    /// The answer to the command with that number, awaited for at most `limit`.
     pub fn wait_corrected(&mut self, seq: u64, limit: Duration) -> Option<Corrected> {
         let start = Instant::now();
         let asked = (self.session, seq);
@@ -218,11 +218,11 @@ impl Client {
         }
     }
 
-    /// Sends a command and awaits its answer for at most `limit`; answers like
-    /// [`target_for`](Self::target_for) in any case.
+    /// Sends a command and awaits its answer for at most `limit`; in any case returns a target, as
+    /// [`target_for`](Self::target_for) does.
     ///
     /// # Errors
-    /// [`NotATarget`] where the command is no set of 1 to 16 finite numbers.
+    /// [`NotATarget`] if the command is not 1 to 16 finite numbers.
     pub fn exchange(&mut self, q_cmd: &[f64], limit: Duration) -> Result<Target, NotATarget> {
         if let Ok(seq) = self.send(&Setpoint::new(q_cmd)) {
             let _ = self.wait_corrected(seq, limit);
@@ -230,15 +230,15 @@ impl Client {
         self.target_for(q_cmd, monotonic_ns())
     }
 
-    /// What to send to the robot for `q_cmd` at `now_ns` (`CLOCK_MONOTONIC`), whatever has become of the daemon: `q_cmd` plus a
-    /// correction that goes on from what was sent last within the daemon's limits, over the time that has passed since.
+    /// The joint target to send to the robot for `q_cmd` at `now_ns` (`CLOCK_MONOTONIC`), whatever the state of the daemon: `q_cmd` plus a
+    /// correction that continues from the last one sent, within the daemon's limits over the elapsed time.
     ///
-    /// It goes towards the daemon's correction while an answer is fresh, and is that correction bit for bit once there; without
-    /// a fresh answer it goes to zero. A finite `q_cmd` passes as it came, also outside the model's limits: those are the
+    /// It approaches the daemon's correction while an answer is fresh, and equals it bit for bit once reached; without
+    /// a fresh answer it is ramped to zero. A finite `q_cmd` is never changed, not even outside the model's limits: those are the
     /// controller's to judge.
     ///
     /// # Errors
-    /// [`NotATarget`] where `q_cmd` is no set of 1 to 16 finite numbers. Nothing has changed then; [`last_target`](Self::last_target)
+    /// [`NotATarget`] if `q_cmd` is not 1 to 16 finite numbers. The state is then unchanged; [`last_target`](Self::last_target)
     /// is what was sent last.
     pub fn target_for(&mut self, q_cmd: &[f64], now_ns: u64) -> Result<Target, NotATarget> {
         let newest = self.newest();
@@ -261,7 +261,7 @@ impl Client {
         self.status = Some(status);
     }
 
-    /// The next verdict on vibration not yet taken.
+    /// The next vibration verdict not yet taken.
     pub fn vibration(&mut self) -> Option<Verdict> {
         self.link.ports().and_then(|ports| ports.monitor.vibration())
     }
@@ -272,12 +272,12 @@ impl Client {
         self.link.connection()
     }
 
-    /// Why not connected; none while connected.
+    /// The reason for not being connected; none while connected.
     pub fn away(&mut self) -> Option<Away> {
         self.link.away()
     }
 
-    /// What happened to the connection since, oldest first.
+    /// Events of the connection since the last call, oldest first.
     pub fn next_event(&mut self) -> Option<ConnectionEvent> {
         self.link.next_event()
     }

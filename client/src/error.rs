@@ -4,19 +4,19 @@ use std::time::Duration;
 
 use shm_schema::{DomainError, JOINTS_MAX, JoinError, SendOutcome};
 
-/// Why there is no daemon to talk to now. The library goes on trying by itself.
+/// Why there is no connection to a daemon. The library keeps trying.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Away {
     /// The daemon is gone.
     #[error("no daemon is there now; start `trued run`: it is joined by itself")]
     DaemonLost,
-    /// Another daemon than before has been joined; said once, nothing was sent.
+    /// Connected to a new daemon; reported once, nothing was sent.
     #[error(
         "the daemon has restarted and was joined again: tell it anew what the one before was told \
          (bypass, arm, process state). Said once, and nothing was sent: call again"
     )]
     DaemonRestarted,
-    /// The daemon that is there now is of another version.
+    /// The present daemon has another version.
     #[error("the daemon that is there now is of another version; bring both to one version")]
     VersionMismatch,
     /// The cell is another user's now.
@@ -52,7 +52,7 @@ pub enum ConnectError {
     /// Trying again does not help.
     #[error(transparent)]
     Refused(#[from] JoinError),
-    /// It did not come about in time; `last` is the last obstacle.
+    /// Time limit exceeded; `last` is the last obstacle.
     #[error("not connected within {limit:?}: {last}")]
     TimedOut {
         /// The limit given.
@@ -81,13 +81,13 @@ impl From<DomainError> for ConnectError {
     }
 }
 
-/// A command is no joint target: nothing was sent, and nothing has changed.
+/// A command is not a valid joint target: nothing was sent, and the state is unchanged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NotATarget {
-    /// Another number of joints than there may be.
+    /// Invalid number of joints.
     #[error("the command has {0} joints, expected 1 to 16")]
     Joints(usize),
-    /// A joint position that is no finite number.
+    /// A joint position that is not finite.
     #[error(
         "joint {joint} of the command is no finite number, expected rad (m where it slides); a loop that must send something sends its last target again"
     )]
@@ -113,10 +113,10 @@ impl NotATarget {
 /// A message was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NotSent {
-    /// There is no daemon to send to; go on publishing what `target_for` answers.
+    /// There is no daemon; keep sending the targets of `target_for`.
     #[error(transparent)]
     Away(#[from] Away),
-    /// The daemon is there, and the message was lost on the way; it is counted.
+    /// The daemon is running, and the message was lost; it is counted.
     #[error("the message was lost: the daemon does not take it; is it overloaded?")]
     Lost,
     /// The command is no joint target.
@@ -138,7 +138,7 @@ impl NotSent {
     /// What became of a message.
     ///
     /// # Errors
-    /// [`NotSent::Lost`] where nobody took it.
+    /// [`NotSent::Lost`] if it was not received.
     pub(crate) fn unless_delivered(outcome: SendOutcome) -> Result<(), Self> {
         match outcome {
             SendOutcome::Delivered => Ok(()),
@@ -153,7 +153,7 @@ pub enum AskError {
     /// There is no daemon to ask.
     #[error(transparent)]
     Away(#[from] Away),
-    /// No answer in time; whether it was done is unknown.
+    /// No answer in time; whether the request was executed is unknown.
     #[error("no answer within {limit:?}; the daemon's status tells whether it was done")]
     TimedOut {
         /// The limit given.

@@ -22,7 +22,7 @@ pub enum Samples<'a> {
     F64(&'a [f64]),
 }
 
-/// Evenly spaced samples of one stretch of time.
+/// A block of evenly spaced samples.
 #[derive(Debug, Clone, Copy)]
 pub struct ForceSamples<'a> {
     /// Time of the first sample, `CLOCK_MONOTONIC` ns.
@@ -56,7 +56,7 @@ impl Ports for ForcePorts {
 }
 
 impl ForceSource {
-    /// Joins the cell's daemon, within `limit`.
+    /// Connects to the cell's daemon within `limit`.
     ///
     /// # Errors
     /// See [`ConnectError`].
@@ -64,7 +64,7 @@ impl ForceSource {
         Self::connect_to(&Cell::new(cell)?, limit)
     }
 
-    /// The same for a cell in a place of its own.
+    /// The same for a cell in another directory.
     ///
     /// # Errors
     /// See [`ConnectError`].
@@ -77,8 +77,8 @@ impl ForceSource {
     /// Sends one block.
     ///
     /// # Errors
-    /// [`NotSent::Invalid`] where the block makes no sense (nothing is counted then);
-    /// [`NotSent::Away`] and [`NotSent::Lost`] where it is lost.
+    /// [`NotSent::Invalid`] if the block is invalid (nothing is counted then);
+    /// [`NotSent::Away`] and [`NotSent::Lost`] if it is lost.
     pub fn send(&mut self, force: &ForceSamples<'_>) -> Result<(), NotSent> {
         let samples = self.fill(force)?;
         let ports = self.link.ports_to_tell().map_err(NotSent::Away);
@@ -95,23 +95,23 @@ impl ForceSource {
         self.lost
     }
 
-    /// How the connection is, as of the last call.
+    /// State of the connection as of the last call.
     #[must_use]
     pub fn connection(&self) -> Connection {
         self.link.connection()
     }
 
-    /// Why not connected; none while connected.
+    /// The reason for not being connected; none while connected.
     pub fn away(&mut self) -> Option<Away> {
         self.link.away()
     }
 
-    /// What happened to the connection since, oldest first.
+    /// Events of the connection since the last call, oldest first.
     pub fn next_event(&mut self) -> Option<ConnectionEvent> {
         self.link.next_event()
     }
 
-    /// Writes the next block; tells its samples per channel.
+    /// Writes the next block; returns its samples per channel.
     fn fill(&mut self, force: &ForceSamples<'_>) -> Result<usize, NotSent> {
         let numbers = match force.samples {
             Samples::F32(s) => s.len(),
@@ -154,7 +154,7 @@ impl ForceSource {
     }
 }
 
-/// Turns samples of channels into channels of samples.
+/// Transposes samples to channels.
 fn by_channel(
     data: &mut [f64],
     values: impl Iterator<Item = f64>,

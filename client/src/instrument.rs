@@ -31,7 +31,7 @@ impl Ports for InstrumentPorts {
 }
 
 impl Instrument {
-    /// Joins the cell's daemon, within `limit`.
+    /// Connects to the cell's daemon within `limit`.
     ///
     /// # Errors
     /// See [`ConnectError`].
@@ -39,7 +39,7 @@ impl Instrument {
         Self::connect_to(&Cell::new(cell)?, limit)
     }
 
-    /// The same for a cell in a place of its own.
+    /// The same for a cell in another directory.
     ///
     /// # Errors
     /// See [`ConnectError`].
@@ -47,11 +47,11 @@ impl Instrument {
         Ok(Self { link: Link::connect(cell, limit)?, session: new_session(), seq: 0, lost: 0 })
     }
 
-    /// Sends a point in the instrument's own coordinates, m, that was measured at `t_ns` of `CLOCK_MONOTONIC`. Without a time the daemon takes the latency that
-    /// its cell states. What is not measured (the beam is broken) is not sent.
+    /// Sends a point in the instrument's own coordinates, m, that was measured at `t_ns` of `CLOCK_MONOTONIC`. Without a time the daemon assumes the configured
+    /// latency. Send nothing while there is no measurement (beam interrupted).
     ///
     /// # Errors
-    /// [`NotSent::Away`] and [`NotSent::Lost`] where it is lost.
+    /// [`NotSent::Away`] and [`NotSent::Lost`] if it is lost.
     pub fn send(&mut self, point_m: [f64; 3], t_ns: Option<u64>) -> Result<(), NotSent> {
         self.seq += 1;
         let message = MeasuredPoint {
@@ -76,18 +76,18 @@ impl Instrument {
         self.lost
     }
 
-    /// How the connection is, as of the last call.
+    /// State of the connection as of the last call.
     #[must_use]
     pub fn connection(&self) -> Connection {
         self.link.connection()
     }
 
-    /// Why not connected; none while connected.
+    /// The reason for not being connected; none while connected.
     pub fn away(&mut self) -> Option<Away> {
         self.link.away()
     }
 
-    /// What happened to the connection since, oldest first.
+    /// Events of the connection since the last call, oldest first.
     pub fn next_event(&mut self) -> Option<ConnectionEvent> {
         self.link.next_event()
     }

@@ -6,16 +6,16 @@ use shm_schema::JoinError;
 
 use crate::{AskError, Away, ConnectError, NotATarget, NotSent};
 
-/// What went wrong, as far as a program may want to act on it.
+/// Kind of an error, for programmatic handling.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ErrorKind {
     /// What was given makes no sense.
     Argument,
-    /// Connecting: no daemon announced itself in time.
+    /// No daemon found in time.
     NoDaemon,
     /// The daemon was there and is gone.
     DaemonLost,
-    /// Another daemon than before was joined.
+    /// Connected to a new daemon.
     DaemonRestarted,
     /// Daemon and client are of different versions.
     VersionMismatch,
@@ -27,7 +27,7 @@ pub enum ErrorKind {
     DaemonSilent,
     /// No answer in time.
     TimedOut,
-    /// The daemon does not take messages fast enough.
+    /// The daemon does not read messages fast enough.
     MessageLost,
     /// The transport refused.
     Transport,

@@ -13,7 +13,7 @@ use shm_schema::{Cell, Current, JoinError, Joined, PortError, Role, Seat};
 
 use crate::{Away, ConnectError};
 
-/// How often the thread looks whether the daemon lives and which epoch is open.
+/// Interval at which the thread checks the daemon and the epoch.
 const WATCH_PERIOD: Duration = Duration::from_millis(20);
 /// How often it tries to get in.
 const JOIN_PERIOD: Duration = Duration::from_millis(5);
@@ -40,7 +40,7 @@ pub enum Connection {
         /// Changes with each start of the daemon.
         epoch: u64,
     },
-    /// The daemon is gone; the library joins the next one by itself.
+    /// The daemon is gone; the library reconnects automatically.
     Lost,
 }
 
@@ -54,7 +54,7 @@ pub enum ConnectionEvent {
         /// Changes with each start of the daemon.
         epoch: u64,
     },
-    /// The daemon is gone, or cannot be joined; says why.
+    /// The daemon is gone or cannot be reached, with the reason.
     Lost {
         /// Why, for programs.
         away: Away,
@@ -90,13 +90,13 @@ pub(crate) struct Link<P: Ports> {
     daemon: u32,
     /// That daemon has gone since.
     gone: bool,
-    /// A daemon other than before was joined, and nobody has been told.
+    /// Connected to a new daemon, not yet reported.
     restarted: bool,
     events: VecDeque<ConnectionEvent>,
 }
 
 impl<P: Ports> Link<P> {
-    /// Starts the thread and waits until it has joined, at most `limit`.
+    /// Starts the thread and waits until it is connected, at most `limit`.
     pub(crate) fn connect(cell: &Cell, limit: Duration) -> Result<Self, ConnectError> {
         let mut link = Self::start(cell)?;
         let start = Instant::now();
@@ -144,7 +144,7 @@ impl<P: Ports> Link<P> {
         })
     }
 
-    /// Takes what the thread has to say. No system call, and no allocation while nothing changes.
+    /// Reads the messages of the thread. No system call, and no allocation while nothing changes.
     pub(crate) fn refresh(&mut self) {
         while let Ok(news) = self.news.try_recv() {
             self.take(news);
@@ -199,7 +199,7 @@ impl<P: Ports> Link<P> {
         self.connection
     }
 
-    /// Why not connected; none while connected.
+    /// The reason for not being connected; none while connected.
     pub(crate) fn away(&mut self) -> Option<Away> {
         self.refresh();
         (self.connection == Connection::Lost).then_some(self.away)
@@ -219,7 +219,7 @@ impl<P: Ports> Link<P> {
         }
     }
 
-    /// The ports for sending and asking, or why not. A restart is told once.
+    /// The ports for messages and requests, or the reason why there are none. A restart is reported once.
     pub(crate) fn ports_to_tell(&mut self) -> Result<&mut P, Away> {
         self.refresh();
         if self.connection == Connection::Lost {
@@ -259,7 +259,7 @@ struct Keeper<P: Ports> {
     leavings: Receiver<Errand<P>>,
     joined: Option<u64>,
     trying_since: Option<(u64, Instant)>,
-    /// The last obstacle reported, so that it is said once.
+    /// The last reported obstacle, so that each is reported once.
     said: Option<String>,
 }
 

@@ -2,23 +2,23 @@
 
 use shm_schema::{JOINTS_MAX, Operation, Request};
 
-/// Where the tool centre point was measured, at rest and with nothing pulling at the tool.
+/// A measurement of the tool centre point, at rest and without external force.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured<'a> {
-    /// The joint positions that were published there (corrected ones, where corrected), rad (m where prismatic).
+    /// The joint targets sent for this pose (corrected ones, if corrected), rad (m if prismatic).
     pub joints: &'a [f64],
-    /// From which side each joint came, −1 or 1, 0 where unknown; may be shorter than `joints`.
+    /// Direction of approach of each joint, −1 or 1, 0 if unknown; can be shorter than `joints`.
     pub direction: &'a [i8],
     /// The tool centre point in the robot's base frame, m.
     pub point_m: [f64; 3],
-    /// Standard uncertainty of each of its numbers, m, above zero: instrument and model together, as the model was proven.
+    /// Standard uncertainty per axis, m, above zero: instrument and held-out error of the model together.
     pub sigma_m: f64,
     /// Temperature around the robot, °C; NaN where unknown.
     pub ambient_c: f64,
 }
 
 impl Measured<'_> {
-    /// Numbers beyond what a request holds are left out; the daemon refuses a wrong count of joints.
+    /// Excess values are dropped; the daemon refuses a wrong number of joints.
     pub(crate) fn request(&self) -> Request {
         let mut request = Request {
             operation: Operation::Measured.code(),

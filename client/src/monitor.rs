@@ -15,7 +15,7 @@ use crate::{AskError, Away, ConnectError};
 /// How often an answer is looked for.
 const ANSWER_PERIOD: Duration = Duration::from_micros(200);
 
-/// The ports that any client has: what a monitor needs.
+/// The ports of any client, as needed by a monitor.
 pub(crate) struct MonitorPorts {
     status: PeerSubscriber<Status>,
     vibration: PeerSubscriber<Verdict>,
@@ -96,7 +96,7 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// Joins the cell's daemon, within `limit`.
+    /// Connects to the cell's daemon within `limit`.
     ///
     /// # Errors
     /// See [`ConnectError`].
@@ -104,7 +104,7 @@ impl Monitor {
         Self::connect_to(&Cell::new(cell)?, limit)
     }
 
-    /// The same for a cell in a place of its own.
+    /// The same for a cell in another directory.
     ///
     /// # Errors
     /// See [`ConnectError`].
@@ -112,14 +112,14 @@ impl Monitor {
         Ok(Self { link: Link::connect(cell, limit)?, asker: Asker::new(), status: None })
     }
 
-    /// The newest status, once there is one.
+    /// The newest status, if any.
     pub fn status(&mut self) -> Option<Status> {
         let fresh = self.link.ports().and_then(MonitorPorts::status);
         self.status = fresh.or(self.status);
         self.status
     }
 
-    /// The next verdict on vibration not yet taken.
+    /// The next vibration verdict not yet taken.
     pub fn vibration(&mut self) -> Option<Verdict> {
         self.link.ports().and_then(MonitorPorts::vibration)
     }
@@ -130,17 +130,17 @@ impl Monitor {
         self.link.connection()
     }
 
-    /// Why not connected; none while connected.
+    /// The reason for not being connected; none while connected.
     pub fn away(&mut self) -> Option<Away> {
         self.link.away()
     }
 
-    /// What happened to the connection since, oldest first.
+    /// Events of the connection since the last call, oldest first.
     pub fn next_event(&mut self) -> Option<ConnectionEvent> {
         self.link.next_event()
     }
 
-    /// As [`Monitor::reload`], for a model of another robot or one whose limits the arm is outside of: done in shadow mode only.
+    /// As [`Monitor::reload`], for a model of another robot or one whose joint limits the arm already exceeds: in shadow mode only.
     ///
     /// # Errors
     /// See [`AskError`]; a refusal is an answer, not an error.

@@ -13,19 +13,19 @@ use shm_schema::{Command, Corrected, JOINTS_MAX, JointBounds};
 
 use crate::{NotATarget, Source, Target};
 
-/// A daemon's answer counts this long, unless set otherwise.
+/// Default age limit of a daemon's answer.
 const FRESH_NS: u64 = 10_000_000;
 
-/// Makes each target from the command and the newest answer.
+/// Computes each target from the command and the newest answer.
 #[derive(Debug)]
 pub struct Output {
     limiters: Limiters<JOINTS_MAX>,
-    /// None before the daemon has said them: there is no correction then.
+    /// None before the daemon has sent them: there is no correction then.
     limits: [Option<Limits>; JOINTS_MAX],
     intervals: Intervals,
     /// What was sent last.
     sent: Option<Target>,
-    /// A daemon's answer counts this long, ns.
+    /// Age limit of a daemon's answer, ns.
     pub fresh_ns: u64,
 }
 
@@ -48,7 +48,7 @@ impl Output {
         }
     }
 
-    /// Takes over the daemon's bounds; of those that are no positive numbers the last good ones stay.
+    /// Adopts the daemon's limits; invalid ones are ignored and the last valid ones kept.
     pub fn set_bounds(&mut self, bounds: &JointBounds) {
         for (i, limits) in self.limits.iter_mut().enumerate() {
             let new = Limits::new(bounds.angle[i], bounds.rate[i], bounds.jerk[i]);
@@ -79,7 +79,7 @@ impl Output {
     /// The target for `q_cmd` at `now_ns`, given the newest answer and the command sent to the daemon last.
     ///
     /// # Errors
-    /// [`NotATarget`] where `q_cmd` is no set of 1 to 16 finite numbers; nothing has changed then.
+    /// [`NotATarget`] if `q_cmd` is not 1 to 16 finite numbers; the state is then unchanged.
     pub fn target(
         &mut self,
         q_cmd: &[f64],

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use shm_schema::{InCut, Operation, Request};
 
-/// What the process does. The default tells nothing: the daemon then goes by its configuration, by the commanded path and
+/// State of the cutting process. By default nothing is stated: the daemon then uses its configuration, the commanded path and
 /// by the level of the forces.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProcessState {
@@ -12,11 +12,11 @@ pub struct ProcessState {
     pub spindle_rpm: f64,
     /// Teeth of the cutter; 0 where unknown.
     pub teeth: u32,
-    /// Feed along the path, mm/s; NaN: the daemon takes it from the commanded path.
+    /// Feed along the path, mm/s; NaN: the daemon computes it from the commanded path.
     pub feed_mm_s: f64,
-    /// Whether the tool cuts; `None`: the daemon judges by the forces.
+    /// Whether the tool cuts; `None`: the daemon decides by the forces.
     pub in_cut: Option<bool>,
-    /// How long this holds, for a cell that may die with the spindle on; `None`: until the next word.
+    /// How long this holds, in case the cell fails with the spindle on; `None`: until the next report.
     pub holds_for: Option<Duration>,
 }
 

@@ -10,7 +10,7 @@ use crate::AskError;
 macro_rules! requests {
     ($client:ty) => {
         impl $client {
-            /// Asks for a sign of life. Like all requests it waits: not for the robot's loop.
+            /// Checks that the daemon responds. Like all requests it blocks: do not use it in the robot's loop.
             ///
             /// # Errors
             /// See [`crate::AskError`].
@@ -21,7 +21,7 @@ macro_rules! requests {
                 self.ask($crate::requests::ping(), limit)
             }
 
-            /// Asks to load a model file (`None`: the one loaded now, again) and to swap it in.
+            /// Requests that a model file be loaded and activated (`None`: the active one, read again).
             ///
             /// # Errors
             /// See [`crate::AskError`]; a refusal is an answer, not an error.
@@ -33,7 +33,7 @@ macro_rules! requests {
                 self.ask($crate::requests::reload(path)?, limit)
             }
 
-            /// Asks to ramp the correction out, or in again.
+            /// Requests bypass: ramps the correction to zero, or restores it.
             ///
             /// # Errors
             /// See [`crate::AskError`].
@@ -45,7 +45,7 @@ macro_rules! requests {
                 self.ask($crate::requests::switch(shm_schema::Operation::Bypass, on), limit)
             }
 
-            /// Asks to go to shadow mode (`false`), or back to the configured mode. A cell whose configuration says `shadow` refuses to leave it.
+            /// Requests shadow mode (`false`), or a return to the configured mode; refused if that is shadow mode.
             ///
             /// # Errors
             /// See [`crate::AskError`]; a refusal is an answer, not an error.
@@ -57,7 +57,7 @@ macro_rules! requests {
                 self.ask($crate::requests::switch(shm_schema::Operation::Arm, on), limit)
             }
 
-            /// Asks to go to a mode, at most to the one that the cell's configuration allows (`mode_max`); the correction changes by its limiter.
+            /// Requests a mode, at most the one that the cell's configuration allows (`mode_max`); the change passes the limiter.
             ///
             /// # Errors
             /// See [`crate::AskError`]; a refusal is an answer, not an error.
@@ -69,7 +69,7 @@ macro_rules! requests {
                 self.ask($crate::requests::to_mode(mode), limit)
             }
 
-            /// Asks for a marker with this text in the recording: up to 256 bytes, what is longer is cut off.
+            /// Writes a marker with this text into the recording: up to 256 bytes, longer text is truncated.
             ///
             /// # Errors
             /// See [`crate::AskError`]; a refusal is an answer, not an error.
@@ -81,7 +81,7 @@ macro_rules! requests {
                 self.ask($crate::requests::mark(text), limit)
             }
 
-            /// Asks the recorder to start, to stop, or to keep the present recording. A stopped recording is closed when the answer comes.
+            /// Starts or stops the recorder, or marks the present recording to be kept. A stopped recording is closed when the answer arrives.
             ///
             /// # Errors
             /// See [`crate::AskError`]; a refusal is an answer, not an error.
@@ -105,7 +105,7 @@ macro_rules! requests {
                 self.ask(process.request(), limit)
             }
 
-            /// Tells where the tool was measured: the answer says how far that is from what the model says, and whether the model still holds.
+            /// Reports a measurement of the tool: the answer states the deviation from the model, and whether the model still holds.
             ///
             /// # Errors
             /// See [`crate::AskError`]; a refusal is an answer, not an error.

@@ -4,7 +4,7 @@ use shm_schema::{Command, JOINTS_MAX};
 
 use crate::NotATarget;
 
-/// In whose axes a wrench stands; always at the TCP.
+/// Axes of a wrench; always at the TCP.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WrenchFrame {
     /// The tool's.
@@ -37,14 +37,14 @@ impl Setpoint {
         self.command.joints()
     }
 
-    /// When the target holds, ns, instead of now: `CLOCK_MONOTONIC`, or a recording's time in a replay.
+    /// Time for which the target is valid, ns, instead of now: `CLOCK_MONOTONIC`, or a recording's time in a replay.
     #[must_use]
     pub fn at_ns(mut self, t_ns: u64) -> Self {
         self.command.t_ns = t_ns;
         self
     }
 
-    /// What acts on the robot at the TCP: force in N, moment in N·m.
+    /// Wrench acting on the robot at the TCP: force in N, moment in N·m.
     #[must_use]
     pub fn wrench(mut self, wrench: [f64; 6], frame: WrenchFrame) -> Self {
         self.command.wrench = wrench;
@@ -68,7 +68,7 @@ impl Setpoint {
         self
     }
 
-    /// From which side each joint approaches: −1, 0 or 1.
+    /// Direction of approach of each joint: −1, 0 or 1.
     #[must_use]
     pub fn direction(mut self, direction: &[i8]) -> Self {
         for (to, from) in self.command.direction.iter_mut().zip(direction) {
@@ -88,7 +88,7 @@ impl Setpoint {
     /// The message, numbered and stamped; [`Client::send`](crate::Client::send) sends this one.
     ///
     /// # Errors
-    /// [`NotATarget`] where the joints are not 1 to 16 finite numbers.
+    /// [`NotATarget`] if the joints are not 1 to 16 finite numbers.
     pub fn command(&self, seq: u64, session: u64, now_ns: u64) -> Result<Command, NotATarget> {
         if self.joints > JOINTS_MAX {
             return Err(NotATarget::Joints(self.joints));

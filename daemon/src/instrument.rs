@@ -18,7 +18,7 @@ pub struct Instrument {
 }
 
 impl Instrument {
-    /// One that trims like that; a point without a stamp was measured `latency_ns` before it was sent.
+    /// An instrument with this trim; a point without time stamp was measured `latency_ns` before it was sent.
     #[must_use]
     pub fn new(trim: Trim, latency_ns: u64) -> Self {
         Self { trim, latency_ns, newest: None }

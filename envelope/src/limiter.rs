@@ -105,13 +105,13 @@ impl Limiter {
         }
     }
 
-    /// Comes to rest at its value: nothing was sent for so long that whatever follows it has stopped.
+    /// Stops at its value: after a pause so long that the receiver has stopped.
     pub(crate) fn rest(&mut self) {
         let in_force = self.in_force;
         *self = Self { in_force, ..Self::from_motion(self.value(), 0.0, 0.0) };
     }
 
-    /// Stands at `value` at once, without bounds: for settled poses, that no motion connects.
+    /// Sets `value` at once, without limits: for settled poses, which are not connected by motion.
     pub const fn jump(&mut self, value: f64) {
         *self = Self::from_motion(value, 0.0, 0.0);
     }
@@ -191,7 +191,7 @@ impl Limiter {
         self.offset.is_none_or(|offset| !offset.is_over())
     }
 
-    /// Whether it still moves by former limits, as it cannot stop within these yet.
+    /// Whether former limits still apply, because it cannot yet stop within the new ones.
     pub(crate) fn brakes_into(&self, limits: &Limits) -> bool {
         self.in_force.is_some_and(|in_force| in_force != *limits)
     }

@@ -52,7 +52,7 @@ pub(crate) fn unusable_robots(manifest: &Manifest, base: &Path, name: &str) -> V
     all
 }
 
-/// Recordings that are no files.
+/// Recordings that do not exist.
 pub(crate) fn missing_recordings(manifest: &Manifest, base: &Path, name: &str) -> Option<Faults> {
     let mut missing = Faults::of(name);
     for file in manifest.recordings.iter().flat_map(|recording| &recording.files) {
