@@ -12,7 +12,7 @@ pub mod store;
 pub mod table;
 
 pub use key::Key;
-pub use run::{Failed, Item, Job, RunError, Summary, Told, model_of, run};
+pub use run::{Failed, Item, Job, RunError, Summary, Undiagnosed, model_of, run};
 pub use shard::Shard;
 pub use store::{Digest, Existing, Store};
-pub use table::{Fact, Recorded, Row, Subject};
+pub use table::{FindingParameter, Recorded, Row, Subject};

@@ -44,7 +44,7 @@ pub enum Failed {
 
 /// A recording that was not diagnosed.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Told {
+pub struct Undiagnosed {
     /// Its files as the manifest names them, joined by `, `.
     pub files: String,
     /// Why.
@@ -59,9 +59,9 @@ pub struct Summary {
     /// Existing results kept.
     pub kept: usize,
     /// Of these: recordings that were refused.
-    pub refused: Vec<Told>,
+    pub refused: Vec<Undiagnosed>,
     /// Recordings without a result.
-    pub unread: Vec<Told>,
+    pub unread: Vec<Undiagnosed>,
     /// Digest of all results in the folder, of all shards.
     pub digest: Digest,
 }
@@ -141,13 +141,13 @@ pub fn run(
         match one(job, &item, &mut store, &mut diagnose)? {
             Done::Written(why) => {
                 written += 1;
-                refused.extend(why.map(|why| item.told(why)));
+                refused.extend(why.map(|why| item.undiagnosed(why)));
             }
             Done::Kept(why) => {
                 kept += 1;
-                refused.extend(why.map(|why| item.told(why)));
+                refused.extend(why.map(|why| item.undiagnosed(why)));
             }
-            Done::Unread(why) => unread.push(item.told(why)),
+            Done::Unread(why) => unread.push(item.undiagnosed(why)),
         }
         done();
     }
@@ -234,8 +234,8 @@ impl<'a> Item<'a> {
         })
     }
 
-    fn told(&self, why: String) -> Told {
-        Told { files: self.names(), why }
+    fn undiagnosed(&self, why: String) -> Undiagnosed {
+        Undiagnosed { files: self.names(), why }
     }
 
     /// The key of its result: over its entry in the manifest, the content of all files that are read for it, the settings, and the program version.

@@ -87,14 +87,14 @@ pub struct Row {
     /// Mean temperature of the finding's joint, °C.
     pub joint_c: Option<f64>,
     /// The parameter of a finding.
-    pub fact: Option<Fact>,
+    pub fact: Option<FindingParameter>,
     /// The row as a sentence.
     pub says: String,
 }
 
 /// A parameter of a finding.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Fact {
+pub struct FindingParameter {
     /// Name of the effect, as in model files.
     pub effect: String,
     /// Joint, from 1; none for effects of the whole robot.
@@ -144,7 +144,7 @@ impl Row {
 struct Line<'a>(&'a Recorded, &'a Row);
 
 impl<'a> Line<'a> {
-    fn fact<T>(&self, of: impl FnOnce(&'a Fact) -> Option<T>) -> Option<T> {
+    fn fact<T>(&self, of: impl FnOnce(&'a FindingParameter) -> Option<T>) -> Option<T> {
         self.1.fact.as_ref().and_then(of)
     }
 }

@@ -15,7 +15,7 @@ fn recorded() -> Recorded {
 }
 
 fn finding() -> Row {
-    let fact = Fact {
+    let fact = FindingParameter {
         effect: "backlash".to_owned(),
         joint: Some(3),
         change: "new".to_owned(),

@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use batch::{Existing, Failed, Item, Job, Row, Shard, Summary, Told};
+use batch::{Existing, Failed, Item, Job, Row, Shard, Summary, Undiagnosed};
 use clap::Args;
 use recording::files::FileError;
 use recording::manifest::Manifest;
@@ -23,8 +23,8 @@ use crate::input::{Reading, count, unusable};
 use crate::output::{Console, Paint};
 use crate::progress;
 
-/// Recordings that are told by name in the text, at most; the result of each says why.
-const TOLD_MAX: usize = 10;
+/// Most recordings listed in the text; their results contain the reason.
+const LISTED_MAX: usize = 10;
 
 #[derive(Debug, Args)]
 pub(super) struct Batch {
@@ -69,8 +69,8 @@ struct NotDiagnosed {
 }
 
 impl NotDiagnosed {
-    fn of(told: &Told) -> Self {
-        Self { files: told.files.clone(), why: told.why.clone() }
+    fn of(one: &Undiagnosed) -> Self {
+        Self { files: one.files.clone(), why: one.why.clone() }
     }
 }
 
@@ -98,7 +98,7 @@ impl Batch {
         let summary = batch::run(
             job,
             |item| {
-                // Thousands of recordings: what is noticed of each is told on request alone.
+                // With thousands of recordings, remarks on each are logged only on request.
                 info!(recording = item.names(), robot = item.robot.name, "diagnosing");
                 let silent = || with_default(NoSubscriber::default(), || rows(&manifest, item));
                 let rows = if is_verbose { rows(&manifest, item) } else { silent() };
@@ -160,7 +160,7 @@ fn failed(failure: &Failure, item: &Item<'_>) -> Failed {
 }
 
 fn say(summary: &Summary, out: &Path, outputs: Outputs, console: &mut Console) -> Outcome {
-    let of = |all: &[Told]| all.iter().map(NotDiagnosed::of).collect();
+    let of = |all: &[Undiagnosed]| all.iter().map(NotDiagnosed::of).collect();
     let digest = &summary.digest;
     let report = Report {
         written: summary.written,
@@ -175,12 +175,12 @@ fn say(summary: &Summary, out: &Path, outputs: Outputs, console: &mut Console) -
     let head = console.paint(Paint::Strong, &format!("{written} written"));
     console.say(format!("{head}, {kept} kept, {} in {}", digest.results, out.display()))?;
     for (what, all) in [("refused", &summary.refused), ("not read", &summary.unread)] {
-        for told in all.iter().take(TOLD_MAX) {
-            let first = told.why.lines().find_map(|line| line.strip_prefix("error: "));
-            let why = first.or_else(|| told.why.lines().next()).unwrap_or_default();
-            console.say(format!("  {what}: {}: {why}", told.files))?;
+        for one in all.iter().take(LISTED_MAX) {
+            let first = one.why.lines().find_map(|line| line.strip_prefix("error: "));
+            let why = first.or_else(|| one.why.lines().next()).unwrap_or_default();
+            console.say(format!("  {what}: {}: {why}", one.files))?;
         }
-        if let Some(more) = all.len().checked_sub(TOLD_MAX).filter(|more| *more > 0) {
+        if let Some(more) = all.len().checked_sub(LISTED_MAX).filter(|more| *more > 0) {
             console.say(format!("  {what}: {more} more"))?;
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! Promises: the numbers of `trued.diagnosis/1`, in the same units. Never: a number that was not found.
 
-use batch::{Fact, Row, Subject};
+use batch::{FindingParameter, Row, Subject};
 use recording::series::{Channel, Recording};
 
 use super::{Interval, Report, Told, Value, lead};
@@ -65,8 +65,8 @@ fn of_report(report: &Report, temperatures: &Temperatures) -> Vec<Row> {
     };
     let claimed = report.claims().map(|told| (told, true));
     let all = claimed.chain(report.candidates.iter().map(|told| (told, false)));
-    let findings = all.flat_map(|(told, is_claimed)| facts(told, is_claimed));
-    let finding = |(told, fact): (&Told, Fact)| Row {
+    let findings = all.flat_map(|(told, is_claimed)| parameters_of(told, is_claimed));
+    let finding = |(told, fact): (&Told, FindingParameter)| Row {
         subject: Subject::Finding,
         error_before: told.heldout_rms_before,
         error_after: told.heldout_rms_after,
@@ -80,8 +80,8 @@ fn of_report(report: &Report, temperatures: &Temperatures) -> Vec<Row> {
 }
 
 /// One for each number of a finding; one without a number where it has none.
-fn facts(told: &Told, is_claimed: bool) -> Vec<(&Told, Fact)> {
-    let bare = Fact {
+fn parameters_of(told: &Told, is_claimed: bool) -> Vec<(&Told, FindingParameter)> {
+    let bare = FindingParameter {
         effect: told.effect.to_owned(),
         joint: told.joint.and_then(|joint| i64::try_from(joint).ok()),
         change: told.change.to_owned(),
@@ -94,7 +94,7 @@ fn facts(told: &Told, is_claimed: bool) -> Vec<(&Told, Fact)> {
         size_rms: told.size.as_ref().map(|size| size.rms),
         size_max: told.size.as_ref().map(|size| size.max),
     };
-    let number = |parameter: &str, index: Option<i64>, value: f64, interval: Interval| Fact {
+    let number = |parameter: &str, index: Option<i64>, value: f64, interval: Interval| FindingParameter {
         parameter: Some(parameter.to_owned()),
         index,
         value: Some(value),
@@ -108,7 +108,7 @@ fn facts(told: &Told, is_claimed: bool) -> Vec<(&Told, Fact)> {
             .map(|(index, (value, interval))| number(name, Some(index), *value, *interval))
             .collect(),
     };
-    let numbers: Vec<Fact> = told.parameters.iter().flat_map(of_parameter).collect();
+    let numbers: Vec<FindingParameter> = told.parameters.iter().flat_map(of_parameter).collect();
     let all = if numbers.is_empty() { vec![bare.clone()] } else { numbers };
     all.into_iter().map(|fact| (told, fact)).collect()
 }
