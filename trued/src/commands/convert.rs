@@ -1,4 +1,4 @@
-//! `trued convert`: converts a recording of the daemon (MCAP) to one that every other command reads.
+//! `trued convert`: converts a recording of the daemon (MCAP), or a table, to a table (CSV or Parquet).
 //!
 //! Promises: nothing of a row is lost; an MCAP file that was cut off is read as far as it goes, and that is said. Never: a file over the input.
 
