@@ -94,13 +94,14 @@ fn parameters_of(told: &Told, is_claimed: bool) -> Vec<(&Told, FindingParameter)
         size_rms: told.size.as_ref().map(|size| size.rms),
         size_max: told.size.as_ref().map(|size| size.max),
     };
-    let number = |parameter: &str, index: Option<i64>, value: f64, interval: Interval| FindingParameter {
-        parameter: Some(parameter.to_owned()),
-        index,
-        value: Some(value),
-        interval,
-        ..bare.clone()
-    };
+    let number =
+        |parameter: &str, index: Option<i64>, value: f64, interval: Interval| FindingParameter {
+            parameter: Some(parameter.to_owned()),
+            index,
+            value: Some(value),
+            interval,
+            ..bare.clone()
+        };
     let of_parameter = |(name, value): (&String, &Value)| match value {
         Value::One { value, ci95 } => vec![number(name, None, *value, *ci95)],
         Value::List { value, ci95 } => (1..)
