@@ -19,6 +19,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("recording", &["physics"]),
     ("world", &["physics", "spectrum"]),
     ("diagnosis", &["world", "recording", "spectrum", "report", "physics"]),
+    ("diagnosis-report", &["diagnosis", "recording", "report", "spectrum", "physics"]),
     ("batch", &["recording"]),
     ("feedforward", &["diagnosis", "world", "recording", "physics", "envelope"]),
     ("client", &["shm-schema", "envelope"]),

@@ -34,6 +34,15 @@ pub enum Failure {
     Interrupted,
 }
 
+impl From<diagnosis_report::Error> for Failure {
+    fn from(error: diagnosis_report::Error) -> Self {
+        match error {
+            diagnosis_report::Error::Input(error) => Self::Input(error),
+            diagnosis_report::Error::Internal(error) => Self::System(error),
+        }
+    }
+}
+
 /// How a command ends.
 pub type Outcome = Result<Answer, Failure>;
 

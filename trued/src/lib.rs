@@ -9,7 +9,6 @@ mod child;
 mod cli;
 mod commands;
 mod corrections;
-mod drawn;
 pub mod exit;
 mod fleet;
 mod help;

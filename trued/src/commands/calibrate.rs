@@ -7,7 +7,6 @@
 mod alone;
 mod found;
 mod model;
-pub(super) mod numbers;
 mod open;
 mod page;
 mod things;

@@ -5,35 +5,23 @@
 
 mod apply;
 mod batch;
-mod drives;
 mod forces;
-mod page;
-pub(super) mod told;
+mod rows;
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use diagnosis::diagnose::{Diagnosis, Ingested, Thinned, ingest};
 use diagnosis::force::has_force;
-use diagnosis::gross::Suspicion;
-use diagnosis::{Chosen, from_recording};
+use diagnosis_report::{Diagnosed, MODEL, Settings, Stage, Whole, diagnose, lead, lines};
 use recording::model::RobotModel;
-use recording::series::{Heldout, Recording};
+use recording::series::Recording;
 
-use drives::Drives;
-
-use super::calibrate::numbers::{Entry, entries};
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Looked, Reading};
 use crate::options::{Seed, Threads};
 use crate::output::{Console, Paint};
 use crate::progress;
-
-/// The file of the model with what was found.
-pub(super) const MODEL: &str = "model.toml";
-/// Measured rows from which on a recording can say anything.
-const ROWS_LEAST: usize = 30;
 
 /// Say where a model and recordings differ, name the missing physics, and prove the gain on rows that nothing has seen
 ///
@@ -96,24 +84,6 @@ impl Read {
     }
 }
 
-/// What was found, with what it was found in.
-pub(super) struct Found {
-    base: RobotModel,
-    seed: u64,
-    /// None where the recordings cannot be judged; then `doubts` say why.
-    pub(super) diagnosis: Option<Diagnosis>,
-    /// The model's effects with what was found.
-    entries: Vec<Entry>,
-    doubts: Vec<String>,
-    /// What was seen in the recordings before anything was fitted, and what was done about it.
-    notes: Vec<String>,
-    rows: usize,
-    /// Whether the recordings say anything of positions.
-    has_positions: bool,
-    /// What the torques say, where they were recorded.
-    drives: Option<Drives>,
-}
-
 /// A frequency above zero.
 fn band(text: &str) -> Result<f64, String> {
     let hz: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
@@ -131,7 +101,7 @@ impl Diagnose {
             return self.batch.run(manifest, &self.out, console);
         }
         let stage = progress::stages(console, "reading recordings");
-        let (model, mut recordings) = match Read::of(&self.reading, &self.recordings)? {
+        let (model, recordings) = match Read::of(&self.reading, &self.recordings)? {
             Read::Forces(alone) => {
                 stage.finish_and_clear();
                 return forces::alone(self, *alone, console);
@@ -142,22 +112,25 @@ impl Diagnose {
         let mut outputs = outputs(console.outputs(), &self.out);
         outputs.check(self.inputs())?;
         let seed = self.seed.settle();
-        stage.set_message("drive torques: fit, search, proof");
-        let drives = Drives::where_recorded(&model, &mut recordings, self.band, seed)?;
-        stage.set_message("positions: fit, search, proof");
-        let found = Found::with_drives(model, recordings, drives, seed)?;
+        let settings = Settings { seed, band_hz: self.band };
+        let found = diagnose(model, recordings, &settings, &mut |begun| {
+            stage.set_message(match begun {
+                Stage::Torques => "drive torques: fit, search, validation",
+                Stage::Positions => "positions: fit, search, validation",
+            });
+        })?;
+        stage.set_message("figures and files");
         let reports = found.reports();
-        stage.set_message("pictures and files");
-        found.put(&mut outputs, &reports, &self.out)?;
+        put(&mut outputs, &found, &self.out)?;
         stage.finish_and_clear();
-        console.write(outputs, "trued.diagnosis/1", &told::Whole::of(&reports))?;
+        console.write(outputs, "trued.diagnosis/1", &Whole::of(&reports))?;
         for report in &reports {
             let domain =
-                if reports.len() > 1 { format!("{}, ", report.domain()) } else { String::new() };
+                if reports.len() > 1 { format!("{}, ", report.domain) } else { String::new() };
             let head = format!("{domain}{}", report.verdict.replace('_', " "));
             let head = console.paint(Paint::Strong, &head);
-            console.say(format!("{head}: {}", told::lead(report)))?;
-            for line in told::lines(report) {
+            console.say(format!("{head}: {}", lead(report)))?;
+            for line in lines(report) {
                 console.say(line)?;
             }
         }
@@ -181,151 +154,15 @@ pub(super) fn outputs(outputs: Outputs, dir: &Path) -> Outputs {
     outputs.in_folder(dir).result(dir.join(JSON)).result(dir.join(MODEL)).page(dir.join(PAGE))
 }
 
-impl Found {
-    /// Diagnoses `base` by `recordings`, beside what their torques say; no recordings are left where torques are all that was recorded.
-    ///
-    /// # Errors
-    /// Recordings that make no campaign.
-    fn with_drives(
-        base: RobotModel,
-        recordings: Vec<Recording>,
-        drives: Option<Drives>,
-        seed: u64,
-    ) -> Result<Self, Failure> {
-        if drives.is_some() && recordings.is_empty() {
-            return Ok(Self {
-                base,
-                seed,
-                diagnosis: None,
-                entries: Vec::new(),
-                doubts: Vec::new(),
-                notes: Vec::new(),
-                rows: 0,
-                has_positions: false,
-                drives,
-            });
-        }
-        Ok(Self { drives, ..Self::of(base, recordings, seed)? })
-    }
-
-    /// Diagnoses `base` by what `recordings` say of positions.
-    ///
-    /// # Errors
-    /// Recordings that make no campaign.
-    pub(super) fn of(
-        base: RobotModel,
-        mut recordings: Vec<Recording>,
-        seed: u64,
-    ) -> Result<Self, Failure> {
-        let arm = &base.physics.arm;
-        let has_positions = drives::positions_are_recorded(&recordings);
-        let nothing = |base, doubts, notes, rows| {
-            let (diagnosis, entries, drives) = (None, Vec::new(), None);
-            Ok(Self { base, seed, diagnosis, entries, doubts, notes, rows, has_positions, drives })
-        };
-        let Ingested { notes, doubts } = ingest(arm, &mut recordings);
-        if !doubts.is_empty() {
-            return nothing(base, doubts, notes, 0);
-        }
-        let looked = Thinned::at(arm, &recordings).map_err(Failure::input)?;
-        let rows = looked.rows;
-        let doubts = self::doubts(&base, &looked);
-        if !doubts.is_empty() {
-            return nothing(base, doubts, notes, rows);
-        }
-        let is_said = |recording: &Recording| recording.about.heldout != Heldout::Unsaid;
-        let held = recordings.iter().any(is_said);
-        let held = held.then(|| from_recording::held_out(&looked.campaign, &recordings));
-        drop(recordings);
-        let diagnosis = looked.diagnose(&base.physics, &base.sigma, held, seed);
-        if let Some(doubt) = diagnosis.doubt() {
-            return nothing(base, vec![doubt], notes, rows);
-        }
-        let chosen: Vec<Chosen> = diagnosis
-            .findings
-            .iter()
-            .chain(&diagnosis.candidates)
-            .map(|finding| Chosen {
-                effect: finding.place,
-                gain: finding.gain,
-                settings: finding.settings.clone(),
-            })
-            .collect();
-        let entries = entries(&base, &diagnosis.fit, &chosen, &[])?;
-        let diagnosis = Some(diagnosis);
-        let drives = None;
-        Ok(Self { base, seed, diagnosis, entries, doubts, notes, rows, has_positions, drives })
-    }
-
-    /// What the torques say, where they could be judged.
-    fn torques(&self) -> Option<&diagnosis::torque::Diagnosis> {
-        self.drives.as_ref().and_then(|drives| drives.result.as_ref().ok())
-    }
-
-    /// What is said of each domain that was recorded.
-    pub(super) fn reports(&self) -> Vec<told::Report> {
-        let of_positions = self.has_positions || self.drives.is_none();
-        let mut reports: Vec<told::Report> =
-            of_positions.then(|| told::Report::of(self)).into_iter().collect();
-        if let Some(drives) = &self.drives {
-            reports.push(told::Report::of_drives(&self.base, drives, &[], self.seed));
-        }
-        reports
-    }
-
-    /// Puts diagnosis, model and page into the [`outputs`] in `dir`.
-    ///
-    /// # Errors
-    /// A model that does not load.
-    pub(super) fn put(
-        &self,
-        outputs: &mut Outputs,
-        reports: &[told::Report],
-        dir: &Path,
-    ) -> Result<(), Failure> {
-        outputs.put(&dir.join(JSON), told::json(reports)?);
-        outputs.put(&dir.join(MODEL), self.model()?);
-        outputs.put_page(&dir.join(PAGE), page::render(self, reports, dir));
-        Ok(())
-    }
-
-    /// The model with what was found, as text that loads.
-    fn model(&self) -> Result<String, Failure> {
-        let mut file = self.base.file.clone();
-        for entry in &self.entries {
-            match entry.of_base.and_then(|at| file.effects.get_mut(at)) {
-                Some(there) => *there = entry.written.clone(),
-                None if entry.is_empty() => {}
-                None => file.effects.push(entry.written.clone()),
-            }
-        }
-        if let Some(drives) = &self.drives {
-            file.effects = drives.written(&self.base, &file.effects);
-        }
-        let by = format!("trued diagnose {}", env!("CARGO_PKG_VERSION"));
-        file.meta.insert("diagnosed_by".to_owned(), by.into());
-        let base = format!("{}, {:016x}", self.base.file.name, self.base.hash);
-        file.meta.insert("diagnosed_from_model".to_owned(), base.into());
-        let robot = self.base.file.identity().to_string();
-        file.meta.insert("diagnosed_robot".to_owned(), robot.into());
-        let text = file.to_toml();
-        RobotModel::parse("the diagnosed model", &text).map_err(Failure::system)?;
-        Ok(text)
-    }
-}
-
-/// Why nothing can be said of these recordings.
-fn doubts(base: &RobotModel, looked: &Thinned) -> Vec<String> {
-    let rows = looked.rows;
-    if rows < ROWS_LEAST {
-        return vec![format!(
-            "{rows} rows were measured, expected at least {ROWS_LEAST}: record more"
-        )];
-    }
-    if !looked.moves {
-        return vec!["no joint moves in the recording: move the arm".to_owned()];
-    }
-    looked.faults(&base.physics).into_iter().map(|Suspicion { says, .. }| says).collect()
+/// Puts diagnosis, model and page into the [`outputs`] in `dir`.
+///
+/// # Errors
+/// A model that does not load.
+pub(super) fn put(outputs: &mut Outputs, found: &Diagnosed, dir: &Path) -> Result<(), Failure> {
+    outputs.put(&dir.join(JSON), found.json()?);
+    outputs.put(&dir.join(MODEL), found.model_toml()?);
+    outputs.put_page(&dir.join(PAGE), found.page(dir));
+    Ok(())
 }
 
 /// The schemas of the results.
@@ -333,7 +170,7 @@ fn doubts(base: &RobotModel, looked: &Thinned) -> Vec<String> {
 pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
     use crate::schemas::ResultSchema;
     vec![
-        ResultSchema::of::<told::Whole<'_>>("diagnosis", "trued.diagnosis/1"),
+        ResultSchema::of::<diagnosis_report::Whole<'_>>("diagnosis", "trued.diagnosis/1"),
         batch::result_schema(),
     ]
 }

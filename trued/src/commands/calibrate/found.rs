@@ -12,10 +12,10 @@ use recording::series::{Approach, Kind, Recording};
 use report::{ToolError, fixed};
 
 use super::Parts;
-use super::numbers::{ALONG, Entry, barred, entries};
-use crate::drawn::tool_errors;
 use crate::exit::Failure;
 use crate::input::count;
+use diagnosis_report::drawings::tool_errors;
+use diagnosis_report::entries::{ALONG, Entry, barred, entries};
 
 /// A joint whose positions differ by no more stands still, rad or m.
 const STILL: f64 = 1e-3;

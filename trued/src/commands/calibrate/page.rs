@@ -6,11 +6,11 @@ use report::{Axis, Cell, Column, Histogram, Number, Page, Role, Table, Tone, sig
 use super::Calibrate;
 use super::alone::Alone;
 use super::found::{Approached, Found, MODELS, OfRecording};
-use super::numbers::Entry;
 use super::things::{lines, things};
 use super::told::{check, in_tolerance, mm, moves_in, words};
-use crate::drawn::{OfJoint, Ranked, arm_with_errors, by_joint, guilty, ranking};
 use crate::input::count;
+use diagnosis_report::drawings::{OfJoint, Ranked, arm_with_errors, by_joint, guilty, ranking};
+use diagnosis_report::entries::Entry;
 
 /// Outliers in the table.
 const OUTLIERS: usize = 50;

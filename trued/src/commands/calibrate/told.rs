@@ -7,10 +7,10 @@ use serde::Serialize;
 use super::Calibrate;
 use super::alone::Alone;
 use super::found::{Found, MODELS, Stationed};
-use super::numbers::Entry;
 use super::things::{Thing, lines, things};
 use crate::input::count;
 use crate::table::Table;
+use diagnosis_report::entries::Entry;
 
 /// Effects that move the tool by less than this share of what the largest does are not told on the console.
 const TOLD: f64 = 0.02;

@@ -7,11 +7,12 @@ use std::path::Path;
 use std::time::Instant;
 
 use diagnosis::diagnose::{Verdict, says};
+use diagnosis_report::{Diagnosed, MODEL, Settings, lead, lines};
 use physics::JointKind;
 use recording::model::RobotModel;
 use recording::series::{self, Need};
 
-use super::super::diagnose::{self, Found, MODEL, told};
+use super::super::diagnose;
 use super::super::reload::Swap;
 use super::outcome::{Named, Told};
 use super::scene::Scene;
@@ -36,18 +37,22 @@ pub(super) fn play(
     let start = Instant::now();
     let found = found(out, scene.seed)?;
     let diagnosis_s = start.elapsed().as_secs_f64();
-    let report = told::Report::of(&found);
     let folder = out.join(FOLDER);
     let mut outputs = diagnose::outputs(console.files(), &folder);
-    found.put(&mut outputs, std::slice::from_ref(&report), &folder)?;
+    diagnose::put(&mut outputs, &found, &folder)?;
     outputs.write()?;
-    let verdict = report.verdict.replace('_', " ");
-    let mut says = vec![format!("{verdict}: {}", told::lead(&report))];
-    says.extend(told::lines(&report));
-    let head = console.paint(Paint::Strong, &verdict);
-    console.say(format!("{head}: {}", told::lead(&report)))?;
-    says.iter().skip(1).try_for_each(|line| console.say(line))?;
-    let claims = found.diagnosis.as_ref().is_some_and(|d| d.verdict == Verdict::MissingPhysics);
+    let mut says = Vec::new();
+    for report in found.reports() {
+        let verdict = report.verdict.replace('_', " ");
+        says.push(format!("{verdict}: {}", lead(&report)));
+        let head = console.paint(Paint::Strong, &verdict);
+        console.say(format!("{head}: {}", lead(&report)))?;
+        let lines = lines(&report);
+        lines.iter().try_for_each(|line| console.say(line))?;
+        says.extend(lines);
+    }
+    let verdict = found.diagnosis.as_ref().map_or(Verdict::Undetermined, |d| d.verdict);
+    let claims = verdict == Verdict::MissingPhysics;
     let swapped = claims && swap(console, cell, &folder)?;
     let hidden = named(scene.hidden.effect.spec().kind, scene.hidden.effect.joint());
     let first = found.diagnosis.as_ref().and_then(|d| d.findings.first()).filter(|_| claims);
@@ -64,7 +69,7 @@ pub(super) fn play(
         said,
         named_right,
         hidden_effect_mm: 1e3 * scene.hidden.on_work_m,
-        verdict: report.verdict.to_owned(),
+        verdict: verdict.name().to_owned(),
         says,
         diagnosis_s,
     };
@@ -72,11 +77,12 @@ pub(super) fn play(
 }
 
 /// What `trued diagnose` finds in the measuring program's recording with the daemon's model.
-fn found(out: &Path, seed: u64) -> Result<Found, Failure> {
+fn found(out: &Path, seed: u64) -> Result<Diagnosed, Failure> {
     let model = RobotModel::read(&out.join(MODEL)).map_err(unusable)?;
     let recording = out.join("measured.csv");
     let recording = series::read(&recording, None, Need::Measurement).map_err(unusable)?;
-    Found::of(model, vec![recording], seed)
+    let settings = Settings { seed, band_hz: None };
+    Ok(diagnosis_report::diagnose(model, vec![recording], &settings, &mut |_| {})?)
 }
 
 /// The way of `trued reload`.

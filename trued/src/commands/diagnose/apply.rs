@@ -6,10 +6,10 @@
 use std::path::Path;
 
 use diagnosis::diagnose::Verdict;
+use diagnosis_report::{Diagnosed, MODEL};
 use recording::cell::CellConfig;
 
 use super::super::reload::Swap;
-use super::{Found, MODEL};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::unusable;
 use crate::output::Console;
@@ -24,7 +24,7 @@ pub(super) fn cell(config_or_name: &Path) -> Result<String, Failure> {
 }
 
 /// Swaps the model that was written to `dir` into the daemon of `cell`, or says why not.
-pub(super) fn apply(console: &mut Console, cell: &str, found: &Found, dir: &Path) -> Outcome {
+pub(super) fn apply(console: &mut Console, cell: &str, found: &Diagnosed, dir: &Path) -> Outcome {
     if let Some(why) = why_not(found) {
         console.say(format!("not applied: {why}; the daemon goes on with its model"))?;
         return Ok(Answer::No);
@@ -41,7 +41,7 @@ pub(super) fn apply(console: &mut Console, cell: &str, found: &Found, dir: &Path
 }
 
 /// Why a model is not to be used as it is; none where it is.
-fn why_not(found: &Found) -> Option<&'static str> {
+fn why_not(found: &Diagnosed) -> Option<&'static str> {
     match found.diagnosis.as_ref().map(|diagnosis| diagnosis.verdict) {
         Some(Verdict::MissingPhysics) => None,
         Some(Verdict::Consistent) => Some("nothing is missing, so there is nothing to apply"),

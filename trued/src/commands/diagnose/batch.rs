@@ -6,16 +6,15 @@ use std::path::{Path, PathBuf};
 
 use batch::{Existing, Failed, Item, Job, Row, Shard, Summary, Undiagnosed};
 use clap::Args;
+use diagnosis_report::{DiagnosedForces, Settings, diagnose};
 use recording::files::FileError;
 use recording::manifest::Manifest;
 use serde::Serialize;
 use tracing::info;
 use tracing::subscriber::{NoSubscriber, with_default};
 
-use super::drives::Drives;
-use super::forces::Forces;
-use super::told::{self, Temperatures};
-use super::{Found, Read};
+use super::Read;
+use super::rows::{Temperatures, of_reports};
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::fleet::{self, Unusable};
@@ -135,14 +134,14 @@ fn rows(manifest: &Manifest, item: &Item<'_>) -> Result<Vec<Row>, Failure> {
         Read::Forces(alone) => {
             let (model, recording) = *alone;
             let temperatures = Temperatures::of(std::slice::from_ref(&recording));
-            let found = Forces::of(model, &recording, seed)?;
-            Ok(told::rows(&[told::Report::of_forces(&found)], &temperatures))
+            let found = DiagnosedForces::of(model, &recording, seed)?;
+            Ok(of_reports(&[found.report()], &temperatures))
         }
-        Read::Robot(model, mut recordings) => {
+        Read::Robot(model, recordings) => {
             let temperatures = Temperatures::of(&recordings);
-            let drives = Drives::where_recorded(&model, &mut recordings, manifest.band_hz, seed)?;
-            let found = Found::with_drives(*model, recordings, drives, seed)?;
-            Ok(told::rows(&found.reports(), &temperatures))
+            let settings = Settings { seed, band_hz: manifest.band_hz };
+            let found = diagnose(*model, recordings, &settings, &mut |_| {})?;
+            Ok(of_reports(&found.reports(), &temperatures))
         }
     }
 }

@@ -7,7 +7,7 @@ use report::{ArmPoses, Cell, Column, Number, Page, Svg, Table, Tone};
 
 use super::Input;
 use super::told::joints;
-use crate::drawn::places;
+use diagnosis_report::drawings::places;
 
 /// The file beside the programs.
 pub(super) const PAGE: &str = "plan.html";

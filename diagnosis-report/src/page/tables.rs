@@ -2,45 +2,45 @@
 
 use report::{Column, Table, significant};
 
-use crate::drawn::{self, OfJoint};
+use crate::drawings::{self, OfJoint};
 
-use crate::commands::diagnose::told::{Alternative, Interval, Report, Told, Value};
+use crate::result::{Alternative, Interval, Report, ReportedFinding, Value};
 
 /// Where a number is not computed.
 const NONE: &str = "–";
 
-pub(super) fn rms(rms: Option<f64>) -> String {
+pub(crate) fn rms(rms: Option<f64>) -> String {
     rms.map_or(NONE.to_owned(), |rms| significant(rms, 3))
 }
 
-pub(super) fn findings(report: &Report) -> Table {
+pub(crate) fn findings(report: &Report) -> Table {
     table(format!("Findings, {}", report.unit), &report.findings)
 }
 
-pub(super) fn minor(report: &Report) -> Table {
+pub(crate) fn minor(report: &Report) -> Table {
     table(format!("Smaller effects, {}", report.unit), &report.minor)
 }
 
-pub(super) fn candidates(report: &Report) -> Table {
+pub(crate) fn candidates(report: &Report) -> Table {
     table(format!("Candidates, {}", report.unit), &report.candidates)
 }
 
 /// What each finding does to what was measured.
-pub(super) fn sizes(report: &Report) -> Vec<OfJoint> {
-    let size = |told: &Told| {
-        let size = told.size.as_ref()?.rms;
-        Some(OfJoint { effect: told.effect.replace('_', " "), joint: told.joint, size })
+pub(crate) fn sizes(report: &Report) -> Vec<OfJoint> {
+    let size = |reported: &ReportedFinding| {
+        let size = reported.size.as_ref()?.rms;
+        Some(OfJoint { effect: reported.effect.replace('_', " "), joint: reported.joint, size })
     };
     report.claims().filter_map(size).collect()
 }
 
 /// The same by effect and joint.
-pub(super) fn by_joint(report: &Report, joints: usize) -> Table {
+pub(crate) fn by_joint(report: &Report, joints: usize) -> Table {
     let caption = format!("What each finding does, root mean square, {}", report.unit);
-    drawn::by_joint(&caption, joints, &sizes(report))
+    drawings::by_joint(&caption, joints, &sizes(report))
 }
 
-fn table(title: String, all: &[Told]) -> Table {
+fn table(title: String, all: &[ReportedFinding]) -> Table {
     let heads = [
         "Effect",
         "Joint",
@@ -52,28 +52,29 @@ fn table(title: String, all: &[Told]) -> Table {
         "without it alone",
         "Alternatives",
     ];
-    all.iter().fold(Table::new(title, heads.map(Column::new)), |table, told| {
-        let alternatives: Vec<String> = told.alternatives.iter().map(Alternative::name).collect();
+    all.iter().fold(Table::new(title, heads.map(Column::new)), |table, reported| {
+        let alternatives: Vec<String> =
+            reported.alternatives.iter().map(Alternative::name).collect();
         table.row([
-            told.effect.replace('_', " ").into(),
-            told.joint.map_or("robot".to_owned(), |joint| joint.to_string()).into(),
-            told.confidence.map_or(NONE.to_owned(), |p| format!("{p:.2}")).into(),
-            rms(told.size.as_ref().map(|size| size.rms)).into(),
-            rms(told.size.as_ref().map(|size| size.max)).into(),
-            rms(told.heldout_rms_before).into(),
-            rms(told.heldout_rms_after).into(),
-            rms(told.heldout_rms_without).into(),
+            reported.effect.replace('_', " ").into(),
+            reported.joint.map_or("robot".to_owned(), |joint| joint.to_string()).into(),
+            reported.confidence.map_or(NONE.to_owned(), |p| format!("{p:.2}")).into(),
+            rms(reported.size.as_ref().map(|size| size.rms)).into(),
+            rms(reported.size.as_ref().map(|size| size.max)).into(),
+            rms(reported.heldout_rms_before).into(),
+            rms(reported.heldout_rms_after).into(),
+            rms(reported.heldout_rms_without).into(),
             alternatives.join(", ").into(),
         ])
     })
 }
 
-pub(super) fn parameters(report: &Report) -> Table {
+pub(crate) fn parameters(report: &Report) -> Table {
     let heads = ["Effect", "Joint", "Parameter", "Value", "95 % interval"];
     let mut table =
         Table::new("Parameters, in the units of the model file", heads.map(Column::new));
-    for told in report.claims() {
-        for (key, value) in &told.parameters {
+    for reported in report.claims() {
+        for (key, value) in &reported.parameters {
             let said = |value: f64, ci: &Interval| {
                 let interval = ci.map(|[low, high]| {
                     format!("{} to {}", significant(low, 4), significant(high, 4))
@@ -88,8 +89,8 @@ pub(super) fn parameters(report: &Report) -> Table {
             };
             for (value, interval) in all {
                 table = table.row([
-                    told.effect.replace('_', " ").into(),
-                    told.joint.map_or("robot".to_owned(), |joint| joint.to_string()).into(),
+                    reported.effect.replace('_', " ").into(),
+                    reported.joint.map_or("robot".to_owned(), |joint| joint.to_string()).into(),
                     key.clone().into(),
                     value.into(),
                     interval.into(),

@@ -5,28 +5,29 @@
 mod cut;
 mod drives;
 mod figures;
-pub(super) mod forces;
+pub(crate) mod forces;
 mod tables;
 
 use std::path::Path;
 
 use report::{Axis, Number, Page, Tone, significant};
 
-use super::Found;
-use super::told::{Report, Told, lead};
-use crate::drawn::{Ranked, ranking};
+use crate::MODEL;
+use crate::diagnosed::Diagnosed;
+use crate::drawings::{Ranked, ranking};
+use crate::result::{Report, ReportedFinding, lead};
 
 /// Findings from which on a page shows their sizes joint by joint, and folds the list.
 const MANY: usize = 6;
 
-/// The whole page: positions first, then torques. `dir`: where the model is written beside it.
-pub(super) fn render(found: &Found, reports: &[Report], dir: &Path) -> Page {
+/// The whole page: positions first, then torques. `dir`: where the files of the result are written.
+pub(crate) fn render(found: &Diagnosed, reports: &[Report], dir: &Path) -> Page {
     let page = Page::new(format!("Diagnosis of {}", found.base.file.name))
         .kicker("trued diagnose")
         .robot(found.base.file.identity().to_string());
     reports.iter().enumerate().fold(page, |page, (place, report)| {
         let page = if place > 0 { page.section(&headed(report)) } else { page };
-        match found.torques().filter(|_| report.domain() == "torque") {
+        match found.torques().filter(|_| report.domain == "torque") {
             Some(torques) => drives::domain(page, found, torques, report, dir),
             None => domain(page, found, report, dir),
         }
@@ -34,7 +35,7 @@ pub(super) fn render(found: &Found, reports: &[Report], dir: &Path) -> Page {
 }
 
 fn headed(report: &Report) -> String {
-    let domain = if report.domain() == "torque" { "Drive torques" } else { "Positions" };
+    let domain = if report.domain == "torque" { "Drive torques" } else { "Positions" };
     format!("{domain}: {}", report.verdict.replace('_', " "))
 }
 
@@ -69,13 +70,13 @@ fn first(
 }
 
 /// A drawing with what it shows.
-pub(super) struct Figure {
-    pub(super) caption: String,
-    pub(super) drawing: report::Svg,
+pub(crate) struct Figure {
+    pub(crate) caption: String,
+    pub(crate) drawing: report::Svg,
 }
 
 fn next(page: Page, report: &Report, is_judged: bool, dir: &Path) -> Page {
-    let model = dir.join(super::MODEL).display().to_string();
+    let model = dir.join(MODEL).display().to_string();
     if let Some(next) = &report.next_experiment {
         let command = format!("trued plan --for {}", dir.display());
         return page.next(next, report.is_planned().then_some(command.as_str()));
@@ -96,7 +97,8 @@ fn next(page: Page, report: &Report, is_judged: bool, dir: &Path) -> Page {
 
 /// What was found, in sentences; the tables of a long list are folded.
 fn words(mut page: Page, report: &Report, joints: usize) -> Page {
-    let sentences: Vec<&str> = report.findings.iter().map(|told| told.says.as_str()).collect();
+    let sentences: Vec<&str> =
+        report.findings.iter().map(|reported| reported.says.as_str()).collect();
     if !sentences.is_empty() {
         let (first, others) = sentences.split_at(sentences.len().min(MANY));
         page = page.section("What was found").list(first);
@@ -131,14 +133,14 @@ fn words(mut page: Page, report: &Report, joints: usize) -> Page {
 
 /// What each finding alone does to what was measured, the largest first.
 fn sizes(report: &Report) -> Option<Figure> {
-    let what = if report.domain() == "torque" {
+    let what = if report.domain == "torque" {
         "Changes the torque by"
     } else {
         "Moves what was measured by"
     };
-    let ranked = report.findings.iter().map(|told| Ranked {
-        name: Told::name(told),
-        size: told.size.as_ref().map(|size| size.rms),
+    let ranked = report.findings.iter().map(|reported| Ranked {
+        name: ReportedFinding::name(reported),
+        size: reported.size.as_ref().map(|size| size.rms),
     });
     let axis = Axis::new(what, format!("{}, root mean square", report.unit));
     let drawing = ranking("What each finding does", axis, ranked)?;
@@ -164,7 +166,7 @@ fn rest(mut page: Page, report: &Report) -> Page {
     open(page, report)
 }
 
-fn domain(page: Page, found: &Found, report: &Report, dir: &Path) -> Page {
+fn domain(page: Page, found: &Diagnosed, report: &Report, dir: &Path) -> Page {
     let Some(diagnosis) = &found.diagnosis else {
         return made_from(rest(first(page, report, false, None, dir), report), found, report);
     };
@@ -236,7 +238,7 @@ fn numbers(report: &Report) -> Vec<Number> {
 
 /// Findings that another name explains as well or nearly.
 fn rivals(page: Page, report: &Report) -> Page {
-    if report.findings.iter().all(|told| told.alternatives.is_empty()) {
+    if report.findings.iter().all(|reported| reported.alternatives.is_empty()) {
         return page;
     }
     page.section("Rivals")
@@ -278,7 +280,7 @@ fn open(page: Page, report: &Report) -> Page {
     page.section("What this recording could not show").list(lines)
 }
 
-fn made_from(page: Page, found: &Found, report: &Report) -> Page {
+fn made_from(page: Page, found: &Diagnosed, report: &Report) -> Page {
     let mut page = page.section("What was done with the data");
     if !report.notes.is_empty() {
         page = page.list(&report.notes);

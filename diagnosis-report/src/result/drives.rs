@@ -10,14 +10,14 @@ use recording::model::{EffectEntry, Numbers, RobotModel};
 use report::significant;
 
 use super::{
-    Alternative, JointErrors, NINETY_FIVE, NotTested, Report, Size, Told, Unexplained, Value,
-    Where, largest,
+    Alternative, JointErrors, NINETY_FIVE, NotTested, Report, ReportedFinding, Size, Unexplained,
+    Value, Where, largest,
 };
-use crate::commands::diagnose::drives::{Drives, entry};
+use crate::drives::{Drives, entry};
 
 impl Report {
     /// What the torques say of `base`.
-    pub(in crate::commands::diagnose) fn of_drives(
+    pub(crate) fn of_drives(
         base: &RobotModel,
         drives: &Drives,
         notes: &[String],
@@ -31,7 +31,7 @@ impl Report {
         let unit = if diagnosis.slides { "N" } else { "Nm" };
         let candidates = diagnosis.candidates.iter();
         let (findings, minor) =
-            largest(diagnosis.findings.iter().map(|one| told(base, drives, one)).collect());
+            largest(diagnosis.findings.iter().map(|one| reported(base, drives, one)).collect());
         Self {
             verdict: diagnosis.verdict.name(),
             unit,
@@ -44,7 +44,7 @@ impl Report {
             heldout: diagnosis.says.clone(),
             findings,
             minor,
-            candidates: candidates.map(|one| told(base, drives, one)).collect(),
+            candidates: candidates.map(|one| reported(base, drives, one)).collect(),
             next_experiment: next_experiment(diagnosis),
             not_tested: diagnosis
                 .not_tested
@@ -79,7 +79,7 @@ fn unexplained(diagnosis: &Diagnosis) -> Option<Unexplained> {
     })
 }
 
-fn told(base: &RobotModel, drives: &Drives, finding: &Finding) -> Told {
+fn reported(base: &RobotModel, drives: &Drives, finding: &Finding) -> ReportedFinding {
     let joint = finding.joint.map(|joint| joint + 1);
     let entry = entry(base, finding);
     let channels = match finding.joint {
@@ -90,7 +90,7 @@ fn told(base: &RobotModel, drives: &Drives, finding: &Finding) -> Told {
     if let Some(name) = finding.recording.and_then(|k| drives.recordings.get(k)) {
         condition = format!("{condition}, in {name} alone");
     }
-    Told {
+    ReportedFinding {
         effect: finding.kind,
         joint,
         change: if finding.is_change { "revised" } else { "new" },
@@ -108,7 +108,7 @@ fn told(base: &RobotModel, drives: &Drives, finding: &Finding) -> Told {
 }
 
 /// Of a finding in torques or forces.
-pub(super) fn alternatives(finding: &Finding) -> Vec<Alternative> {
+pub(crate) fn alternatives(finding: &Finding) -> Vec<Alternative> {
     let alternative = |rival: &Rival| Alternative {
         effect: rival.kind,
         joint: rival.joint.map(|joint| joint + 1),
@@ -118,7 +118,7 @@ pub(super) fn alternatives(finding: &Finding) -> Vec<Alternative> {
     Alternative::whole(finding.confidence, finding.rivals.iter().map(alternative).collect())
 }
 
-pub(super) fn parameters(entry: &EffectEntry) -> BTreeMap<String, Value> {
+pub(crate) fn parameters(entry: &EffectEntry) -> BTreeMap<String, Value> {
     let ci = |value: f64, sigma: Option<f64>| {
         sigma.map(|sigma| [value - NINETY_FIVE * sigma, value + NINETY_FIVE * sigma])
     };

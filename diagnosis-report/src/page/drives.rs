@@ -10,14 +10,14 @@ use report::{
     Axis, Bars, Column, Histogram, Multiples, Page, Plot, Role, Series, Table, significant,
 };
 
-use super::{Figure, Found, Report, first, rest, words};
+use super::{Diagnosed, Figure, Report, first, rest, words};
 
 /// Joints that are drawn.
 const JOINTS: usize = 6;
 
-pub(super) fn domain(
+pub(crate) fn domain(
     page: Page,
-    found: &Found,
+    found: &Diagnosed,
     torques: &Diagnosis,
     report: &Report,
     dir: &Path,
@@ -64,7 +64,7 @@ pub(super) fn domain(
     );
     page = rest(page, report).section("What was done with the data").list(&report.notes);
     page.facts([
-        ("Rows of each joint", report.samples().to_string()),
+        ("Rows of each joint", report.samples.to_string()),
         ("Held out", report.heldout.clone()),
         ("Band", format!("0 to {} Hz", significant(torques.band_hz, 3))),
         ("Seed", found.seed.to_string()),

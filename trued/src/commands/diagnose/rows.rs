@@ -3,12 +3,11 @@
 //! Promises: the numbers of `trued.diagnosis/1`, in the same units. Never: a number that was not found.
 
 use batch::{FindingParameter, Row, Subject};
+use diagnosis_report::{Interval, Report, ReportedFinding, Value, lead};
 use recording::series::{Channel, Recording};
 
-use super::{Interval, Report, Told, Value, lead};
-
 /// Mean temperatures of recordings, °C.
-pub(in crate::commands::diagnose) struct Temperatures {
+pub(super) struct Temperatures {
     ambient: Option<f64>,
     /// By joint.
     joints: Vec<Option<f64>>,
@@ -16,7 +15,7 @@ pub(in crate::commands::diagnose) struct Temperatures {
 
 impl Temperatures {
     /// What was recorded of them.
-    pub(in crate::commands::diagnose) fn of(recordings: &[Recording]) -> Self {
+    pub(super) fn of(recordings: &[Recording]) -> Self {
         let joints = recordings.iter().map(Recording::joint_count).max().unwrap_or(0);
         Self {
             ambient: mean(recordings, Channel::Ambient),
@@ -41,10 +40,7 @@ fn mean(recordings: &[Recording], channel: Channel) -> Option<f64> {
 }
 
 /// The rows of what each domain says.
-pub(in crate::commands::diagnose) fn rows(
-    reports: &[Report],
-    temperatures: &Temperatures,
-) -> Vec<Row> {
+pub(super) fn of_reports(reports: &[Report], temperatures: &Temperatures) -> Vec<Row> {
     reports.iter().flat_map(|report| of_report(report, temperatures)).collect()
 }
 
@@ -63,16 +59,16 @@ fn of_report(report: &Report, temperatures: &Temperatures) -> Vec<Row> {
         fact: None,
         says: lead(report),
     };
-    let claimed = report.claims().map(|told| (told, true));
-    let all = claimed.chain(report.candidates.iter().map(|told| (told, false)));
-    let findings = all.flat_map(|(told, is_claimed)| parameters_of(told, is_claimed));
-    let finding = |(told, fact): (&Told, FindingParameter)| Row {
+    let claimed = report.claims().map(|reported| (reported, true));
+    let all = claimed.chain(report.candidates.iter().map(|reported| (reported, false)));
+    let findings = all.flat_map(|(reported, is_claimed)| parameters_of(reported, is_claimed));
+    let finding = |(reported, fact): (&ReportedFinding, FindingParameter)| Row {
         subject: Subject::Finding,
-        error_before: told.heldout_rms_before,
-        error_after: told.heldout_rms_after,
-        joint_c: told.joint.and_then(|joint| temperatures.of_joint(joint)),
+        error_before: reported.heldout_rms_before,
+        error_after: reported.heldout_rms_after,
+        joint_c: reported.joint.and_then(|joint| temperatures.of_joint(joint)),
         fact: Some(fact),
-        says: told.says.clone(),
+        says: reported.says.clone(),
         ..domain.clone()
     };
     let findings: Vec<Row> = findings.map(finding).collect();
@@ -80,19 +76,22 @@ fn of_report(report: &Report, temperatures: &Temperatures) -> Vec<Row> {
 }
 
 /// One for each number of a finding; one without a number where it has none.
-fn parameters_of(told: &Told, is_claimed: bool) -> Vec<(&Told, FindingParameter)> {
+fn parameters_of(
+    reported: &ReportedFinding,
+    is_claimed: bool,
+) -> Vec<(&ReportedFinding, FindingParameter)> {
     let bare = FindingParameter {
-        effect: told.effect.to_owned(),
-        joint: told.joint.and_then(|joint| i64::try_from(joint).ok()),
-        change: told.change.to_owned(),
+        effect: reported.effect.to_owned(),
+        joint: reported.joint.and_then(|joint| i64::try_from(joint).ok()),
+        change: reported.change.to_owned(),
         is_claimed,
-        probability: told.confidence,
+        probability: reported.confidence,
         parameter: None,
         index: None,
         value: None,
         interval: None,
-        size_rms: told.size.as_ref().map(|size| size.rms),
-        size_max: told.size.as_ref().map(|size| size.max),
+        size_rms: reported.size.as_ref().map(|size| size.rms),
+        size_max: reported.size.as_ref().map(|size| size.max),
     };
     let number =
         |parameter: &str, index: Option<i64>, value: f64, interval: Interval| FindingParameter {
@@ -109,7 +108,8 @@ fn parameters_of(told: &Told, is_claimed: bool) -> Vec<(&Told, FindingParameter)
             .map(|(index, (value, interval))| number(name, Some(index), *value, *interval))
             .collect(),
     };
-    let numbers: Vec<FindingParameter> = told.parameters.iter().flat_map(of_parameter).collect();
+    let numbers: Vec<FindingParameter> =
+        reported.parameters.iter().flat_map(of_parameter).collect();
     let all = if numbers.is_empty() { vec![bare.clone()] } else { numbers };
-    all.into_iter().map(|fact| (told, fact)).collect()
+    all.into_iter().map(|fact| (reported, fact)).collect()
 }

@@ -9,8 +9,8 @@ use report::{Axis, Bar, Bars, Histogram, Multiples, Page, Plot, Role, Series, Sv
 
 use super::{Figure, tables};
 
-use crate::commands::diagnose::told::{Place, Report};
-use crate::drawn::{arm_with_errors, guilty, tool_errors};
+use crate::drawings::{arm_with_errors, guilty, tool_errors};
+use crate::result::{Place, Report};
 
 /// mm per m, mrad per rad.
 const MILLI: f64 = 1e3;
@@ -23,7 +23,7 @@ const CELLS: usize = 15;
 const FINDINGS: usize = 6;
 
 /// The arm with the errors of held-out poses at its tool; none where no point was measured.
-pub(super) fn arm(arm: &Arm, diagnosis: &Diagnosis, report: &Report) -> Option<Figure> {
+pub(crate) fn arm(arm: &Arm, diagnosis: &Diagnosis, report: &Report) -> Option<Figure> {
     let training = &diagnosis.split.training;
     let held = |pose: usize| training.get(pose).is_some_and(|trains| !trains);
     let fits = [&diagnosis.given, &diagnosis.fit];
@@ -40,7 +40,7 @@ pub(super) fn arm(arm: &Arm, diagnosis: &Diagnosis, report: &Report) -> Option<F
 }
 
 /// How large held-out errors are, where there is no point to draw them at.
-pub(super) fn sizes(diagnosis: &Diagnosis, report: &Report) -> Option<Figure> {
+pub(crate) fn sizes(diagnosis: &Diagnosis, report: &Report) -> Option<Figure> {
     let [before, after] = diagnosis.held_out();
     let drawing = (!before.is_empty()).then(|| histogram(report.unit, &before, &after))?;
     let caption =
@@ -49,7 +49,7 @@ pub(super) fn sizes(diagnosis: &Diagnosis, report: &Report) -> Option<Figure> {
 }
 
 /// Time, distribution, spectrum.
-pub(super) fn proof(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
+pub(crate) fn proof(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
     let unit = report.unit;
     let mut page = page.section("Before and after");
     let traces = diagnosis.traces();
@@ -173,7 +173,7 @@ fn slides(diagnosis: &Diagnosis, word: &str) -> bool {
 }
 
 /// The map: how far each joint would have to be off, where it is clearest.
-pub(super) fn places(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
+pub(crate) fn places(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
     let clear = report.map.iter().filter(|place| place.ci95[0] * place.ci95[1] > 0.0);
     let mut cells: Vec<&Place> = Vec::new();
     for place in clear {
@@ -217,10 +217,10 @@ fn part(diagnosis: &Diagnosis, cell: &Place) -> String {
 }
 
 /// Each finding over what it follows.
-pub(super) fn over_each(mut page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
+pub(crate) fn over_each(mut page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
     let shown: Vec<_> = diagnosis.findings.iter().zip(&report.findings).take(FINDINGS).collect();
     let mut first = true;
-    for (finding, told) in shown {
+    for (finding, reported) in shown {
         let Some(over) = diagnosis.over(finding) else { continue };
         if std::mem::take(&mut first) {
             page = page.section("Each finding over what it follows");
@@ -228,7 +228,7 @@ pub(super) fn over_each(mut page: Page, diagnosis: &Diagnosis, report: &Report) 
         let stride = stride(over.points.len());
         let caption = format!(
             "{} Dots: readings, all other findings taken out.{}",
-            told.says,
+            reported.says,
             left_out(stride)
         );
         page = page.figure(&caption, &over_word(diagnosis, &over, stride));
@@ -263,15 +263,15 @@ fn over_word(diagnosis: &Diagnosis, over: &Over, stride: usize) -> Svg {
 }
 
 /// The names that each finding might bear.
-pub(super) fn rivals(report: &Report) -> Svg {
+pub(crate) fn rivals(report: &Report) -> Svg {
     let mut bars = Bars::new("Rivals", Axis::new("Probability", "").range(0.0, 1.0));
     let whose = |effect: &str, joint: Option<usize>| {
         let joint = joint.map_or(String::new(), |joint| format!(", joint {joint}"));
         format!("{}{joint}", effect.replace('_', " "))
     };
-    for told in report.findings.iter().filter(|told| !told.alternatives.is_empty()) {
-        bars = bars.row(whose(told.effect, told.joint), told.confidence);
-        for rival in &told.alternatives {
+    for reported in report.findings.iter().filter(|reported| !reported.alternatives.is_empty()) {
+        bars = bars.row(whose(reported.effect, reported.joint), reported.confidence);
+        for rival in &reported.alternatives {
             let name = format!("or {}", whose(rival.effect, rival.joint));
             bars = bars.row(name, rival.confidence);
         }

@@ -17,29 +17,32 @@ const NOTHING: f64 = 1e-3;
 const RANKED: usize = 12;
 
 /// How one thing that was found compares: its name, and what it does.
-pub(crate) struct Ranked {
-    pub(crate) name: String,
+pub struct Ranked {
+    /// As it is drawn.
+    pub name: String,
     /// In the unit of the ranking; none where it is not known.
-    pub(crate) size: Option<f64>,
+    pub size: Option<f64>,
 }
 
 /// An effect of one joint, or of the whole robot.
-pub(crate) struct OfJoint {
-    pub(crate) effect: String,
+pub struct OfJoint {
+    /// Its name, in words.
+    pub effect: String,
     /// From 1.
-    pub(crate) joint: Option<usize>,
-    pub(crate) size: f64,
+    pub joint: Option<usize>,
+    /// In the unit of the drawing.
+    pub size: f64,
 }
 
 /// The places of an arm's joints from the base on, and of its tool last; base frame, m.
-pub(crate) fn places(arm: &Arm, q: &Joints) -> Vec<Point> {
+pub fn places(arm: &Arm, q: &Joints) -> Vec<Point> {
     let chain = Chain::nominal(arm, q);
     let joints = (0..arm.count()).map(|joint| chain.point(joint).to_array());
     joints.chain([Chain::tool_at(arm, q).origin.to_array()]).collect()
 }
 
 /// Errors of measured points by two fits, of the poses that are `wanted`: one for each pose, the mean of its points.
-pub(crate) fn tool_errors(
+pub fn tool_errors(
     campaign: &Campaign,
     arm: &Arm,
     fits: [&Fit; 2],
@@ -71,7 +74,7 @@ fn by_pose(campaign: &Campaign, fit: &Fit) -> BTreeMap<usize, DVec3> {
 }
 
 /// The arm in the measured pose that lies most in the middle, with the errors at its tool; none where no point was measured. `lit`: joints from 0.
-pub(crate) fn arm_with_errors(
+pub fn arm_with_errors(
     arm: &Arm,
     campaign: &Campaign,
     errors: &[ToolError],
@@ -94,7 +97,7 @@ pub(crate) fn arm_with_errors(
 }
 
 /// Joints, from 0, whose effects do most together: at least [`LIT`] of what those of the most guilty one do.
-pub(crate) fn guilty(joints: usize, found: &[OfJoint]) -> Vec<usize> {
+pub fn guilty(joints: usize, found: &[OfJoint]) -> Vec<usize> {
     let mut sums = vec![0.0_f64; joints];
     for one in found {
         if let Some(sum) = one.joint.and_then(|joint| sums.get_mut(joint - 1)) {
@@ -107,11 +110,7 @@ pub(crate) fn guilty(joints: usize, found: &[OfJoint]) -> Vec<usize> {
 }
 
 /// What each of those found does, the largest first; none where of none it is known.
-pub(crate) fn ranking(
-    title: &str,
-    axis: Axis,
-    found: impl IntoIterator<Item = Ranked>,
-) -> Option<Svg> {
+pub fn ranking(title: &str, axis: Axis, found: impl IntoIterator<Item = Ranked>) -> Option<Svg> {
     let mut known: Vec<(String, f64)> =
         found.into_iter().filter_map(|one| Some((one.name, one.size?))).collect();
     known.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -122,7 +121,7 @@ pub(crate) fn ranking(
 }
 
 /// Effects in rows, joints in columns; the effect that does most in all joints together first.
-pub(crate) fn by_joint(caption: &str, joints: usize, found: &[OfJoint]) -> Table {
+pub fn by_joint(caption: &str, joints: usize, found: &[OfJoint]) -> Table {
     let mut rows: Vec<(&str, Vec<f64>)> = Vec::new();
     for one in found {
         let column = one.joint.unwrap_or(joints + 1) - 1;

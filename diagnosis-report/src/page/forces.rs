@@ -6,15 +6,15 @@ use diagnosis::force::Diagnosis;
 use report::{Axis, Bars, Column, Number, Page, Plot, Series, Svg, Table, Tone, significant};
 
 use super::{cut, tables, tone};
-use crate::commands::diagnose::forces::Forces;
-use crate::commands::diagnose::told::{NotTested, Report};
+use crate::forces::DiagnosedForces;
+use crate::result::{NotTested, Report};
 
 /// Points of a drawing.
 const POINTS: usize = 2000;
 /// Tones that are drawn.
 const TONES: usize = 12;
 
-pub(in crate::commands::diagnose) fn render(found: &Forces, report: &Report) -> Page {
+pub(crate) fn render(found: &DiagnosedForces, report: &Report) -> Page {
     let page = Page::new("Diagnosis of forces at the tool")
         .kicker("trued diagnose")
         .robot(found.base.file.identity().to_string());
@@ -48,7 +48,8 @@ fn judged(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
             .unwrap_or("Nothing to change. Record again when the cut sounds different."),
         None,
     );
-    let sentences: Vec<&str> = report.findings.iter().map(|told| told.says.as_str()).collect();
+    let sentences: Vec<&str> =
+        report.findings.iter().map(|reported| reported.says.as_str()).collect();
     if !sentences.is_empty() {
         page = page.section("What was found").list(&sentences);
         page = page.table(&tables::findings(report)).table(&tables::parameters(report));
@@ -84,7 +85,7 @@ fn sentence(diagnosis: &Diagnosis, report: &Report) -> String {
             unit = report.unit,
         ),
         Err(_) => {
-            let found = report.findings.first().map(|told| format!("{} ", told.says));
+            let found = report.findings.first().map(|reported| format!("{} ", reported.says));
             format!("{}The tool: {}.", found.unwrap_or_default(), report.heldout)
         }
     }

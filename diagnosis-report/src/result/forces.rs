@@ -8,8 +8,8 @@ use diagnosis::force::{Cause, Diagnosis, Finding, Phase, State, Tone};
 use report::significant;
 use serde::Serialize;
 
-use super::{Alternative, NINETY_FIVE, NotTested, Report, Told, Value, Where};
-use crate::commands::diagnose::forces::Forces;
+use super::{Alternative, NINETY_FIVE, NotTested, Report, ReportedFinding, Value, Where};
+use crate::forces::DiagnosedForces;
 
 /// N/m² per N/mm².
 const MEGA: f64 = 1e6;
@@ -17,38 +17,38 @@ const MEGA: f64 = 1e6;
 /// What the tool did from when to when.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(in crate::commands::diagnose) struct Stretch {
-    pub(in crate::commands::diagnose) state: &'static str,
-    pub(in crate::commands::diagnose) from_s: f64,
-    pub(in crate::commands::diagnose) to_s: f64,
+pub(crate) struct Stretch {
+    pub(crate) state: &'static str,
+    pub(crate) from_s: f64,
+    pub(crate) to_s: f64,
     /// Of each channel.
-    pub(in crate::commands::diagnose) mean: Vec<f64>,
-    pub(in crate::commands::diagnose) scatter: Vec<f64>,
+    pub(crate) mean: Vec<f64>,
+    pub(crate) scatter: Vec<f64>,
 }
 
 /// A tone of the cut.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "keys carry units")]
-pub(in crate::commands::diagnose) struct Heard {
-    pub(in crate::commands::diagnose) frequency_Hz: f64,
-    pub(in crate::commands::diagnose) amplitude: f64,
-    pub(in crate::commands::diagnose) amplitude_in_air: f64,
-    pub(in crate::commands::diagnose) share_of_swing: f64,
-    pub(in crate::commands::diagnose) channel: String,
-    pub(in crate::commands::diagnose) cause: String,
+pub(crate) struct Heard {
+    pub(crate) frequency_Hz: f64,
+    pub(crate) amplitude: f64,
+    pub(crate) amplitude_in_air: f64,
+    pub(crate) share_of_swing: f64,
+    pub(crate) channel: String,
+    pub(crate) cause: String,
 }
 
 impl Report {
     /// What forces alone say.
-    pub(in crate::commands::diagnose) fn of_forces(found: &Forces) -> Self {
+    pub(crate) fn of_forces(found: &DiagnosedForces) -> Self {
         let empty = Self::empty("force", "N", found.seed);
         let diagnosis = match &found.result {
             Ok(diagnosis) => diagnosis,
             Err(doubt) => return empty.because(doubt.to_string()),
         };
-        let findings: Vec<Told> =
-            diagnosis.findings.iter().map(|one| told(diagnosis, one)).collect();
+        let findings: Vec<ReportedFinding> =
+            diagnosis.findings.iter().map(|one| reported(diagnosis, one)).collect();
         let proof = diagnosis.findings.iter().find_map(|one| match one {
             Finding::Bias { heldout, .. } => Some(*heldout),
             Finding::Chatter { .. } => None,
@@ -111,7 +111,7 @@ fn phases_in_words(diagnosis: &Diagnosis) -> String {
     let one = |phase: &Phase| {
         let [from, to] = [phase.from_s, phase.to_s].map(|t| significant(t, 3));
         match phase.state {
-            State::Unknown => format!("air and cut cannot be told apart from {from} to {to} s"),
+            State::Unknown => format!("air and cut cannot be reported apart from {from} to {to} s"),
             state => format!("{} from {from} to {to} s", state.name()),
         }
     };
@@ -148,7 +148,7 @@ fn next_experiment(diagnosis: &Diagnosis) -> Option<String> {
     unknown.then(|| "Record from air into the cut and out again.".to_owned())
 }
 
-fn told(diagnosis: &Diagnosis, finding: &Finding) -> Told {
+fn reported(diagnosis: &Diagnosis, finding: &Finding) -> ReportedFinding {
     match finding {
         Finding::Bias { force, sigma, heldout } => {
             let ci95 = (0..3).map(|k| {
@@ -156,7 +156,7 @@ fn told(diagnosis: &Diagnosis, finding: &Finding) -> Told {
             });
             let value = Value::List { value: force.to_vec(), ci95: ci95.collect() };
             let said = force.map(|force| significant(force, 3)).join(", ");
-            Told {
+            ReportedFinding {
                 effect: "wrench_bias",
                 joint: None,
                 change: "new",
@@ -192,7 +192,12 @@ fn intervals(diagnosis: &Diagnosis, wanted: State) -> Vec<[f64; 2]> {
     here.map(|phase| [phase.from_s, phase.to_s]).collect()
 }
 
-fn chatter(diagnosis: &Diagnosis, tone: &Tone, resolution_hz: f64, is_alone: bool) -> Told {
+fn chatter(
+    diagnosis: &Diagnosis,
+    tone: &Tone,
+    resolution_hz: f64,
+    is_alone: bool,
+) -> ReportedFinding {
     // A single tone has no scatter and no held-out rows: no interval is computed.
     let number = |value: f64| Value::One { value, ci95: None };
     let mut parameters = BTreeMap::from([("frequency_Hz".to_owned(), number(tone.frequency_hz))]);
@@ -200,7 +205,7 @@ fn chatter(diagnosis: &Diagnosis, tone: &Tone, resolution_hz: f64, is_alone: boo
         parameters.insert("amplitude_N".to_owned(), number(tone.amplitude));
     }
     let forced = Alternative { effect: "runout", joint: None, confidence: None, is_alike: true };
-    Told {
+    ReportedFinding {
         effect: "chatter",
         joint: None,
         change: "new",

@@ -6,19 +6,26 @@ use recording::program;
 use serde::Serialize;
 
 use super::Report;
-use crate::exit::Failure;
+use crate::error::Error;
 
 /// `diagnosis.json`: one domain's object, or several domains as the contract has them.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
-pub(in crate::commands::diagnose) enum Whole<'a> {
+pub enum Whole<'a> {
+    /// One domain.
     One(&'a Report),
-    Several { domains: &'a [Report] },
+    /// Several domains.
+    Several {
+        /// Positions first.
+        domains: &'a [Report],
+    },
 }
 
 impl<'a> Whole<'a> {
-    pub(in crate::commands::diagnose) fn of(reports: &'a [Report]) -> Self {
+    /// Of one domain or several.
+    #[must_use]
+    pub fn of(reports: &'a [Report]) -> Self {
         match reports {
             [one] => Self::One(one),
             several => Self::Several { domains: several },
@@ -27,7 +34,7 @@ impl<'a> Whole<'a> {
 }
 
 /// The object by itself.
-pub(in crate::commands::diagnose) fn json(reports: &[Report]) -> Result<String, Failure> {
+pub(crate) fn json(reports: &[Report]) -> Result<String, Error> {
     #[derive(Serialize)]
     struct File<'a> {
         schema: &'static str,
@@ -37,7 +44,7 @@ pub(in crate::commands::diagnose) fn json(reports: &[Report]) -> Result<String, 
     }
     let whole = Whole::of(reports);
     let file = File { schema: "trued.diagnosis/1", version: program::version(), whole };
-    let mut text = serde_json::to_string_pretty(&file).map_err(Failure::system)?;
+    let mut text = serde_json::to_string_pretty(&file).map_err(Error::internal)?;
     text.push('\n');
     Ok(text)
 }

@@ -8,22 +8,22 @@ use diagnosis::torque::{self, Diagnosis, Doubt, Finding, Refit, Stated};
 use recording::model::{EffectEntry, Numbers, Parameter, RobotModel, SiParameter};
 use recording::series::{Channel, Recording};
 
-use crate::exit::Failure;
+use crate::error::Error;
 
 /// What was found in the torques.
-pub(super) struct Drives {
-    pub(super) result: Result<Diagnosis, Doubt>,
+pub(crate) struct Drives {
+    pub(crate) result: Result<Diagnosis, Doubt>,
     /// Names of the recordings, for findings of one of them.
-    pub(super) recordings: Vec<String>,
+    pub(crate) recordings: Vec<String>,
 }
 
 /// Whether torque was recorded.
-pub(super) fn are_recorded(recordings: &[Recording]) -> bool {
+pub(crate) fn are_recorded(recordings: &[Recording]) -> bool {
     torque::has_torque(recordings)
 }
 
 /// Whether anything was measured of where the tool or a link is.
-pub(super) fn positions_are_recorded(recordings: &[Recording]) -> bool {
+pub(crate) fn positions_are_recorded(recordings: &[Recording]) -> bool {
     recordings.iter().any(|recording| {
         recording.channels().any(|channel| {
             matches!(
@@ -42,12 +42,12 @@ pub(super) fn positions_are_recorded(recordings: &[Recording]) -> bool {
 
 impl Drives {
     /// What is found in the torques, where there are any. Recordings without positions are taken: nothing else is asked of them, and they are large.
-    pub(super) fn where_recorded(
+    pub(crate) fn where_recorded(
         base: &RobotModel,
         recordings: &mut Vec<Recording>,
         band_hz: Option<f64>,
         seed: u64,
-    ) -> Result<Option<Self>, Failure> {
+    ) -> Result<Option<Self>, Error> {
         if !are_recorded(recordings) {
             return Ok(None);
         }
@@ -64,11 +64,11 @@ impl Drives {
         recordings: Cow<'_, [Recording]>,
         band_hz: Option<f64>,
         seed: u64,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self, Error> {
         let name = |recording: &Recording| {
             recording.file.file_name().map_or(String::new(), |n| n.to_string_lossy().into_owned())
         };
-        let model = base.with_drives().map_err(Failure::input)?;
+        let model = base.with_drives().map_err(Error::input)?;
         let sigma: Vec<Vec<f64>> = base.sigma.iter().chain(&base.drives_sigma).cloned().collect();
         let stated = Stated { model: &model, sigma: &sigma, delay_s: delay_s(base) };
         let names = recordings.iter().map(name).collect();
@@ -76,7 +76,7 @@ impl Drives {
     }
 
     /// The model's effects with what was found, and its own numbers as they were fitted along.
-    pub(super) fn written(&self, base: &RobotModel, effects: &[EffectEntry]) -> Vec<EffectEntry> {
+    pub(crate) fn written(&self, base: &RobotModel, effects: &[EffectEntry]) -> Vec<EffectEntry> {
         let refits = self.result.iter().flat_map(|diagnosis| &diagnosis.refits);
         let result = self.result.iter();
         let findings = result.flat_map(|one| one.findings.iter().chain(&one.candidates));
@@ -85,7 +85,7 @@ impl Drives {
 }
 
 /// A model's effects with what was found, and its own numbers as they were fitted along.
-pub(super) fn written<'a>(
+pub(crate) fn written<'a>(
     base: &RobotModel,
     effects: &[EffectEntry],
     refits: impl Iterator<Item = &'a Refit>,
@@ -144,7 +144,7 @@ fn add(known: &mut EffectEntry, found: &EffectEntry) {
 }
 
 /// A finding as an entry of a model file: keys with units, and standard uncertainties.
-pub(super) fn entry(base: &RobotModel, finding: &Finding) -> Option<EffectEntry> {
+pub(crate) fn entry(base: &RobotModel, finding: &Finding) -> Option<EffectEntry> {
     let parameters: Vec<SiParameter<'_>> = finding
         .numbers
         .iter()

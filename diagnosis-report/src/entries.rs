@@ -10,61 +10,65 @@ use physics::spec::Count;
 use physics::{AnyEffect, Arm, JointKind};
 use recording::model::{EffectEntry, Numbers, Parameter, RobotModel, SiParameter};
 
-use crate::exit::Failure;
+use crate::error::Error;
 
 /// Cosine from which an axis lies along a direction.
-pub(in crate::commands) const ALONG: f64 = 0.999_999;
+pub const ALONG: f64 = 0.999_999;
 
 /// One number of an effect.
-pub(in crate::commands) struct Number {
+pub struct Number {
     /// Key in the file.
-    pub(in crate::commands) key: String,
+    pub key: String,
     /// Place in the key's list, from 1; none where it is no list.
-    pub(in crate::commands) index: Option<usize>,
+    pub index: Option<usize>,
     /// In the unit of the key.
-    pub(in crate::commands) value: f64,
+    pub value: f64,
     /// In the unit of the key; none where it was not fitted.
-    pub(in crate::commands) sigma: Option<f64>,
+    pub sigma: Option<f64>,
     /// Whether a fit might have changed it.
-    pub(in crate::commands) free: bool,
+    pub free: bool,
 }
 
 /// One effect.
-pub(in crate::commands) struct Entry {
-    pub(in crate::commands) effect: AnyEffect,
+pub struct Entry {
+    /// The effect as it was fitted, SI.
+    pub effect: AnyEffect,
     /// Place in the base model's file; none where it is new.
-    pub(in crate::commands) of_base: Option<usize>,
-    pub(in crate::commands) numbers: Vec<Number>,
+    pub of_base: Option<usize>,
+    /// Its numbers in the units of files.
+    pub numbers: Vec<Number>,
     /// By how much it moves the tool, m, root of the mean square.
-    pub(in crate::commands) share_m: f64,
+    pub share_m: f64,
     /// As it stands in the file.
-    pub(in crate::commands) written: EffectEntry,
+    pub written: EffectEntry,
 }
 
 impl Entry {
     /// Whether there is nothing to write: new, and nothing of it was told.
-    pub(in crate::commands) fn is_empty(&self) -> bool {
+    pub fn is_empty(&self) -> bool {
         let is_nothing = |number: &Number| number.sigma.is_none() && number.value == 0.0;
         self.of_base.is_none() && self.numbers.iter().filter(|n| n.free).all(is_nothing)
     }
 
     /// From 1.
-    pub(in crate::commands) fn joint(&self) -> Option<usize> {
+    pub fn joint(&self) -> Option<usize> {
         self.effect.joint().map(|joint| joint + 1)
     }
 
-    pub(in crate::commands) fn kind(&self) -> &'static str {
+    /// Its name, as in model files.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
         self.effect.spec().kind
     }
 }
 
 /// The effects of `last`, in its order.
-pub(in crate::commands) fn entries(
+pub fn entries(
     base: &RobotModel,
     last: &Fit,
     chosen: &[Chosen],
     shares_m: &[f64],
-) -> Result<Vec<Entry>, Failure> {
+) -> Result<Vec<Entry>, Error> {
     let model = &last.hypothesis.model;
     let mut entries = Vec::new();
     for (place, effect) in model.effects().enumerate() {
@@ -78,7 +82,7 @@ pub(in crate::commands) fn entries(
             None => made(base, effect, &sigma, settings),
         };
         let written = written.ok_or_else(|| {
-            Failure::system(format!("{} cannot be written into a model", effect.spec().kind))
+            Error::internal(format!("{} cannot be written into a model", effect.spec().kind))
         })?;
         let numbers = numbers(base, last, place, effect, &sigma);
         let share_m = shares_m.get(place).copied().unwrap_or(0.0);
@@ -93,7 +97,7 @@ fn kind_of(base: &RobotModel, effect: &AnyEffect) -> JointKind {
 }
 
 /// The axis along which an `axis_shift` does nothing: its own, but for the last joint's.
-pub(in crate::commands) fn barred(effect: &AnyEffect, arm: &Arm) -> Option<DVec3> {
+pub fn barred(effect: &AnyEffect, arm: &Arm) -> Option<DVec3> {
     let joint = effect.joint().filter(|joint| joint + 1 < arm.count())?;
     let axis = arm.joints().get(joint)?.axis;
     (effect.spec().kind == "axis_shift").then_some(axis)

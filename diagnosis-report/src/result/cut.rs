@@ -9,15 +9,15 @@ use recording::model::{EffectEntry, RobotModel};
 use report::significant;
 
 use super::drives::{alternatives, parameters};
-use super::{NotTested, Report, Size, Told, Unexplained, Where};
-use crate::commands::diagnose::drives::entry;
+use super::{NotTested, Report, ReportedFinding, Size, Unexplained, Where};
+use crate::drives::entry;
 
 /// Axes as files name them.
 const CHANNELS: [&str; 3] = ["fx_N", "fy_N", "fz_N"];
 
 impl Report {
     /// The same report with what the comparison says in the place of what forces tell alone.
-    pub(super) fn against_cut(self, base: &RobotModel, compared: &Compared) -> Self {
+    pub(crate) fn against_cut(self, base: &RobotModel, compared: &Compared) -> Self {
         let not_tested = |(effect, why): &(&'static str, &'static str)| NotTested {
             effect,
             joint: None,
@@ -33,8 +33,8 @@ impl Report {
             heldout_rms_before: Some(compared.heldout[0]),
             heldout_rms_after: Some(compared.heldout[1]),
             heldout: compared.says.clone(),
-            findings: compared.findings.iter().map(|one| told(base, one)).collect(),
-            candidates: compared.candidates.iter().map(|one| told(base, one)).collect(),
+            findings: compared.findings.iter().map(|one| reported(base, one)).collect(),
+            candidates: compared.candidates.iter().map(|one| reported(base, one)).collect(),
             next_experiment: next_experiment(compared),
             not_tested: compared.not_tested.iter().map(not_tested).collect(),
             unexplained: compared.unexplained.as_ref().map(unexplained),
@@ -44,10 +44,10 @@ impl Report {
     }
 }
 
-fn told(base: &RobotModel, finding: &Finding) -> Told {
+fn reported(base: &RobotModel, finding: &Finding) -> ReportedFinding {
     let entry = entry(base, finding);
     let frequency = finding.numbers.iter().find(|number| number.stem == "frequency");
-    Told {
+    ReportedFinding {
         effect: finding.kind,
         joint: None,
         change: if finding.is_change { "revised" } else { "new" },
@@ -98,11 +98,11 @@ fn says(finding: &Finding, entry: Option<&EffectEntry>) -> String {
     let share = |k: usize| significant(100.0 * list("scale").get(k).copied().unwrap_or(0.0), 3);
     match finding.kind {
         "cutting_force" => format!(
-            "The work shears {} N/mm² harder than is told (tangential, radial, axial).",
+            "The work shears {} N/mm² harder than is reported (tangential, radial, axial).",
             said("coefficient")
         ),
         "edge_force" => format!(
-            "The edges rub by {} N per mm of depth more than is told (tangential, radial, axial).",
+            "The edges rub by {} N per mm of depth more than is reported (tangential, radial, axial).",
             said("coefficient")
         ),
         "tool_wear" => format!(

@@ -4,23 +4,24 @@
 
 use report::significant;
 
-use super::{Alternative, Report, Told};
+use super::{Alternative, Report, ReportedFinding};
 
-/// Findings that are told in a line of their own, at most.
+/// Findings that are reported in a line of their own, at most.
 const LINES: usize = 12;
-/// So much of what the findings take from the squared held-out error is told in lines of their own.
-const TOLD: f64 = 0.9;
+/// So much of what the findings take from the squared held-out error is reported in lines of their own.
+const SHARE_IN_LINES: f64 = 0.9;
 
 /// The findings, the rest, and what to do, line by line.
-pub(in crate::commands) fn lines(report: &Report) -> Vec<String> {
+#[must_use]
+pub fn lines(report: &Report) -> Vec<String> {
     let (first, also) = report.findings.split_at(leading(&report.findings));
-    let mut lines: Vec<String> = first.iter().map(|told| line(report, told)).collect();
+    let mut lines: Vec<String> = first.iter().map(|reported| line(report, reported)).collect();
     lines.extend(others(report, first, also));
     lines.extend(minor(report));
     if !report.candidates.is_empty() {
-        let names = report.candidates.iter().map(|told| match told.confidence {
-            Some(confidence) => format!("{} ({confidence:.2})", told.name()),
-            None => told.name(),
+        let names = report.candidates.iter().map(|reported| match reported.confidence {
+            Some(confidence) => format!("{} ({confidence:.2})", reported.name()),
+            None => reported.name(),
         });
         let names = names.collect::<Vec<String>>().join(", ");
         lines.push(format!("  not claimed, each with its probability: {names}"));
@@ -31,49 +32,50 @@ pub(in crate::commands) fn lines(report: &Report) -> Vec<String> {
     lines
 }
 
-/// How many findings, in their order, bring [`TOLD`] of what all bring.
-fn leading(findings: &[Told]) -> usize {
+/// How many findings, in their order, bring [`SHARE_IN_LINES`] of what all bring.
+fn leading(findings: &[ReportedFinding]) -> usize {
     let square = |rms: Option<f64>| rms.map_or(0.0, |rms| rms * rms);
     let before = findings.first().map_or(0.0, |one| square(one.heldout_rms_before));
     let after = findings.last().map_or(0.0, |one| square(one.heldout_rms_after));
-    let wanted = before - TOLD * (before - after);
+    let wanted = before - SHARE_IN_LINES * (before - after);
     let enough = findings.iter().position(|one| square(one.heldout_rms_after) <= wanted);
     enough.map_or(findings.len(), |last| last + 1).min(LINES)
 }
 
 /// A finding with its figures.
-fn line(report: &Report, told: &Told) -> String {
+fn line(report: &Report, reported: &ReportedFinding) -> String {
     let unit = report.unit;
-    let alike = told.alternatives.iter().filter(|other| other.is_alike);
+    let alike = reported.alternatives.iter().filter(|other| other.is_alike);
     let rivals: Vec<String> = alike.map(Alternative::name).collect();
     let rivals = match rivals.as_slice() {
         [] => String::new(),
         rivals => format!(" (cannot be distinguished from {})", rivals.join(", ")),
     };
-    let together = |other: &&Told| told.group.is_some() && other.group == told.group;
-    let others = report.claims().filter(together).filter(|other| !std::ptr::eq(*other, told));
-    let others: Vec<String> = others.map(Told::name).collect();
+    let together =
+        |other: &&ReportedFinding| reported.group.is_some() && other.group == reported.group;
+    let others = report.claims().filter(together).filter(|other| !std::ptr::eq(*other, reported));
+    let others: Vec<String> = others.map(ReportedFinding::name).collect();
     let together = match others.as_slice() {
         [] => String::new(),
         others => format!(" (determined only together with {})", others.join(", ")),
     };
-    let confidence = told.confidence.map(|p| format!("Confidence {p:.2}"));
-    let size = told.size.as_ref().map(|size| {
+    let confidence = reported.confidence.map(|p| format!("Confidence {p:.2}"));
+    let size = reported.size.as_ref().map(|size| {
         let [rms, max] = [size.rms, size.max].map(|value| significant(value, 3));
         format!("{rms} {unit} (largest {max})")
     });
-    let held = report.heldout_rms_after.zip(told.heldout_rms_without).map(|(with, without)| {
+    let held = report.heldout_rms_after.zip(reported.heldout_rms_without).map(|(with, without)| {
         let [with, without] = [with, without].map(|rms| significant(rms, 3));
         format!("without it {without} {unit} would be left held out instead of {with}")
     });
     let figures: Vec<String> = confidence.into_iter().chain(size).chain(held).collect();
-    format!("  {} {}{rivals}{together}", told.says, figures.join("; ")).trim_end().to_owned()
+    format!("  {} {}{rivals}{together}", reported.says, figures.join("; ")).trim_end().to_owned()
 }
 
 /// The other findings in one line, with a bound of their sizes where they are all smaller than the first ones.
-fn others(report: &Report, first: &[Told], also: &[Told]) -> Option<String> {
-    let sizes = |all: &[Told]| -> Vec<f64> {
-        all.iter().filter_map(|told| told.size.as_ref()).map(|size| size.rms).collect()
+fn others(report: &Report, first: &[ReportedFinding], also: &[ReportedFinding]) -> Option<String> {
+    let sizes = |all: &[ReportedFinding]| -> Vec<f64> {
+        all.iter().filter_map(|reported| reported.size.as_ref()).map(|size| size.rms).collect()
     };
     let largest = sizes(also).into_iter().fold(0.0, f64::max);
     let smallest_told = sizes(first).into_iter().fold(f64::INFINITY, f64::min);
@@ -87,7 +89,8 @@ fn others(report: &Report, first: &[Told], also: &[Told]) -> Option<String> {
 
 /// The effects that are claimed and do least, with a bound of their sizes.
 fn minor(report: &Report) -> Option<String> {
-    let sizes = report.minor.iter().filter_map(|told| told.size.as_ref()).map(|size| size.rms);
+    let sizes =
+        report.minor.iter().filter_map(|reported| reported.size.as_ref()).map(|size| size.rms);
     let largest = significant(sizes.fold(0.0, f64::max), 3);
     let (count, unit) = (report.minor.len(), report.unit);
     let effects = if count == 1 { "effect" } else { "effects" };
@@ -98,15 +101,15 @@ fn minor(report: &Report) -> Option<String> {
 }
 
 /// Each effect once, with its joints.
-fn by_effect(all: &[Told]) -> String {
+fn by_effect(all: &[ReportedFinding]) -> String {
     let mut effects: Vec<(&str, Vec<usize>)> = Vec::new();
-    for told in all {
-        let at = effects.iter().position(|(effect, _)| *effect == told.effect);
+    for reported in all {
+        let at = effects.iter().position(|(effect, _)| *effect == reported.effect);
         let at = at.unwrap_or_else(|| {
-            effects.push((told.effect, Vec::new()));
+            effects.push((reported.effect, Vec::new()));
             effects.len() - 1
         });
-        effects[at].1.extend(told.joint);
+        effects[at].1.extend(reported.joint);
     }
     let joints = |joints: &mut Vec<usize>| {
         joints.sort_unstable();
@@ -126,12 +129,12 @@ fn by_effect(all: &[Told]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{FINDINGS_MOST, Report, Size, Told, Where, largest};
+    use super::super::{FINDINGS_MOST, Report, ReportedFinding, Size, Where, largest};
     use super::{by_effect, lines};
     use std::collections::BTreeMap;
 
-    fn told(effect: &'static str, joint: Option<usize>, rms: f64) -> Told {
-        Told {
+    fn reported(effect: &'static str, joint: Option<usize>, rms: f64) -> ReportedFinding {
+        ReportedFinding {
             effect,
             joint,
             change: "new",
@@ -155,15 +158,15 @@ mod tests {
     }
 
     /// As many findings, the size of each k times 1 µm, k from 1 in the order of the list.
-    fn many(count: usize) -> Vec<Told> {
-        (1..=count).map(|k| told("backlash", Some(k % 6 + 1), 1e-3 * k as f64)).collect()
+    fn many(count: usize) -> Vec<ReportedFinding> {
+        (1..=count).map(|k| reported("backlash", Some(k % 6 + 1), 1e-3 * k as f64)).collect()
     }
 
     #[test]
     fn twenty_findings_are_listed_the_largest_and_all_others_are_minor() {
         let (findings, minor) = largest(many(43));
         assert_eq!((findings.len(), minor.len()), (FINDINGS_MOST, 23));
-        let size = |told: &Told| told.size.as_ref().map_or(0.0, |size| size.rms);
+        let size = |reported: &ReportedFinding| reported.size.as_ref().map_or(0.0, |size| size.rms);
         let smallest = findings.iter().map(size).fold(f64::INFINITY, f64::min);
         assert!(minor.iter().map(size).all(|size| size < smallest));
         let (findings, minor) = largest(many(FINDINGS_MOST));
@@ -193,7 +196,7 @@ mod tests {
     #[test]
     fn an_effect_is_named_once_with_all_its_joints() {
         let all = [("axis_tilt", Some(3)), ("payload", None), ("axis_tilt", Some(1))];
-        let all = all.map(|(effect, joint)| told(effect, joint, 0.1));
+        let all = all.map(|(effect, joint)| reported(effect, joint, 0.1));
         assert_eq!(by_effect(&all), "axis tilt of joints 1 and 3; payload");
         assert_eq!(by_effect(&all[..1]), "axis tilt of joint 3");
     }

@@ -12,9 +12,9 @@ const POINTS: usize = 1000;
 const SEGMENT: usize = 2048;
 const AXES: [&str; 3] = ["fx_N", "fy_N", "fz_N"];
 
-pub(super) fn figures(page: Page, compared: &Compared) -> Page {
+pub(crate) fn figures(page: Page, compared: &Compared) -> Page {
     let turn: Vec<&Traced> = compared.traces.iter().collect();
-    page.section("Forces beside the law of the cut")
+    page.section("DiagnosedForces beside the law of the cut")
         .figure(
             "Over one turn of the spindle: what was measured, what the stated law says, and what it says with what was found.",
             &all(&turn, "Over one turn", &|one| {

@@ -7,7 +7,6 @@ mod drives;
 mod file;
 mod forces;
 mod lines;
-mod rows;
 
 use std::collections::BTreeMap;
 
@@ -20,11 +19,11 @@ use physics::{AnyEffect, Arm, JointKind};
 use report::significant;
 use serde::Serialize;
 
-pub(super) use file::{Whole, json};
-pub(in crate::commands) use lines::lines;
-pub(super) use rows::{Temperatures, rows};
+pub use file::Whole;
+pub(crate) use file::json;
+pub use lines::lines;
 
-use super::Found;
+use crate::diagnosed::Diagnosed;
 
 /// Standard uncertainties to each side that hold 95 in 100.
 const NINETY_FIVE: f64 = 1.96;
@@ -36,96 +35,129 @@ const FINDINGS_MOST: usize = 20;
 /// mm per m, mrad per rad.
 const MILLI: f64 = 1e3;
 
+/// What is said of one domain: `trued.diagnosis/1` (docs/reference/results.md).
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "the contract's keys")]
-pub(in crate::commands) struct Report {
-    pub(in crate::commands) verdict: &'static str,
-    domain: &'static str,
-    pub(super) unit: &'static str,
-    samples: usize,
-    signal_rms: f64,
+pub struct Report {
+    /// `consistent`, `missing_physics`, `unknown_structure` or `undetermined`.
+    pub verdict: &'static str,
+    /// `position`, `torque` or `force`.
+    pub domain: &'static str,
+    /// Of every root mean square and size.
+    pub unit: &'static str,
+    /// Rows that were used.
+    pub samples: usize,
+    /// Of the measured values about their means.
+    pub signal_rms: f64,
     band_Hz: Option<[f64; 2]>,
-    pub(super) noise_rms: f64,
-    /// None where nothing was held out.
-    pub(super) heldout_rms_before: Option<f64>,
-    pub(super) heldout_rms_after: Option<f64>,
-    pub(super) heldout: String,
-    /// What is claimed: the probability of each is a half or more. At most [`FINDINGS_MOST`].
-    pub(super) findings: Vec<Told>,
+    /// Of the residual.
+    pub noise_rms: f64,
+    /// On held-out rows, the model as given; none where nothing was held out.
+    pub heldout_rms_before: Option<f64>,
+    /// On held-out rows, the model with what was found.
+    pub heldout_rms_after: Option<f64>,
+    /// What was held out, in words.
+    pub heldout: String,
+    /// What is claimed: the probability of each is a half or more. At most 20.
+    pub findings: Vec<ReportedFinding>,
     /// Claimed as well; each has a smaller effect on what was measured than any of `findings`.
-    pub(super) minor: Vec<Told>,
+    pub minor: Vec<ReportedFinding>,
     /// What is not claimed, though a part of the mismatch goes with it.
-    pub(super) candidates: Vec<Told>,
+    pub candidates: Vec<ReportedFinding>,
     /// How the held-out errors of the findings, one after the other, share the whole.
     attribution: &'static str,
-    pub(super) next_experiment: Option<String>,
+    /// The motion or load that would tell alternatives apart, in words.
+    pub next_experiment: Option<String>,
     experiment: Option<Asked>,
-    pub(super) not_tested: Vec<NotTested>,
-    pub(super) unexplained: Option<Unexplained>,
-    pub(super) map: Vec<Place>,
+    pub(crate) not_tested: Vec<NotTested>,
+    pub(crate) unexplained: Option<Unexplained>,
+    pub(crate) map: Vec<Place>,
     /// The proof of each joint, in the torque domain.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub(super) joints: Vec<JointErrors>,
+    pub(crate) joints: Vec<JointErrors>,
     /// What the tool did, in the force domain.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub(super) phases: Vec<forces::Stretch>,
+    pub(crate) phases: Vec<forces::Stretch>,
     /// Tones of the cut, in the force domain.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub(super) tones: Vec<forces::Heard>,
-    pub(super) notes: Vec<String>,
+    pub(crate) tones: Vec<forces::Heard>,
+    /// What was done with the data.
+    pub notes: Vec<String>,
     seed: u64,
 }
 
+/// A finding in the units of files.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Told {
-    pub(super) effect: &'static str,
-    pub(super) joint: Option<usize>,
-    pub(super) change: &'static str,
+pub struct ReportedFinding {
+    /// Name of the effect, as in model files.
+    pub effect: &'static str,
+    /// From 1; none for effects of the whole robot.
+    pub joint: Option<usize>,
+    /// `new`, or `revised` where the model has the effect with another value.
+    pub change: &'static str,
     /// Probability that it is right; none where none is computed.
-    pub(super) confidence: Option<f64>,
-    pub(super) parameters: BTreeMap<String, Value>,
-    /// None where nothing was held out.
-    pub(super) heldout_rms_before: Option<f64>,
-    pub(super) heldout_rms_after: Option<f64>,
+    pub confidence: Option<f64>,
+    /// By key, as in model files; of a revised effect the difference.
+    pub parameters: BTreeMap<String, Value>,
+    /// On held-out rows with all findings before it in the list; none where nothing was held out.
+    pub heldout_rms_before: Option<f64>,
+    /// The same with this one.
+    pub heldout_rms_after: Option<f64>,
     /// Where it alone is left out and all else is fitted anew; none where nothing was held out.
-    pub(super) heldout_rms_without: Option<f64>,
+    pub heldout_rms_without: Option<f64>,
     /// What it alone does to what was measured; none where that is not computed.
-    pub(super) size: Option<Size>,
+    pub size: Option<Size>,
     /// The name of findings that are determined only together; none where it is determined by itself, or that is not computed.
-    pub(super) group: Option<String>,
+    pub group: Option<String>,
     #[serde(rename = "where")]
     place: Where,
-    pub(super) alternatives: Vec<Alternative>,
-    pub(super) says: String,
+    pub(crate) alternatives: Vec<Alternative>,
+    /// Cause and size in a sentence.
+    pub says: String,
 }
 
 /// What an effect alone does to the measured values, in the report's unit.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Size {
-    pub(super) rms: f64,
-    pub(super) max: f64,
+pub struct Size {
+    /// Root mean square.
+    pub rms: f64,
+    /// Largest.
+    pub max: f64,
 }
 
 impl Size {
     /// In a unit of which so many make one of SI.
-    pub(super) fn of(size: diagnosis::size::Size, per_si: f64) -> Self {
+    pub(crate) fn of(size: diagnosis::size::Size, per_si: f64) -> Self {
         Self { rms: per_si * size.rms, max: per_si * size.largest }
     }
 }
 
+/// A parameter with its 95 % interval, in the unit of its key.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
-pub(super) enum Value {
-    One { value: f64, ci95: Interval },
-    List { value: Vec<f64>, ci95: Vec<Interval> },
+pub enum Value {
+    /// A number.
+    One {
+        /// The estimate.
+        value: f64,
+        /// Its interval.
+        ci95: Interval,
+    },
+    /// Several numbers.
+    List {
+        /// The estimates.
+        value: Vec<f64>,
+        /// The interval of each.
+        ci95: Vec<Interval>,
+    },
 }
 
 /// Of 95 %; none where none is computed.
-pub(super) type Interval = Option<[f64; 2]>;
+pub type Interval = Option<[f64; 2]>;
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -140,30 +172,30 @@ struct Where {
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Alternative {
-    pub(super) effect: &'static str,
-    pub(super) joint: Option<usize>,
+pub(crate) struct Alternative {
+    pub(crate) effect: &'static str,
+    pub(crate) joint: Option<usize>,
     /// None where none is computed.
-    pub(super) confidence: Option<f64>,
+    pub(crate) confidence: Option<f64>,
     #[serde(skip)]
     is_alike: bool,
 }
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct NotTested {
-    pub(super) effect: &'static str,
-    pub(super) joint: Option<usize>,
-    pub(super) why: String,
+pub(crate) struct NotTested {
+    pub(crate) effect: &'static str,
+    pub(crate) joint: Option<usize>,
+    pub(crate) why: String,
 }
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Unexplained {
+pub(crate) struct Unexplained {
     rms: f64,
-    pub(super) depends_on: Vec<String>,
+    pub(crate) depends_on: Vec<String>,
     heldout_rms_after: f64,
-    pub(super) says: String,
+    pub(crate) says: String,
 }
 
 /// The experiment that is proposed, for `trued plan --for`.
@@ -191,26 +223,26 @@ impl Asked {
 /// A cell of the map of where model and recording differ: how far a joint would have to be off there.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Place {
-    pub(super) joint: usize,
-    pub(super) depends_on: String,
-    pub(super) from: f64,
-    pub(super) to: f64,
-    pub(super) off: f64,
-    pub(super) ci95: [f64; 2],
+pub(crate) struct Place {
+    pub(crate) joint: usize,
+    pub(crate) depends_on: String,
+    pub(crate) from: f64,
+    pub(crate) to: f64,
+    pub(crate) off: f64,
+    pub(crate) ci95: [f64; 2],
 }
 
 /// Held-out errors of one joint's torque, Nm or N.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct JointErrors {
-    pub(super) joint: usize,
-    pub(super) torque_rms: f64,
-    pub(super) heldout_rms_before: f64,
-    pub(super) heldout_rms_after: f64,
+pub(crate) struct JointErrors {
+    pub(crate) joint: usize,
+    pub(crate) torque_rms: f64,
+    pub(crate) heldout_rms_before: f64,
+    pub(crate) heldout_rms_after: f64,
     /// Without the zones of low speed that the notes tell of.
-    pub(super) heldout_rms_after_outside: f64,
-    pub(super) noise_rms: f64,
+    pub(crate) heldout_rms_after_outside: f64,
+    pub(crate) noise_rms: f64,
 }
 
 impl JointErrors {
@@ -227,12 +259,13 @@ impl JointErrors {
 }
 
 impl Report {
-    pub(in crate::commands) fn of(found: &Found) -> Self {
+    pub(crate) fn of(found: &Diagnosed) -> Self {
         let Some(diagnosis) = &found.diagnosis else { return Self::nothing(found) };
         let proof = &diagnosis.proof;
         let arm = &found.base.physics.arm;
-        let (findings, minor) =
-            largest(diagnosis.findings.iter().map(|finding| Told::of(arm, finding)).collect());
+        let (findings, minor) = largest(
+            diagnosis.findings.iter().map(|finding| ReportedFinding::of(arm, finding)).collect(),
+        );
         Self {
             verdict: diagnosis.verdict.name(),
             domain: "position",
@@ -246,7 +279,11 @@ impl Report {
             heldout: proof.says.clone(),
             findings,
             minor,
-            candidates: diagnosis.candidates.iter().map(|one| Told::of(arm, one)).collect(),
+            candidates: diagnosis
+                .candidates
+                .iter()
+                .map(|one| ReportedFinding::of(arm, one))
+                .collect(),
             attribution: "shapley",
             next_experiment: diagnosis.next_experiment.as_ref().map(|next| next.says.clone()),
             experiment: diagnosis.next_experiment.as_ref().map(Asked::of),
@@ -279,7 +316,7 @@ impl Report {
     }
 
     /// Positions of which nothing can be said.
-    fn nothing(found: &Found) -> Self {
+    fn nothing(found: &Diagnosed) -> Self {
         let empty = Self::empty("position", "mm", found.seed);
         let (samples, notes) = (found.rows, found.notes.clone());
         Self { samples, notes, ..empty }.because(found.doubts.join(" Or: "))
@@ -329,16 +366,17 @@ fn name(effect: &str, joint: Option<usize>) -> String {
 }
 
 /// The [`FINDINGS_MOST`] findings with the largest effects on what was measured, and the others; both in their order. One without a size counts as large.
-fn largest(findings: Vec<Told>) -> (Vec<Told>, Vec<Told>) {
-    let size = |told: &Told| told.size.as_ref().map_or(f64::INFINITY, |size| size.rms);
+fn largest(findings: Vec<ReportedFinding>) -> (Vec<ReportedFinding>, Vec<ReportedFinding>) {
+    let size =
+        |reported: &ReportedFinding| reported.size.as_ref().map_or(f64::INFINITY, |size| size.rms);
     let mut sizes: Vec<f64> = findings.iter().map(size).collect();
     sizes.sort_by(|a, b| b.total_cmp(a));
     let beyond = sizes.get(FINDINGS_MOST).copied().unwrap_or(f64::NEG_INFINITY);
-    findings.into_iter().partition(|told| size(told) > beyond)
+    findings.into_iter().partition(|reported| size(reported) > beyond)
 }
 
-impl Told {
-    pub(super) fn name(&self) -> String {
+impl ReportedFinding {
+    pub(crate) fn name(&self) -> String {
         name(self.effect, self.joint)
     }
 
@@ -436,27 +474,20 @@ impl Place {
 }
 
 impl Report {
-    pub(super) fn domain(&self) -> &'static str {
-        self.domain
-    }
-
-    pub(super) fn samples(&self) -> usize {
-        self.samples
-    }
-
     /// All that is claimed, large and small.
-    pub(super) fn claims(&self) -> impl Iterator<Item = &Told> {
+    pub fn claims(&self) -> impl Iterator<Item = &ReportedFinding> {
         self.findings.iter().chain(&self.minor)
     }
 
     /// Whether `trued plan --for` can write the experiment that is proposed.
-    pub(super) fn is_planned(&self) -> bool {
+    pub(crate) fn is_planned(&self) -> bool {
         self.experiment.is_some()
     }
 }
 
 /// The result in one sentence.
-pub(in crate::commands) fn lead(report: &Report) -> String {
+#[must_use]
+pub fn lead(report: &Report) -> String {
     let held = report.heldout_rms_before.zip(report.heldout_rms_after);
     let Some((before, after)) = held.filter(|(before, _)| report.samples > 0 && *before > 0.0)
     else {
@@ -479,7 +510,7 @@ pub(in crate::commands) fn lead(report: &Report) -> String {
 
 impl Alternative {
     /// A finding's alternatives, with what is not listed among them as one more, so that all probabilities add up to one.
-    pub(super) fn whole(confidence: f64, mut listed: Vec<Self>) -> Vec<Self> {
+    pub(crate) fn whole(confidence: f64, mut listed: Vec<Self>) -> Vec<Self> {
         let sum = confidence + listed.iter().filter_map(|one| one.confidence).sum::<f64>();
         if 1.0 - sum > LEAST_LISTED {
             let confidence = Some(1.0 - sum);
@@ -488,7 +519,7 @@ impl Alternative {
         listed
     }
 
-    pub(super) fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         name(self.effect, self.joint)
     }
 }

@@ -1,0 +1,207 @@
+//! Which engine runs on which recordings of a robot, and what it gives.
+
+use std::path::Path;
+
+use diagnosis::diagnose::{Diagnosis, Ingested, Thinned, ingest};
+use diagnosis::gross::Suspicion;
+use diagnosis::{Chosen, from_recording, torque};
+use recording::model::RobotModel;
+use recording::series::{Heldout, Recording};
+use report::Page;
+
+use crate::drives::Drives;
+use crate::entries::{Entry, entries};
+use crate::error::Error;
+use crate::page;
+use crate::result::{Report, json};
+
+/// Measured rows from which on a recording can be diagnosed. Range: from 1. Origin: a choice; fewer cannot be split into training and test rows.
+const ROWS_LEAST: usize = 30;
+
+/// How a diagnosis is made.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Of the split into training and test rows.
+    pub seed: u64,
+    /// Torque and motion are compared below this frequency, Hz; none: 40, or a tenth of the sampling rate.
+    pub band_hz: Option<f64>,
+}
+
+/// What is being computed, for progress.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Drive torques.
+    Torques,
+    /// Positions.
+    Positions,
+}
+
+/// What recordings of a robot say of its positions and torques.
+pub struct Diagnosed {
+    pub(crate) base: RobotModel,
+    pub(crate) seed: u64,
+    /// Of positions; none where the recordings cannot be judged, or hold no positions.
+    pub diagnosis: Option<Diagnosis>,
+    /// The model's effects with what was found.
+    entries: Vec<Entry>,
+    /// Why positions cannot be judged.
+    pub(crate) doubts: Vec<String>,
+    /// What was seen in the recordings before anything was fitted, and what was done about it.
+    pub(crate) notes: Vec<String>,
+    pub(crate) rows: usize,
+    /// Whether the recordings say anything of positions.
+    has_positions: bool,
+    /// What the torques say, where they were recorded.
+    drives: Option<Drives>,
+}
+
+/// Diagnoses `base` by recordings of one robot; `begins` is called at the begin of each stage.
+///
+/// # Errors
+/// Recordings that cannot be used with this model.
+pub fn diagnose(
+    base: RobotModel,
+    mut recordings: Vec<Recording>,
+    settings: &Settings,
+    begins: &mut dyn FnMut(Stage),
+) -> Result<Diagnosed, Error> {
+    let Settings { seed, band_hz } = *settings;
+    begins(Stage::Torques);
+    let drives = Drives::where_recorded(&base, &mut recordings, band_hz, seed)?;
+    if drives.is_some() && recordings.is_empty() {
+        return Ok(Diagnosed { drives, has_positions: false, ..Diagnosed::empty(base, seed) });
+    }
+    begins(Stage::Positions);
+    Ok(Diagnosed { drives, ..Diagnosed::of_positions(base, recordings, seed)? })
+}
+
+impl Diagnosed {
+    fn empty(base: RobotModel, seed: u64) -> Self {
+        Self {
+            base,
+            seed,
+            diagnosis: None,
+            entries: Vec::new(),
+            doubts: Vec::new(),
+            notes: Vec::new(),
+            rows: 0,
+            has_positions: true,
+            drives: None,
+        }
+    }
+
+    fn of_positions(
+        base: RobotModel,
+        mut recordings: Vec<Recording>,
+        seed: u64,
+    ) -> Result<Self, Error> {
+        let arm = base.physics.arm;
+        let has_positions = crate::drives::positions_are_recorded(&recordings);
+        let unjudged = |base, doubts, notes, rows| {
+            Ok(Self { doubts, notes, rows, has_positions, ..Self::empty(base, seed) })
+        };
+        let Ingested { notes, doubts } = ingest(&arm, &mut recordings);
+        if !doubts.is_empty() {
+            return unjudged(base, doubts, notes, 0);
+        }
+        let looked = Thinned::at(&arm, &recordings).map_err(Error::input)?;
+        let rows = looked.rows;
+        let doubts = self::doubts(&base, &looked);
+        if !doubts.is_empty() {
+            return unjudged(base, doubts, notes, rows);
+        }
+        let is_said = |recording: &Recording| recording.about.heldout != Heldout::Unsaid;
+        let held = recordings.iter().any(is_said);
+        let held = held.then(|| from_recording::held_out(&looked.campaign, &recordings));
+        drop(recordings);
+        let diagnosis = looked.diagnose(&base.physics, &base.sigma, held, seed);
+        if let Some(doubt) = diagnosis.doubt() {
+            return unjudged(base, vec![doubt], notes, rows);
+        }
+        let chosen: Vec<Chosen> = diagnosis
+            .findings
+            .iter()
+            .chain(&diagnosis.candidates)
+            .map(|finding| Chosen {
+                effect: finding.place,
+                gain: finding.gain,
+                settings: finding.settings.clone(),
+            })
+            .collect();
+        let entries = entries(&base, &diagnosis.fit, &chosen, &[])?;
+        let diagnosis = Some(diagnosis);
+        let empty = Self::empty(base, seed);
+        Ok(Self { diagnosis, entries, notes, rows, has_positions, ..empty })
+    }
+
+    /// What the torques say, where they could be judged.
+    pub(crate) fn torques(&self) -> Option<&torque::Diagnosis> {
+        self.drives.as_ref().and_then(|drives| drives.result.as_ref().ok())
+    }
+
+    /// What is said of each domain that was recorded: positions first, then torques.
+    #[must_use]
+    pub fn reports(&self) -> Vec<Report> {
+        let of_positions = self.has_positions || self.drives.is_none();
+        let mut reports: Vec<Report> = of_positions.then(|| Report::of(self)).into_iter().collect();
+        if let Some(drives) = &self.drives {
+            reports.push(Report::of_drives(&self.base, drives, &[], self.seed));
+        }
+        reports
+    }
+
+    /// The result as `trued.diagnosis/1`.
+    ///
+    /// # Errors
+    /// [`Error::Internal`]
+    pub fn json(&self) -> Result<String, Error> {
+        json(&self.reports())
+    }
+
+    /// The page. `dir`: the folder of `diagnosis.json` and [`MODEL`](crate::MODEL), for the commands that the page shows.
+    #[must_use]
+    pub fn page(&self, dir: &Path) -> Page {
+        page::render(self, &self.reports(), dir)
+    }
+
+    /// The model with what was found, as text that loads.
+    ///
+    /// # Errors
+    /// [`Error::Internal`]
+    pub fn model_toml(&self) -> Result<String, Error> {
+        let mut file = self.base.file.clone();
+        for entry in &self.entries {
+            match entry.of_base.and_then(|at| file.effects.get_mut(at)) {
+                Some(there) => *there = entry.written.clone(),
+                None if entry.is_empty() => {}
+                None => file.effects.push(entry.written.clone()),
+            }
+        }
+        if let Some(drives) = &self.drives {
+            file.effects = drives.written(&self.base, &file.effects);
+        }
+        let by = format!("trued diagnose {}", env!("CARGO_PKG_VERSION"));
+        file.meta.insert("diagnosed_by".to_owned(), by.into());
+        let base = format!("{}, {:016x}", self.base.file.name, self.base.hash);
+        file.meta.insert("diagnosed_from_model".to_owned(), base.into());
+        let robot = self.base.file.identity().to_string();
+        file.meta.insert("diagnosed_robot".to_owned(), robot.into());
+        let text = file.to_toml();
+        RobotModel::parse("the diagnosed model", &text).map_err(Error::internal)?;
+        Ok(text)
+    }
+}
+
+/// Why positions cannot be judged by these recordings.
+fn doubts(base: &RobotModel, looked: &Thinned) -> Vec<String> {
+    let rows = looked.rows;
+    if rows < ROWS_LEAST {
+        return vec![format!(
+            "{rows} rows were measured, expected at least {ROWS_LEAST}: record more"
+        )];
+    }
+    if !looked.moves {
+        return vec!["no joint moves in the recording: move the arm".to_owned()];
+    }
+    looked.faults(&base.physics).into_iter().map(|Suspicion { says, .. }| says).collect()
+}

@@ -1,0 +1,26 @@
+//! Why a diagnosis gives no result.
+
+use std::error::Error as StdError;
+
+/// Why a diagnosis gives no result.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// Model or recordings cannot be used.
+    #[error(transparent)]
+    Input(Box<dyn StdError + Send + Sync>),
+    /// A result cannot be written as file or JSON: a fault of this program.
+    #[error(transparent)]
+    Internal(Box<dyn StdError + Send + Sync>),
+}
+
+impl Error {
+    /// For `map_err`: the fault is in what was given.
+    pub(crate) fn input(error: impl Into<Box<dyn StdError + Send + Sync>>) -> Self {
+        Self::Input(error.into())
+    }
+
+    /// For `map_err`: the fault is in this program.
+    pub(crate) fn internal(error: impl Into<Box<dyn StdError + Send + Sync>>) -> Self {
+        Self::Internal(error.into())
+    }
+}

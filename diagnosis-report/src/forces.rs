@@ -1,0 +1,79 @@
+//! Force domain of `trued diagnose`: recordings of forces (or accelerations) without joints.
+//!
+//! Promises: the same three files as for a robot, together or not at all. Never: a claim of what was not compared.
+
+use diagnosis::force::{self, Diagnosis, Doubt, Finding};
+use recording::model::{EffectEntry, RobotModel, SiParameter};
+use recording::series::Recording;
+
+use report::Page;
+
+use crate::drives::written;
+use crate::error::Error;
+use crate::page;
+use crate::result::{Report, json};
+
+/// What a recording of forces alone says.
+pub struct DiagnosedForces {
+    pub(crate) base: RobotModel,
+    pub(crate) result: Result<Diagnosis, Doubt>,
+    pub(crate) seed: u64,
+}
+
+impl DiagnosedForces {
+    /// Diagnoses a recording of forces (or accelerations) at the tool, without any joint.
+    ///
+    /// # Errors
+    /// A model whose cutting effects cannot be used.
+    pub fn of(base: RobotModel, recording: &Recording, seed: u64) -> Result<Self, Error> {
+        let with_cutting = base.with_cutting().map_err(Error::input)?;
+        let sigma: Vec<Vec<f64>> = base.sigma.iter().chain(&base.cutting_sigma).cloned().collect();
+        let result = force::diagnose(&with_cutting, &sigma, recording);
+        Ok(Self { base, result, seed })
+    }
+
+    /// What is said of the forces.
+    #[must_use]
+    pub fn report(&self) -> Report {
+        Report::of_forces(self)
+    }
+
+    /// The result as `trued.diagnosis/1`.
+    ///
+    /// # Errors
+    /// [`Error::Internal`]
+    pub fn json(&self) -> Result<String, Error> {
+        json(std::slice::from_ref(&self.report()))
+    }
+
+    /// The page.
+    #[must_use]
+    pub fn page(&self) -> Page {
+        page::forces::render(self, &self.report())
+    }
+
+    /// The model with what was found, and its own numbers as they were fitted along.
+    ///
+    /// # Errors
+    /// [`Error::Internal`]
+    pub fn model_toml(&self) -> Result<String, Error> {
+        let mut file = self.base.file.clone();
+        if let Some(compared) = self.result.iter().find_map(|found| found.compared.as_ref().ok()) {
+            let findings = compared.findings.iter().chain(&compared.candidates);
+            let refits = compared.refits.iter();
+            file.effects = written(&self.base, &file.effects, refits, findings);
+        }
+        for finding in self.result.iter().flat_map(|found| &found.findings) {
+            if let Finding::Bias { force, sigma, .. } = finding {
+                let bias = SiParameter { stem: "bias", values: force, sigma: Some(sigma) };
+                let arm = &self.base.physics.arm;
+                file.effects.extend(EffectEntry::from_si(arm, "wrench_bias", None, &[bias]));
+            }
+        }
+        let by = format!("trued diagnose {}", env!("CARGO_PKG_VERSION"));
+        file.meta.insert("diagnosed_by".to_owned(), by.into());
+        let text = file.to_toml();
+        RobotModel::parse("the diagnosed model", &text).map_err(Error::internal)?;
+        Ok(text)
+    }
+}

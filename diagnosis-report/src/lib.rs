@@ -1,0 +1,47 @@
+//! Results of a diagnosis for people and programs: `trued.diagnosis/1` as JSON, lines of text, an HTML page, and the model with what was found.
+//!
+//! [`diagnose`] reads what recordings of one robot say of positions and of drive torques, [`DiagnosedForces`] what forces alone say. Modules in the order in
+//! which to read them: `diagnosed` and `forces` (which engine runs on which recordings), `result` (numbers and words), `page` (the same as a page),
+//! `entries` and `drives` (the same as effects of a model file), `drawings` (pictures that several pages share).
+//!
+//! The same model, recordings and seed give the same bytes. Writes no file.
+//!
+//! ```no_run
+//! use std::fs;
+//! use std::path::Path;
+//!
+//! use diagnosis_report::{Settings, diagnose, lines};
+//! use recording::model::RobotModel;
+//! use recording::series::{Need, read};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let model = RobotModel::read(Path::new("arm.toml"))?;
+//! let recording = read(Path::new("measured.csv"), None, Need::Measurement)?;
+//! let found = diagnose(model, vec![recording], &Settings { seed: 1, band_hz: None }, &mut |_| {})?;
+//! for report in found.reports() {
+//!     println!("{}: {}", report.verdict, diagnosis_report::lead(&report));
+//!     lines(&report).iter().for_each(|line| println!("{line}"));
+//! }
+//! fs::write("diagnosis.json", found.json()?)?;
+//! fs::write("model.toml", found.model_toml()?)?;
+//! fs::write("report.html", found.page(Path::new(".")).render())?;
+//! # Ok(())
+//! # }
+//! ```
+
+mod diagnosed;
+pub mod drawings;
+mod drives;
+pub mod entries;
+mod error;
+mod forces;
+mod page;
+mod result;
+
+/// File name of the model with what was found, beside `diagnosis.json`.
+pub const MODEL: &str = "model.toml";
+
+pub use diagnosed::{Diagnosed, Settings, Stage, diagnose};
+pub use error::Error;
+pub use forces::DiagnosedForces;
+pub use result::{Interval, Report, ReportedFinding, Size, Value, Whole, lead, lines};
