@@ -1,0 +1,364 @@
+//! The answer over all series of a fleet: which change is told, and what it does at the tool.
+//!
+//! False alarms: every series has the same prior probability of a change, so many that in the whole fleet [`Settings::expected_changes`] are expected; more series
+//! thus ask for more evidence each. What is told has the posterior probability [`Settings::told_probability`] or more. Measured on fleets that do not change:
+//! `cargo run --release --example false_alarms`.
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::change::{Change, Estimate, Kind, change};
+use crate::results::{Count, Results};
+use crate::series::{self, Series};
+use crate::settings::Settings;
+use crate::time::{after, day};
+
+/// Name of the format.
+pub const SCHEMA: &str = "trued.trends/1";
+
+/// The answer.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[schemars(title = "trued.trends/1")]
+pub struct Answer {
+    /// `trued.trends/1`.
+    pub schema: &'static str,
+    /// Program that computed it.
+    pub version: &'static str,
+    /// Robots, by name.
+    pub robots: Vec<RobotSummary>,
+    /// What grows worse, the most probable first.
+    pub alerts: Vec<Alert>,
+    /// What changed towards zero: a repair, an adjustment.
+    pub decreases: Vec<Alert>,
+    /// Series that were searched for a change.
+    pub series: usize,
+    /// Tool error that is allowed, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tolerance_mm: Option<f64>,
+    /// What was searched, for pages.
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub searched: Vec<Searched>,
+}
+
+/// What is known of a robot.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct RobotSummary {
+    /// Its name.
+    pub robot: String,
+    /// Recordings.
+    pub recordings: usize,
+    /// Recordings that were refused.
+    pub refused: usize,
+    /// Recordings without a time, which are left out.
+    pub without_time: usize,
+    /// Day of the first recording with a time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from: Option<String>,
+    /// Day of the last.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub to: Option<String>,
+    /// Series that were searched for a change.
+    pub series: usize,
+    /// Alerts.
+    pub alerts: usize,
+}
+
+/// A change of a number.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Alert {
+    /// Robot.
+    pub robot: String,
+    /// `position`, `torque` or `force`.
+    pub domain: String,
+    /// Effect, as in model files.
+    pub effect: String,
+    /// Joint, from 1; none for effects of the whole robot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint: Option<i64>,
+    /// Parameter with its unit, as in model files.
+    pub parameter: String,
+    /// Place in the list, from 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub index: Option<i64>,
+    /// `new`: the model lacks the effect; `revised`: numbers are differences to those of the model.
+    pub change: String,
+    /// `step` or `growth`.
+    pub kind: &'static str,
+    /// Probability of a change, 0 to 1.
+    pub probability: f64,
+    /// Probability that it is of this kind, 0 to 1.
+    pub kind_probability: f64,
+    /// Since when.
+    pub since: Since,
+    /// The number before, in the unit of the parameter.
+    pub before: Interval,
+    /// The number at the last recording.
+    pub now: Interval,
+    /// Growth per month (30.44 days); of a growth only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub per_month: Option<Interval>,
+    /// Height of the step; of a step only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step: Option<Interval>,
+    /// What the effect does to what was measured (the tool, in the position domain) at the last recording.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub size_now: Option<Size>,
+    /// When its largest tool error reaches the tolerance, if it goes on like that.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reaches_tolerance: Option<Reaches>,
+    /// Recordings in which the effect was found.
+    pub found: usize,
+    /// Recordings in which it was not found, which bound it.
+    pub below: usize,
+    /// Recordings that name another effect in its place, which say nothing.
+    pub unknown: usize,
+    /// Scatter between recordings beyond the stated uncertainty, in the unit of the parameter.
+    pub scatter: f64,
+    /// Change per kelvin of ambient temperature, which is taken out; none where it was not recorded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub per_kelvin: Option<f64>,
+    /// Other numbers of the same effect that change.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub also: Vec<String>,
+}
+
+/// A number with its 95 % interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub struct Interval {
+    /// The number.
+    pub value: f64,
+    /// Its 95 % interval.
+    pub ci95: [f64; 2],
+}
+
+/// The first recording that is changed.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Since {
+    /// Its day, most probably.
+    pub day: String,
+    /// Days between which it lies with 95 %.
+    pub day_ci95: [String; 2],
+    /// Which of the robot's recordings, from 1.
+    pub recording: usize,
+    /// Recordings between which it lies with 95 %.
+    pub recording_ci95: [usize; 2],
+    /// µs since 1970, for drawings.
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub at_us: i64,
+}
+
+/// What an effect does to what was measured.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Size {
+    /// Root mean square.
+    pub rms: f64,
+    /// Largest.
+    pub max: f64,
+    /// `mm`, `mrad`, `Nm`, `N` or `m/s²`.
+    pub unit: String,
+}
+
+/// When a tolerance is reached.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Reaches {
+    /// Whether it is reached already.
+    pub is_reached: bool,
+    /// The day; none beyond the calendar.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub day: Option<String>,
+    /// Days that the interval of the growth gives.
+    pub day_ci95: [Option<String>; 2],
+}
+
+/// A series with its change.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Searched {
+    /// The series.
+    pub series: Series,
+    /// Its unit of size.
+    pub unit: String,
+    /// Most probable change.
+    pub change: Change,
+    /// Probability of a change.
+    pub probability: f64,
+    /// Whether it is told.
+    pub is_told: bool,
+}
+
+impl Searched {
+    /// Whether the number moves away from zero.
+    #[must_use]
+    pub fn is_worse(&self) -> bool {
+        self.change.now.value.abs() > self.change.before.value.abs()
+    }
+}
+
+/// The answer that the results give.
+#[must_use]
+pub fn answer(results: &Results, settings: &Settings) -> Answer {
+    let all = series::all(results, settings);
+    let changes: Vec<(Series, Change)> = all
+        .into_iter()
+        .filter_map(|series| change(&series, settings).map(|change| (series, change)))
+        .collect();
+    let prior = (settings.expected_changes / changes.len().max(1) as f64).min(0.5);
+    let odds = (prior / (1.0 - prior)).ln();
+    let searched: Vec<Searched> = changes
+        .into_iter()
+        .map(|(series, change)| {
+            let probability = 1.0 / (1.0 + (-change.log_bayes - odds).exp());
+            let unit = unit(results, &series);
+            Searched {
+                is_told: probability >= settings.told_probability,
+                series,
+                unit,
+                change,
+                probability,
+            }
+        })
+        .collect();
+    let mut told: Vec<&Searched> = searched.iter().filter(|one| one.is_told).collect();
+    told.sort_by(|a, b| b.change.log_bayes.total_cmp(&a.change.log_bayes));
+    let alerts = alerts_of(told.iter().copied().filter(|one| one.is_worse()), settings);
+    let decreases = alerts_of(told.iter().copied().filter(|one| !one.is_worse()), settings);
+    Answer {
+        schema: SCHEMA,
+        version: env!("CARGO_PKG_VERSION"),
+        robots: results
+            .counts
+            .iter()
+            .map(|count| summary(count, results, &searched, &alerts))
+            .collect(),
+        alerts,
+        decreases,
+        series: searched.len(),
+        tolerance_mm: settings.tolerance_mm,
+        searched,
+    }
+}
+
+fn unit(results: &Results, series: &Series) -> String {
+    let number = &series.number;
+    let robot = results
+        .recordings
+        .keys()
+        .find(|robot| robot.name == number.robot && robot.domain == number.domain);
+    robot.map(|robot| robot.unit.clone()).unwrap_or_default()
+}
+
+fn summary(
+    count: &Count,
+    results: &Results,
+    searched: &[Searched],
+    alerts: &[Alert],
+) -> RobotSummary {
+    let own = results.recordings.iter().filter(|(robot, _)| robot.name == count.robot);
+    let times: Vec<i64> =
+        own.flat_map(|(_, recordings)| recordings.iter().map(|one| one.at_us)).collect();
+    RobotSummary {
+        robot: count.robot.clone(),
+        recordings: count.recordings,
+        refused: count.refused,
+        without_time: count.without_time,
+        from: times.iter().min().map(|at| day(*at)),
+        to: times.iter().max().map(|at| day(*at)),
+        series: searched.iter().filter(|one| one.series.number.robot == count.robot).count(),
+        alerts: alerts.iter().filter(|alert| alert.robot == count.robot).count(),
+    }
+}
+
+/// One for each effect: that of its most probable number.
+fn alerts_of<'a>(told: impl Iterator<Item = &'a Searched>, settings: &Settings) -> Vec<Alert> {
+    let mut alerts: Vec<Alert> = Vec::new();
+    for one in told {
+        let number = &one.series.number;
+        let same = alerts.iter_mut().find(|alert| {
+            (&alert.robot, &alert.domain, &alert.effect, alert.joint, &alert.change)
+                == (&number.robot, &number.domain, &number.effect, number.joint, &number.change)
+        });
+        match same {
+            Some(alert) => alert.also.push(number.name()),
+            None => alerts.push(alert(one, settings)),
+        }
+    }
+    alerts
+}
+
+fn alert(one: &Searched, settings: &Settings) -> Alert {
+    let Searched { series, change, unit, .. } = one;
+    let number = &series.number;
+    let size_now = series.per_unit.map(|[rms, max]| {
+        let now = change.now.value.abs();
+        Size { rms: rms * now, max: max * now, unit: unit.clone() }
+    });
+    Alert {
+        robot: number.robot.clone(),
+        domain: number.domain.clone(),
+        effect: number.effect.clone(),
+        joint: number.joint,
+        parameter: number.parameter.clone(),
+        index: number.index,
+        change: number.change.clone(),
+        kind: match change.kind {
+            Kind::Step => "step",
+            Kind::Growth => "growth",
+        },
+        probability: one.probability,
+        kind_probability: change.kind_probability,
+        since: since(series, change),
+        before: interval(&change.before),
+        now: interval(&change.now),
+        per_month: (change.kind == Kind::Growth).then(|| interval(&change.change)),
+        step: (change.kind == Kind::Step).then(|| interval(&change.change)),
+        reaches_tolerance: reaches(one, settings),
+        size_now,
+        found: series.found(),
+        below: series.observations.len() - series.found(),
+        unknown: series.unknown,
+        scatter: change.scatter,
+        per_kelvin: change.per_kelvin,
+        also: Vec::new(),
+    }
+}
+
+fn interval(estimate: &Estimate) -> Interval {
+    Interval { value: estimate.value, ci95: [estimate.low, estimate.high] }
+}
+
+fn since(series: &Series, change: &Change) -> Since {
+    let [first, low, high] = change.first.map(|index| series.observations[index]);
+    Since {
+        day: day(first.at_us),
+        day_ci95: [day(low.at_us), day(high.at_us)],
+        recording: first.place + 1,
+        recording_ci95: [low.place + 1, high.place + 1],
+        at_us: first.at_us,
+    }
+}
+
+/// When the largest tool error of a growing effect reaches the tolerance.
+fn reaches(one: &Searched, settings: &Settings) -> Option<Reaches> {
+    let (tolerance, [_, max]) = (settings.tolerance_mm?, one.series.per_unit?);
+    let is_growing = one.change.kind == Kind::Growth && one.is_worse() && one.unit == "mm";
+    let last = one.series.observations.last()?.at_us;
+    if !is_growing || max <= 0.0 {
+        return None;
+    }
+    let to_go = tolerance / max - one.change.now.value.abs();
+    let sign = one.change.now.value.signum();
+    let rate = &one.change.change;
+    let mut ends = [rate.low * sign, rate.high * sign];
+    ends.sort_unstable_by(f64::total_cmp);
+    let at = |rate: f64| (rate > 0.0).then(|| after(last, to_go / rate)).flatten();
+    let mut days = [at(ends[1]), at(ends[0])];
+    if to_go < 0.0 {
+        days.reverse();
+    }
+    Some(Reaches {
+        is_reached: to_go <= 0.0,
+        day: at(rate.value * sign).map(day),
+        day_ci95: days.map(|at| at.map(day)),
+    })
+}

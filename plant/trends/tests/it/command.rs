@@ -1,0 +1,146 @@
+//! The command: exit codes, JSON, page, and what it says of results that cannot be used.
+
+use std::process::{Command, Output};
+
+use crate::written::{Folder, Recorded, backlash, write};
+
+fn trends(folder: &Folder, words: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_trued-trends"))
+        .arg(&folder.0)
+        .args(words)
+        .env("SOURCE_DATE_EPOCH", "1767247200")
+        .output()
+        .unwrap()
+}
+
+fn days(growth: f64) -> Vec<Recorded> {
+    let width = |day: i64| 0.2 + growth * day as f64 + 0.004 * (day % 3 - 1) as f64;
+    let recorded = |day| Recorded {
+        robot: "A",
+        day: Some(day),
+        ambient_c: None,
+        findings: Some(vec![backlash(width(day))]),
+    };
+    (0..20).map(recorded).collect()
+}
+
+fn errors(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn the_exit_code_says_whether_something_grows() {
+    let said = trends(&Folder::with(&days(0.0)), &[]);
+    assert_eq!(said.status.code(), Some(0), "{said:?}");
+    assert!(String::from_utf8_lossy(&said.stdout).contains("nothing grows worse"));
+    let said = trends(&Folder::with(&days(0.02)), &[]);
+    assert_eq!(said.status.code(), Some(1), "{said:?}");
+    let text = String::from_utf8_lossy(&said.stdout).into_owned();
+    assert!(text.contains("A, backlash of joint 2: width changes by 0.6"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+}
+
+#[test]
+fn json_follows_its_schema_and_the_schema_is_of_today() {
+    let schema =
+        format!("{:#}\n", serde_json::to_value(schemars::schema_for!(trends::Answer)).unwrap());
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/schemas/trends.schema.json");
+    if std::env::var_os("TRUED_BLESS").is_some() {
+        std::fs::write(path, &schema).unwrap();
+    }
+    assert_eq!(
+        std::fs::read_to_string(path).unwrap_or_default(),
+        schema,
+        "TRUED_BLESS=1 writes it anew"
+    );
+    let said = trends(&Folder::with(&days(0.02)), &["--json", "--tolerance-mm", "0.5"]);
+    let json: serde_json::Value = serde_json::from_slice(&said.stdout).unwrap();
+    assert_eq!(json["schema"], "trued.trends/1");
+    let alert = &json["alerts"][0];
+    for key in ["robot", "effect", "joint", "since", "per_month", "size_now", "reaches_tolerance"] {
+        assert!(!alert[key].is_null(), "{key}: {alert:#}");
+    }
+}
+
+#[test]
+fn the_page_is_one_file_and_the_same_each_time() {
+    let folder = Folder::with(&days(0.02));
+    let out = Folder::new();
+    let page = out.0.join("trends.html");
+    let words = ["--page", page.to_str().unwrap()];
+    let first = trends(&folder, &words);
+    assert_eq!(first.status.code(), Some(1), "{first:?}");
+    let html = std::fs::read_to_string(&page).unwrap();
+    assert!(
+        html.contains("backlash of joint 2") && html.contains("<svg") && !html.contains("<script")
+    );
+    trends(&folder, &words);
+    assert_eq!(std::fs::read_to_string(&page).unwrap(), html);
+    let nowhere = trends(&folder, &["--page", "/nowhere/trends.html"]);
+    assert_eq!(nowhere.status.code(), Some(3), "{nowhere:?}");
+}
+
+#[test]
+fn results_that_cannot_be_used_are_named_with_a_remedy() {
+    let empty = trends(&Folder::new(), &[]);
+    assert_eq!(empty.status.code(), Some(2));
+    assert!(
+        errors(&empty).contains("no file `*.parquet`; write results with"),
+        "{}",
+        errors(&empty)
+    );
+
+    let torn = Folder::with(&days(0.0));
+    std::fs::write(torn.0.join("torn.parquet"), b"PAR1 and no more").unwrap();
+    let said = trends(&torn, &[]);
+    assert_eq!(said.status.code(), Some(2));
+    assert!(
+        errors(&said).contains("torn.parquet") && errors(&said).contains("--resume"),
+        "{}",
+        errors(&said)
+    );
+
+    let twice = Folder::with(&days(0.0));
+    write(&twice.0.join("again.parquet"), "again", &days(0.0)[3]);
+    let said = trends(&twice, &[]);
+    assert_eq!(said.status.code(), Some(2));
+    assert!(errors(&said).contains("diagnosed twice"), "{}", errors(&said));
+
+    let timeless: Vec<Recorded> =
+        days(0.0).into_iter().map(|one| Recorded { day: None, ..one }).collect();
+    let said = trends(&Folder::with(&timeless), &[]);
+    assert_eq!(said.status.code(), Some(2));
+    assert!(errors(&said).contains("none of 20 recordings has a time"), "{}", errors(&said));
+}
+
+#[test]
+fn refused_recordings_and_those_without_a_time_are_counted() {
+    let mut all = days(0.0);
+    all[4].findings = None;
+    all[5].day = None;
+    let said = trends(&Folder::with(&all), &[]);
+    assert_eq!(said.status.code(), Some(0), "{said:?}");
+    let text = String::from_utf8_lossy(&said.stdout).into_owned();
+    assert!(
+        text.contains("20 recordings")
+            && text.contains("1 refused")
+            && text.contains("1 without a time"),
+        "{text}"
+    );
+}
+
+#[test]
+fn another_parquet_file_is_named_by_its_missing_column() {
+    use datafusion::arrow::array::{Int64Array, RecordBatch};
+    let folder = Folder::with(&days(0.0));
+    let column: datafusion::arrow::array::ArrayRef = std::sync::Arc::new(Int64Array::from(vec![1]));
+    let batch = RecordBatch::try_from_iter([("other", column)]).unwrap();
+    let file = std::fs::File::create(folder.0.join("other.parquet")).unwrap();
+    let mut writer =
+        datafusion::parquet::arrow::ArrowWriter::try_new(file, batch.schema(), None).unwrap();
+    writer.write(&batch).unwrap();
+    writer.close().unwrap();
+    let said = trends(&folder, &[]);
+    assert_eq!(said.status.code(), Some(2));
+    assert!(errors(&said).contains("other.parquet: column `key` is missing"), "{}", errors(&said));
+}
