@@ -7,7 +7,7 @@
 //!
 //! Not physical: one change for each series. A robot that grew worse and was repaired looks like a weaker growth or a step.
 
-use crate::likelihood::{Fit, Row, TERMS, fit};
+use crate::likelihood::{Fit, Reading, Row, TERMS, fit};
 use crate::series::{Observation, Series};
 use crate::settings::Settings;
 use crate::time::months;
@@ -126,7 +126,8 @@ fn kelvins(observations: &[Observation], settings: &Settings) -> Option<Vec<f64>
     let low = known.iter().copied().fold(f64::INFINITY, f64::min);
     let high = known.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let is_known = known.len() as f64 >= TEMPERATURES * observations.len() as f64;
-    if !is_known || !(high - low >= settings.temperature_range_k) {
+    let is_wide = high - low >= settings.temperature_range_k;
+    if !is_known || !is_wide {
         return None;
     }
     let mean = known.iter().sum::<f64>() / known.len() as f64;
@@ -162,6 +163,7 @@ fn tried(
     let count = observations.len();
     let (from, to) = (1, count - settings.least_after);
     let stride = (to + 1 - from).div_ceil(ONSETS).max(1);
+    let is_bounded = observations.iter().any(|one| matches!(one.reading, Reading::Below { .. }));
     let mut fits: Vec<Tried> = Vec::new();
     for first in (from..=to).step_by(stride) {
         let changed = |i: usize| match kind {
@@ -171,11 +173,10 @@ fn tried(
         let rows = rows(observations, kelvins, changed);
         let active = [true, true, kelvins.is_some()];
         let near = fits.last().map_or(constant, |one| &one.fit);
-        let (warm, cold) = (
-            fit(&rows, active, settings.missed_share, Some(near)),
-            fit(&rows, active, settings.missed_share, None),
-        );
-        let better = if warm.log_likelihood > cold.log_likelihood { warm } else { cold };
+        let warm = fit(&rows, active, settings.missed_share, Some(near));
+        // With bounds the likelihood may have two maxima: the other is looked for from anew.
+        let cold = is_bounded.then(|| fit(&rows, active, settings.missed_share, None));
+        let better = cold.filter(|cold| cold.log_likelihood > warm.log_likelihood).unwrap_or(warm);
         fits.push(Tried { kind, first, fit: better, reach: changed(count - 1) });
     }
     fits

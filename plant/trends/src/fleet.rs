@@ -118,7 +118,7 @@ pub struct Alert {
     /// Change per kelvin of ambient temperature, which is taken out; none where it was not recorded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub per_kelvin: Option<f64>,
-    /// Other numbers of the same effect that change.
+    /// Other numbers of the same effect that change, and other names that recordings give it: `EFFECT.PARAMETER`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub also: Vec<String>,
 }
@@ -269,21 +269,29 @@ fn summary(
     }
 }
 
-/// One for each effect: that of its most probable number.
+/// One for each effect: that of its most probable number. Another name that diagnoses give the same effect in other recordings is told with it.
 fn alerts_of<'a>(told: impl Iterator<Item = &'a Searched>, settings: &Settings) -> Vec<Alert> {
-    let mut alerts: Vec<Alert> = Vec::new();
+    let mut alerts: Vec<(&Searched, Alert)> = Vec::new();
     for one in told {
-        let number = &one.series.number;
-        let same = alerts.iter_mut().find(|alert| {
-            (&alert.robot, &alert.domain, &alert.effect, alert.joint, &alert.change)
-                == (&number.robot, &number.domain, &number.effect, number.joint, &number.change)
-        });
+        let same = alerts.iter_mut().find(|(lead, _)| is_same(&lead.series, &one.series, settings));
         match same {
-            Some(alert) => alert.also.push(number.name()),
-            None => alerts.push(alert(one, settings)),
+            Some((_, alert)) => alert.also.push(one.series.number.path()),
+            None => alerts.push((one, alert(one, settings))),
         }
     }
-    alerts
+    alerts.into_iter().map(|(_, alert)| alert).collect()
+}
+
+/// Whether two series tell of one thing: numbers of one effect, or two names at one joint that are hardly ever given together.
+fn is_same(lead: &Series, other: &Series, settings: &Settings) -> bool {
+    let (a, b) = (&lead.number, &other.number);
+    if (&a.robot, &a.domain, a.joint) != (&b.robot, &b.domain, b.joint) {
+        return false;
+    }
+    let places = lead.places();
+    let together = other.places().iter().filter(|place| places.contains(place)).count() as f64;
+    let is_rival = together <= settings.beside_share * lead.found().min(other.found()) as f64;
+    (&a.effect, &a.change) == (&b.effect, &b.change) || is_rival
 }
 
 fn alert(one: &Searched, settings: &Settings) -> Alert {

@@ -267,11 +267,8 @@ fn between(rows: &[Row], coefficients: &[f64; TERMS], largest: f64) -> f64 {
     let (mut low, mut high) = (largest * largest * 1e-12, 4.0 * largest * largest);
     for _ in 0..50 {
         let middle = 0.5 * (low + high);
-        if slope(middle) > 0.0 {
-            low = middle
-        } else {
-            high = middle
-        }
+        let end = if slope(middle) > 0.0 { &mut low } else { &mut high };
+        *end = middle;
         if high - low < 1e-4 * high {
             break;
         }

@@ -72,6 +72,15 @@ fn numbers(least_found: usize) -> String {
     )
 }
 
+/// An effect that a recording claims.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Name {
+    /// Effect.
+    pub effect: String,
+    /// Joint, from 1; none for effects of the whole robot.
+    pub joint: Option<i64>,
+}
+
 /// A domain of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
@@ -84,7 +93,7 @@ pub struct Recording {
     /// Mean ambient temperature, °C.
     pub ambient_c: Option<f64>,
     /// Effects that it claims, with their joints.
-    pub named: Vec<(String, Option<i64>)>,
+    pub named: Vec<Name>,
 }
 
 /// A robot in a domain.
@@ -118,11 +127,14 @@ pub struct Number {
 }
 
 impl Number {
-    /// Parameter and place: `shift_mm[2]`.
+    /// Effect, parameter and place: `axis_shift.shift_mm[2]`.
     #[must_use]
-    pub fn name(&self) -> String {
-        self.index
-            .map_or_else(|| self.parameter.clone(), |index| format!("{}[{index}]", self.parameter))
+    pub fn path(&self) -> String {
+        let Self { effect, parameter, .. } = self;
+        self.index.map_or_else(
+            || format!("{effect}.{parameter}"),
+            |index| format!("{effect}.{parameter}[{index}]"),
+        )
     }
 }
 
@@ -259,14 +271,13 @@ impl Table {
     }
 
     async fn recordings(&self) -> Result<BTreeMap<Robot, Vec<Recording>>, TrendsError> {
-        let mut named: BTreeMap<(String, String), Vec<(String, Option<i64>)>> = BTreeMap::new();
+        let mut named: BTreeMap<(String, String), Vec<Name>> = BTreeMap::new();
         for batch in self.rows("names", NAMES).await? {
             for row in 0..batch.len() {
                 let recording = (batch.text("key", row), batch.text("domain", row));
-                named
-                    .entry(recording)
-                    .or_default()
-                    .push((batch.text("effect", row), batch.whole("joint", row)));
+                let name =
+                    Name { effect: batch.text("effect", row), joint: batch.whole("joint", row) };
+                named.entry(recording).or_default().push(name);
             }
         }
         let mut robots: BTreeMap<Robot, Vec<Recording>> = BTreeMap::new();

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use crate::likelihood::Reading;
-use crate::results::{Found, Number, Recording, Results};
+use crate::results::{Found, Name, Number, Recording, Results};
 use crate::settings::Settings;
 
 /// A recording that says something of the number.
@@ -42,7 +42,13 @@ impl Series {
     /// Recordings in which it was found.
     #[must_use]
     pub fn found(&self) -> usize {
-        self.observations.iter().filter(|one| matches!(one.reading, Reading::Value { .. })).count()
+        self.places().len()
+    }
+
+    /// Which recordings these are.
+    pub(crate) fn places(&self) -> Vec<usize> {
+        let is_found = |one: &&Observation| matches!(one.reading, Reading::Value { .. });
+        self.observations.iter().filter(is_found).map(|one| one.place).collect()
     }
 }
 
@@ -127,24 +133,24 @@ fn instead<'a>(
     found: &BTreeMap<String, Found>,
     recordings: &'a [Recording],
     settings: &Settings,
-) -> Vec<&'a (String, Option<i64>)> {
+) -> Vec<&'a Name> {
     let has = |recording: &Recording| found.contains_key(&recording.key);
     let is_near = |joint: Option<i64>| match (number.joint, joint) {
         (Some(own), Some(other)) => (own - other).abs() <= 1,
         _ => true,
     };
-    let mut names: Vec<&(String, Option<i64>)> = recordings
+    let mut names: Vec<&Name> = recordings
         .iter()
         .filter(|recording| !has(recording))
         .flat_map(|recording| &recording.named)
-        .filter(|(effect, joint)| {
-            is_near(*joint) && (effect, *joint) != (&number.effect, number.joint)
+        .filter(|name| {
+            is_near(name.joint) && (&name.effect, name.joint) != (&number.effect, number.joint)
         })
         .collect();
     names.sort_unstable();
     names.dedup();
     let with = recordings.iter().filter(|recording| has(recording)).count().max(1) as f64;
-    let beside = |name: &(String, Option<i64>)| {
+    let beside = |name: &Name| {
         recordings
             .iter()
             .filter(|recording| has(recording) && recording.named.contains(name))

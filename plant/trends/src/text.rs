@@ -67,6 +67,11 @@ pub fn sentence(alert: &Alert) -> String {
     } else {
         format!(", between {} and {}", since.day_ci95[0], since.day_ci95[1])
     };
+    let [low, high] = alert.before.ci95;
+    let before = match low <= 0.0 && 0.0 <= high {
+        true => "0 within its uncertainty".to_owned(),
+        false => with_unit(alert.before.value),
+    };
     let mut text = format!(
         "{}, {}: {} {what} since {} (recording {}{between}); probability {:.3}. It was {} and is {}",
         alert.robot,
@@ -75,7 +80,7 @@ pub fn sentence(alert: &Alert) -> String {
         since.day,
         since.recording,
         alert.probability.min(0.999),
-        with_unit(alert.before.value),
+        before,
         with_unit(alert.now.value)
     );
     if let Some(size) = &alert.size_now {
@@ -88,6 +93,9 @@ pub fn sentence(alert: &Alert) -> String {
         );
     }
     text.push('.');
+    if !alert.also.is_empty() {
+        let _ = write!(text, " Also: {}.", alert.also.join(", "));
+    }
     if let Some(reaches) = &alert.reaches_tolerance {
         text += &tolerance(reaches);
     }

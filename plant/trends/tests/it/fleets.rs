@@ -154,3 +154,29 @@ fn the_order_of_files_and_folders_changes_nothing() {
     assert_eq!(json(&[&one, &two]), json(&[&two, &one]));
     assert_eq!(json(&[&one, &two]), json(&[&one, &two, &one]), "a folder twice");
 }
+
+#[test]
+fn two_names_for_one_wear_are_one_alert() {
+    let hysteresis = |value: f64| Finding {
+        effect: "hysteresis",
+        parameter: "amplitude_mrad",
+        ..backlash(value)
+    };
+    let worn = robot("A", 9, |day, noise| {
+        let width = 0.2 + 0.01 * day as f64 + noise(0.008);
+        vec![if day % 3 == 0 { hysteresis(width) } else { backlash(width) }]
+    });
+    let answer = told(&worn, &Settings::default());
+    assert_eq!(answer.alerts.len(), 1, "{answer:#?}");
+    assert_eq!(answer.alerts[0].effect, "backlash");
+    assert_eq!(answer.alerts[0].also, ["hysteresis.amplitude_mrad"]);
+}
+
+#[test]
+fn forty_robots_that_do_not_change_raise_no_alarm() {
+    for (seed, recordings) in [(1, 12), (2, 30), (3, 60)] {
+        let answer = trends::answer(&crate::still::fleet(seed, recordings), &Settings::default());
+        assert!(answer.series > 180, "{recordings} recordings: {} series", answer.series);
+        assert!(answer.alerts.is_empty(), "{recordings} recordings: {:#?}", answer.alerts);
+    }
+}

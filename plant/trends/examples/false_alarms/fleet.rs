@@ -1,4 +1,4 @@
-//! How often a fleet in which nothing changes raises an alarm, and how much growth is found: `cargo run --release --example false_alarms -- FLEETS RECORDINGS`.
+//! A fleet in which nothing changes.
 //!
 //! Forty robots with six numbers each. A number has a level, a standard uncertainty as stated, scatter between recordings of none to three of these, some
 //! recordings that miss it, some that lie near the limit of what is found, and some that follow the ambient temperature. Recordings come at uneven times.
@@ -8,35 +8,15 @@ use std::collections::BTreeMap;
 use rand::{Rng, RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use trends::Settings;
 use trends::results::{Count, Found, Number, Recording, Results, Robot};
-use trends::{Settings, answer};
 
-const ROBOTS: usize = 40;
+pub(crate) const ROBOTS: usize = 40;
 const NUMBERS: i64 = 6;
 const DAY_US: i64 = 86_400_000_000;
 
-fn main() {
-    let words: Vec<usize> = std::env::args().skip(1).filter_map(|word| word.parse().ok()).collect();
-    let (fleets, recordings) =
-        (words.first().copied().unwrap_or(100), words.get(1).copied().unwrap_or(50));
-    let settings = Settings::default();
-    let (mut alarmed, mut alerts, mut searched) = (0, 0, 0);
-    for seed in 0..fleets {
-        let answer = answer(&fleet(seed as u64, recordings), &settings);
-        let told = answer.alerts.len() + answer.decreases.len();
-        alarmed += usize::from(told > 0);
-        alerts += told;
-        searched += answer.series;
-    }
-    let out = format!(
-        "{fleets} fleets of {ROBOTS} robots, {recordings} recordings each, {} series a fleet: {alarmed} fleets with a change told ({:.1} %), {alerts} changes\n",
-        searched / fleets.max(1),
-        100.0 * alarmed as f64 / fleets.max(1) as f64
-    );
-    let _ = std::io::Write::write_all(&mut std::io::stdout(), out.as_bytes());
-}
-
-fn fleet(seed: u64, visits: usize) -> Results {
+/// So many recordings of each robot.
+pub(crate) fn fleet(seed: u64, visits: usize) -> Results {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut results =
         Results { counts: Vec::new(), recordings: BTreeMap::new(), numbers: BTreeMap::new() };
