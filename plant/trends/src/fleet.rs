@@ -76,6 +76,9 @@ pub struct Alert {
     /// Joint, from 1; none for effects of the whole robot.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub joint: Option<i64>,
+    /// Which of several effects of this kind at the joint: cycles per revolution (per metre), or the driving joint, as a whole number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub form: Option<i64>,
     /// Parameter with its unit, as in model files.
     pub parameter: String,
     /// Place in the list, from 1.
@@ -291,7 +294,8 @@ fn is_same(lead: &Series, other: &Series, settings: &Settings) -> bool {
     let places = lead.places();
     let together = other.places().iter().filter(|place| places.contains(place)).count() as f64;
     let is_rival = together <= settings.beside_share * lead.found().min(other.found()) as f64;
-    (&a.effect, &a.change) == (&b.effect, &b.change) || is_rival
+    (&a.effect, a.form, &a.change) == (&b.effect, b.form, &b.change)
+        || (a.effect != b.effect && is_rival)
 }
 
 fn alert(one: &Searched, settings: &Settings) -> Alert {
@@ -306,6 +310,7 @@ fn alert(one: &Searched, settings: &Settings) -> Alert {
         domain: number.domain.clone(),
         effect: number.effect.clone(),
         joint: number.joint,
+        form: number.form,
         parameter: number.parameter.clone(),
         index: number.index,
         change: number.change.clone(),

@@ -83,8 +83,12 @@ fn plot(one: &Searched) -> Plot {
     let (name, unit) = number_and_unit(&number.parameter);
     let index = number.index.map_or(String::new(), |index| format!(" {index}"));
     let joint = number.joint.map_or(String::new(), |joint| format!(" {joint}"));
-    let title =
-        format!("{}: {}{joint}, {name}{index}", number.robot, number.effect.replace('_', " "));
+    let form = number.form.map_or(String::new(), |form| format!(" ({form})"));
+    let title = format!(
+        "{}: {}{joint}{form}, {name}{index}",
+        number.robot,
+        number.effect.replace('_', " ")
+    );
     let start = observations.first().map_or(0, |one| one.at_us);
     let at = |at_us: i64| months(start, at_us);
     let found = observations.iter().filter_map(|one| match one.reading {

@@ -55,20 +55,26 @@ const COUNTS: &str = "SELECT robot, COUNT(DISTINCT key) AS recordings, COUNT(DIS
 const NAMES: &str = "SELECT DISTINCT key, domain, effect, joint FROM results WHERE subject = 'finding' AND claimed AND recorded_at IS NOT NULL \
      ORDER BY key, domain, effect, joint";
 
+/// Parameters by which several effects of one kind at one joint are told apart, rounded to whole numbers.
+const KINDS: &str = "'cycles_per_rev', 'cycles_per_m', 'from_joint'";
+
 /// Numbers of effects that are claimed often enough, with what the effect does to what was measured per unit of the number. Candidates are taken with them: their
-/// numbers are estimates like the others', and leaving them out would select by size.
+/// numbers are estimates like the others', and leaving them out would select by size. Rows of one finding share its words.
 fn numbers(least_found: usize) -> String {
     format!(
-        "WITH strength AS (SELECT DISTINCT key, robot, domain, effect, joint, change, parameter, \"index\", value, low, high, size_rms, size_max, claimed \
-           FROM results WHERE subject = 'finding' AND recorded_at IS NOT NULL AND value IS NOT NULL AND parameter NOT IN ({FORMS})), \
-         long AS (SELECT robot, domain, effect, joint, change, parameter, \"index\" FROM strength \
-           GROUP BY robot, domain, effect, joint, change, parameter, \"index\" HAVING SUM(CASE WHEN claimed THEN 1 ELSE 0 END) >= {least_found}), \
-         normed AS (SELECT *, SQRT(SUM(value * value) OVER (PARTITION BY key, domain, effect, joint, change, parameter)) AS norm FROM strength) \
-         SELECT n.key, n.robot, n.domain, n.effect, n.joint, n.change, n.parameter, n.\"index\" AS place, n.value, (n.high - n.low) / 3.92 AS sigma, \
+        "WITH finding AS (SELECT DISTINCT key, robot, domain, effect, joint, change, parameter, \"index\", value, low, high, size_rms, size_max, claimed, says \
+           FROM results WHERE subject = 'finding' AND recorded_at IS NOT NULL AND value IS NOT NULL), \
+         known AS (SELECT *, MAX(CASE WHEN parameter IN ({KINDS}) THEN CAST(ROUND(value) AS BIGINT) END) \
+           OVER (PARTITION BY key, domain, effect, joint, change, says) AS form FROM finding), \
+         strength AS (SELECT * FROM known WHERE parameter NOT IN ({FORMS})), \
+         long AS (SELECT robot, domain, effect, joint, form, change, parameter, \"index\" FROM strength \
+           GROUP BY robot, domain, effect, joint, form, change, parameter, \"index\" HAVING SUM(CASE WHEN claimed THEN 1 ELSE 0 END) >= {least_found}), \
+         normed AS (SELECT *, SQRT(SUM(value * value) OVER (PARTITION BY key, domain, effect, joint, change, parameter, says)) AS norm FROM strength) \
+         SELECT n.key, n.robot, n.domain, n.effect, n.joint, n.form, n.change, n.parameter, n.\"index\" AS place, n.value, (n.high - n.low) / 3.92 AS sigma, \
            n.size_rms / n.norm AS rms_per_unit, n.size_max / n.norm AS max_per_unit \
          FROM normed n JOIN long l ON n.robot = l.robot AND n.domain = l.domain AND n.effect = l.effect AND (n.joint IS NOT DISTINCT FROM l.joint) \
-           AND n.change = l.change AND n.parameter = l.parameter AND (n.\"index\" IS NOT DISTINCT FROM l.\"index\") \
-         ORDER BY n.robot, n.domain, n.effect, n.joint, n.change, n.parameter, place, n.key"
+           AND (n.form IS NOT DISTINCT FROM l.form) AND n.change = l.change AND n.parameter = l.parameter AND (n.\"index\" IS NOT DISTINCT FROM l.\"index\") \
+         ORDER BY n.robot, n.domain, n.effect, n.joint, n.form, n.change, n.parameter, place, n.key, n.size_max, n.value"
     )
 }
 
@@ -118,6 +124,8 @@ pub struct Number {
     pub effect: String,
     /// Joint, from 1; none for effects of the whole robot.
     pub joint: Option<i64>,
+    /// Which of several effects of this kind at the joint: cycles per revolution (per metre), or the driving joint, as a whole number.
+    pub form: Option<i64>,
     /// `new`, or `revised`: a difference to the model.
     pub change: String,
     /// Parameter with its unit.
@@ -315,8 +323,10 @@ impl Table {
                 let [robot, domain, effect, change, parameter] =
                     ["robot", "domain", "effect", "change", "parameter"]
                         .map(|name| batch.text(name, row));
-                let (joint, index) = (batch.whole("joint", row), batch.whole("place", row));
-                let number = Number { robot, domain, effect, joint, change, parameter, index };
+                let [joint, form, index] =
+                    ["joint", "form", "place"].map(|name| batch.whole(name, row));
+                let number =
+                    Number { robot, domain, effect, joint, form, change, parameter, index };
                 let [sigma, rms_per_unit, max_per_unit] = ["sigma", "rms_per_unit", "max_per_unit"]
                     .map(|name| batch.number(name, row).filter(|value| value.is_finite()));
                 let Some(value) = batch.number("value", row).filter(|value| value.is_finite())

@@ -117,11 +117,17 @@ fn tolerance(reaches: &Reaches) -> String {
     }
 }
 
-/// Effect and joint: `backlash of joint 2`.
+/// Effect and joint: `backlash of joint 2`, `transmission error of joint 3 at 2 cycles`.
 #[must_use]
 pub fn place(alert: &Alert) -> String {
     let effect = alert.effect.replace('_', " ");
-    alert.joint.map_or_else(|| effect.clone(), |joint| format!("{effect} of joint {joint}"))
+    let at_joint = alert.joint.map_or(String::new(), |joint| format!(" of joint {joint}"));
+    let form = match alert.form {
+        Some(joint) if alert.effect == "joint_coupling" => format!(" to joint {joint}"),
+        Some(cycles) => format!(" at {cycles} cycles"),
+        None => String::new(),
+    };
+    format!("{effect}{at_joint}{form}")
 }
 
 /// The number without its unit: `width`, `shift 2`.

@@ -91,6 +91,7 @@ fn series(
         domain: "position".to_owned(),
         effect: "joint_offset".to_owned(),
         joint: Some(joint),
+        form: None,
         change: "new".to_owned(),
         parameter: "offset_mrad".to_owned(),
         index: None,

@@ -35,6 +35,7 @@ fn offset(value: f64) -> Finding {
         value,
         sigma: 0.005,
         claimed: true,
+        says: "stands off",
     }
 }
 
@@ -179,4 +180,30 @@ fn forty_robots_that_do_not_change_raise_no_alarm() {
         assert!(answer.series > 180, "{recordings} recordings: {} series", answer.series);
         assert!(answer.alerts.is_empty(), "{recordings} recordings: {:#?}", answer.alerts);
     }
+}
+
+#[test]
+fn two_waves_of_one_gear_are_two_series() {
+    let wave = |cycles: f64, says: &'static str, amplitude: f64| {
+        let amplitude = Finding {
+            effect: "transmission_error",
+            joint: Some(3),
+            parameter: "amplitude_mrad",
+            value: amplitude,
+            sigma: 0.01,
+            claimed: true,
+            says,
+        };
+        let cycles = Finding { parameter: "cycles_per_rev", value: cycles, ..amplitude.clone() };
+        [amplitude, cycles]
+    };
+    let worn = robot("A", 10, |day, noise| {
+        let slow = wave(2.0, "slow", 0.5 + noise(0.01));
+        let fast = wave(23.1, "fast", 0.2 + 0.005 * day as f64 + noise(0.01));
+        [slow, fast].concat()
+    });
+    let answer = told(&worn, &Settings::default());
+    assert_eq!(answer.series, 2, "{answer:#?}");
+    assert_eq!(answer.alerts.len(), 1, "{answer:#?}");
+    assert_eq!(answer.alerts[0].form, Some(23));
 }
