@@ -13,10 +13,13 @@ use crate::solve::{Solution, Solver};
 use crate::world::{World, WrenchSample};
 use crate::wrench::WrenchPath;
 use envelope::{Elapsed, Intervals, Limiters, Limits};
+use glam::DVec3;
 use physics::{Arm, Chain, Evaluation, Frame, Inputs, JOINTS_MAX, Joints, Model, Wrench};
 
 /// Share of the envelope's rate at which a correction is taken back ahead of a joint limit.
 const TAKEN_BACK_SHARE: f64 = 0.5;
+/// The force that probes how far the tool gives way, N: that of a cut.
+const PROBE_N: f64 = 100.0;
 
 /// The correction of one robot.
 #[derive(Clone, Debug)]
@@ -196,6 +199,24 @@ impl Corrector {
         model.deviate_into(&there, self.path.memories(), &mut evaluation, None);
         evaluation.stand(&model.arm, &there);
         evaluation.beyond.is_none().then_some(evaluation.real.base_from_tool)
+    }
+
+    /// How far the tool gives way along `force_n`, by the model at the last accepted command, m/N: two more evaluations. None before the first command, and where an
+    /// effect is beyond what its law holds for. Without a force it is that along the tool's axis.
+    pub fn compliance_along(&self, model: &Model, force_n: DVec3, in_base: bool) -> Option<f64> {
+        let inputs = self.path.last()?;
+        let axes = Chain::tool_at(&model.arm, &inputs.q).rotation;
+        let force_n = if in_base { force_n } else { axes * force_n };
+        let along = force_n.try_normalize().unwrap_or(axes.z_axis);
+        let mut evaluation = Evaluation::default();
+        let mut tool_m = |newtons: f64| {
+            let mut pushed = *inputs;
+            pushed.wrench_base = Wrench { force: along * newtons, ..Wrench::ZERO };
+            model.evaluate_into(&pushed, self.path.memories(), &mut evaluation);
+            evaluation.beyond.is_none().then_some(evaluation.real.base_from_tool.origin)
+        };
+        let moved_m = tool_m(PROBE_N)? - tool_m(-PROBE_N)?;
+        Some(moved_m.length() / (2.0 * PROBE_N))
     }
 
     /// Whether corrections go out: not in shadow mode, not while bypassed.

@@ -16,6 +16,8 @@ mod bounded;
 mod corrector;
 mod damping;
 mod direction;
+mod feed;
+mod history;
 mod joints;
 mod judge;
 mod limited;
@@ -35,8 +37,11 @@ mod wrench;
 
 pub use crate::corrector::{Corrector, Wanted};
 pub use ageing::Ageing;
+pub use feed::{FEED_DELAYS, Feed, FeedInput, FeedLimit, FeedReport, FeedRules, FeedSettings};
 pub use judge::{Command, Judge};
-pub use outcome::{Gate, Outcome, Reason, Residual, Status, TrimReason, TrimState};
+pub use outcome::{
+    FeedReason, FeedState, Gate, Outcome, Reason, Residual, Status, TrimReason, TrimState,
+};
 pub use settings::{LIMITED_SHARE, Mode, Settings, Task, WrenchSettings};
 pub use solve::{Solution, Solver, solve};
 pub use trim::{DELAYS, GateRules, PointSample, Trim, TrimReport, TrimRules, TrimSettings};

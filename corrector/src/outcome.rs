@@ -66,6 +66,46 @@ pub enum TrimReason {
     Bounded,
 }
 
+/// What the feed override does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FeedState {
+    /// The cell has no limit for its feed, or it is switched off.
+    #[default]
+    Off,
+    /// No force is known: the override is at the one that the cell has set for that, or on its way there.
+    Lost,
+    /// The force is found and told; the programmed feed goes out.
+    Observing,
+    /// The tool is in the air.
+    Air,
+    /// The override keeps the limit.
+    Adapting,
+    /// The force is missing; the override stands.
+    Holding,
+}
+
+/// Why the feed override is so.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FeedReason {
+    /// Nothing to say.
+    #[default]
+    None,
+    /// No wrench has come.
+    NoWrench,
+    /// The wrench is older than the cell allows.
+    Stale,
+    /// The force stream or one of its channels has a fault.
+    SensorFault,
+    /// The wrench holds a number that is none, or is larger than any robot's.
+    NotFinite,
+    /// The model does not tell how far the tool gives way.
+    NoDeflection,
+    /// The robot stands: the force says nothing of the feed.
+    AtRest,
+    /// The floor of the override does not keep the limit.
+    AtFloor,
+}
+
 /// Why it was made so.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reason {

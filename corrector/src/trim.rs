@@ -18,16 +18,15 @@
 //! resets it at once: the joints' limiters ramp it to zero. Never: a clock.
 
 mod gate;
-mod history;
 #[cfg(test)]
 mod tests;
 
+use crate::history::History;
 use crate::outcome::{TrimReason, TrimState};
 use gate::{Gate, Verdict};
 
 pub use gate::GateRules;
 use glam::DVec3;
-use history::History;
 use libm::{expm1, sqrt};
 use physics::Frame;
 
@@ -139,7 +138,7 @@ pub struct TrimReport {
 #[derive(Clone, Debug)]
 pub struct Trim {
     settings: TrimSettings,
-    history: History,
+    history: History<DVec3>,
     gate: Gate,
     /// The newest deviation that was believed, and when it came.
     deviation_m: DVec3,

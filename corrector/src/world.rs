@@ -70,10 +70,15 @@ impl World {
 }
 
 impl WrenchSample {
-    fn sound(self) -> Self {
+    /// Whether its numbers can be those of a robot cell.
+    pub(crate) fn is_possible(&self) -> bool {
         let Wrench { force, moment } = self.wrench;
         let all = [force.x, force.y, force.z, moment.x, moment.y, moment.z];
-        if all.iter().all(|x| x.abs() <= LOAD_MAX) {
+        all.iter().all(|x| x.abs() <= LOAD_MAX)
+    }
+
+    fn sound(self) -> Self {
+        if self.is_possible() {
             self
         } else {
             Self { wrench: Wrench::ZERO, age_ns: u64::MAX, ..self }

@@ -23,6 +23,7 @@ mod limiter;
 mod limiters;
 mod limits;
 mod motion;
+mod override_limits;
 mod plan;
 mod track;
 
@@ -30,3 +31,4 @@ pub use elapsed::{Elapsed, Intervals};
 pub use limiter::Limiter;
 pub use limiters::Limiters;
 pub use limits::{Limits, LimitsError};
+pub use override_limits::OverrideLimits;

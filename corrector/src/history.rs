@@ -1,10 +1,10 @@
-//! Predicted positions of the measured point at past times, for the comparison with delayed measurements.
+//! Past values for the comparison with delayed measurements: predicted positions of the measured point, or feed overrides.
 //!
 //! A ring of [`KEPT`] points, at least [`SPACING_NS`] apart: it reaches back a second at least, at any rate of commands. Linear interpolation between points, and linear extrapolation beyond
 //! the newest by at most its distance from the previous one, because a present measurement lies between the last command and the next.
 //! Never: a point before the first, later than that, or across a gap of more than [`GAP_NS`].
 
-use glam::DVec3;
+use core::ops::{Add, Mul};
 
 /// Points kept.
 const KEPT: usize = 1024;
@@ -14,46 +14,46 @@ const SPACING_NS: u64 = 1_000_000;
 const GAP_NS: u64 = 50_000_000;
 
 #[derive(Clone, Copy, Debug)]
-struct Point {
+struct Point<V> {
     t_ns: u64,
-    at_m: DVec3,
+    value: V,
 }
 
 /// The points, newest last.
 #[derive(Clone, Debug)]
-pub(super) struct History {
-    points: [Point; KEPT],
+pub(crate) struct History<V> {
+    points: [Point<V>; KEPT],
     /// Where the next one goes.
     next: usize,
     count: usize,
 }
 
-impl History {
-    pub(super) fn new() -> Self {
-        Self { points: [Point { t_ns: 0, at_m: DVec3::ZERO }; KEPT], next: 0, count: 0 }
+impl<V: Copy + Default + Add<Output = V> + Mul<f64, Output = V>> History<V> {
+    pub(crate) fn new() -> Self {
+        Self { points: [Point { t_ns: 0, value: V::default() }; KEPT], next: 0, count: 0 }
     }
 
     /// Forgets all of it.
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.count = 0;
     }
 
     /// Keeps a point; one that is not later than the newest begins the ring anew.
-    pub(super) fn keep(&mut self, t_ns: u64, at_m: DVec3) {
+    pub(crate) fn keep(&mut self, t_ns: u64, value: V) {
         match self.back(0) {
             Some(newest) if t_ns <= newest.t_ns => self.clear(),
             Some(newest) if t_ns - newest.t_ns < SPACING_NS => return,
             _ => {}
         }
         if let Some(place) = self.points.get_mut(self.next) {
-            *place = Point { t_ns, at_m };
+            *place = Point { t_ns, value };
         }
         self.next = (self.next + 1) % KEPT;
         self.count = (self.count + 1).min(KEPT);
     }
 
-    /// The point at that time, base frame, m.
-    pub(super) fn at(&self, t_ns: u64) -> Option<DVec3> {
+    /// The value at that time.
+    pub(crate) fn at(&self, t_ns: u64) -> Option<V> {
         let mut later = self.back(0)?;
         for age in 1..self.count {
             let earlier = self.back(age)?;
@@ -61,7 +61,7 @@ impl History {
                 let (since_ns, apart_ns) = (t_ns - earlier.t_ns, later.t_ns - earlier.t_ns);
                 let share = since_ns as f64 / apart_ns as f64;
                 let reaches = apart_ns <= GAP_NS && since_ns <= 2 * apart_ns;
-                return reaches.then(|| earlier.at_m.lerp(later.at_m, share));
+                return reaches.then(|| earlier.value * (1.0 - share) + later.value * share);
             }
             later = earlier;
         }
@@ -69,7 +69,7 @@ impl History {
     }
 
     /// The point kept so many before the newest.
-    fn back(&self, age: usize) -> Option<Point> {
+    fn back(&self, age: usize) -> Option<Point<V>> {
         let index = (self.next + KEPT).checked_sub(1 + age)? % KEPT;
         self.points.get(index).filter(|_| age < self.count).copied()
     }
@@ -78,10 +78,11 @@ impl History {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
 
     const MS: u64 = 1_000_000;
 
-    fn line(every_ns: u64, count: u64) -> History {
+    fn line(every_ns: u64, count: u64) -> History<DVec3> {
         let mut history = History::new();
         (1..=count).for_each(|k| history.keep(k * every_ns, DVec3::X * (k * every_ns) as f64));
         history

@@ -1,0 +1,381 @@
+//! Adapts the feed to the force: an override of the programmed feed, at most 1, that keeps the process force under a limit.
+//!
+//! The force of a cut grows with its feed, `F = P oᵐ`: `o` is the override in force when the force arose, and `P` the force that the cut would take at the programmed feed. `P` changes with
+//! depth, width and wear, and is found from what was sent and what was measured:
+//!
+//! ```text
+//! P(t) = ‖L[F](t)‖ / L[o(t − delay)ᵐ]      L = 1 / (1 + s T)      o = (limit / P)^(1/m), within the floor and 1, at bounded rates
+//! ```
+//!
+//! With the stated delay the override cancels out of `P`: no loop is closed, at any gain. A delay that is not as stated closes one, in the logarithm of the override
+//! `(e^(−sτ) − e^(−sτ')) / (1 + s T)`: internal model control (Morari and Zafiriou, *Robust Process Control*, 1989, ch. 3). Its gain is at most `|τ − τ'| / T` at every frequency, so that with `T` of two
+//! stated delays or more the gain margin is 2 or more at every delay up to twice the stated one (small-gain theorem).
+//! The controlled material removal rate of Wang, Zhang and Fuhlbrigge (IROS 2009 and before) does the same by the force per feed.
+//!
+//! A deflection limit is a force limit over the model's compliance along the force. Where the robot stands, force says nothing of the feed: `P` and the override stand too.
+//!
+//! Promises: in every state a number from the floor to 1, that changes by no more than the rates; the same sequence of inputs gives the same bits. Never: a clock.
+
+#[cfg(test)]
+mod tests;
+
+use crate::history::History;
+use crate::outcome::{FeedReason, FeedState};
+use crate::world::WrenchSample;
+use envelope::OverrideLimits;
+use glam::DVec3;
+use libm::{expm1, pow, sqrt};
+
+/// Time constant of the estimate unless set, in stated delays; the least that keeps the gain margin.
+pub const FEED_DELAYS: f64 = 2.0;
+
+/// What is to be kept.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FeedLimit {
+    /// The process force, N.
+    Force(f64),
+    /// How far the tool gives way by the model, m.
+    Deflection(f64),
+}
+
+/// What a cell does not set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FeedRules {
+    /// A cycle that comes later than this counts as that long, s; above the longest cycle. Default 0.1: commands have paused, and nothing is made up for at once.
+    pub pause_s: f64,
+    /// Over so long the speed of the tool is measured, s; above 0. Default 0.01: longer than the cycle of most controllers, which repeat a setpoint within one.
+    pub speed_over_s: f64,
+    /// A programmed feed below this counts as a stop, m/s; above 0. Default 1e-4: slower than any machining feed, faster than what setpoints of a robot at rest differ by.
+    pub rest_m_s: f64,
+}
+
+impl Default for FeedRules {
+    fn default() -> Self {
+        Self { pause_s: 0.1, speed_over_s: 0.01, rest_m_s: 1e-4 }
+    }
+}
+
+/// What a cell sets of its feed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FeedSettings {
+    /// The override goes out; else it is only found and told, and what goes out is 1.
+    pub is_sent: bool,
+    /// What is to be kept.
+    pub limit: FeedLimit,
+    /// Floor and rates of the override.
+    pub bounds: OverrideLimits,
+    /// The override where no force is known; from the floor to 1.
+    pub lost: f64,
+    /// The largest override in the air; from the floor to 1.
+    pub air: f64,
+    /// Forces below this are none: the tool is in the air, N.
+    pub air_n: f64,
+    /// Without a force the override holds for so long, s; then it goes to `lost`.
+    pub hold_s: f64,
+    /// A force older than this is unknown, s.
+    pub stale_s: f64,
+    /// From an override to the force that comes of it, as it is known here, s; at most 0.5.
+    pub delay_s: f64,
+    /// Time constant of the estimate, s; at least [`FEED_DELAYS`] delays.
+    pub time_constant_s: f64,
+    /// How the force grows with the feed: `F ∝ feedᵐ`; above 0 to 1.
+    pub exponent: f64,
+    /// A force beyond so many limits takes the override down at once, as fast as it may; above 1.
+    pub relief: f64,
+    /// What a cell does not set.
+    pub rules: FeedRules,
+}
+
+/// What is known in a cycle.
+#[derive(Clone, Copy, Debug)]
+pub struct FeedInput {
+    /// The cycle's time, ns.
+    pub now_ns: u64,
+    /// The newest wrench.
+    pub wrench: Option<WrenchSample>,
+    /// Where the command puts the tool, base frame, m; none where the command was refused.
+    pub tool_m: Option<DVec3>,
+    /// How far the tool gives way along the force, by the model, m/N; none where the model does not tell.
+    pub compliance_m_per_n: Option<f64>,
+    /// Whether corrections go out.
+    pub corrects: bool,
+}
+
+/// How the feed is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FeedReport {
+    /// What it does.
+    pub state: FeedState,
+    /// Why.
+    pub reason: FeedReason,
+    /// What goes out: 1 is the programmed feed.
+    pub feed_override: f64,
+    /// What the force asks for.
+    pub wanted: f64,
+    /// The process force, low-passed, N; NaN where unknown.
+    pub force_n: f64,
+    /// What it would be at the programmed feed, N; NaN where unknown.
+    pub programmed_force_n: f64,
+    /// The limit as a force, N; NaN where unknown.
+    pub limit_n: f64,
+    /// Speed of the commanded tool, m/s; NaN where unknown.
+    pub speed_m_s: f64,
+    /// Forces that were refused: no numbers.
+    pub refused: u64,
+}
+
+/// A force that counts, and its limit.
+#[derive(Clone, Copy, Debug)]
+struct Load {
+    force_n: DVec3,
+    limit_n: f64,
+}
+
+/// What was found of the cut, both low-passed alike.
+#[derive(Clone, Copy, Debug)]
+struct Found {
+    force_n: DVec3,
+    /// The override in force when the force arose, to the exponent.
+    share: f64,
+}
+
+/// The feed of one tool.
+#[derive(Clone, Debug)]
+pub struct Feed {
+    settings: FeedSettings,
+    sent: History<f64>,
+    found: Option<Found>,
+    speed: Speed,
+    /// When a force was known last.
+    known_ns: Option<u64>,
+    stepped_ns: Option<u64>,
+    report: FeedReport,
+}
+
+impl Feed {
+    /// Nothing known yet: the override begins where it goes without a force.
+    #[must_use]
+    pub fn new(settings: FeedSettings, corrects: bool) -> Self {
+        let begins = if settings.is_sent && corrects { settings.lost } else { 1.0 };
+        Self {
+            settings,
+            sent: History::new(),
+            found: None,
+            speed: Speed::new(),
+            known_ns: None,
+            stepped_ns: None,
+            report: FeedReport {
+                feed_override: begins,
+                wanted: settings.lost,
+                ..FeedReport::nothing(FeedState::Lost)
+            },
+        }
+    }
+
+    /// The override of the cycle.
+    pub fn step(&mut self, input: &FeedInput) -> f64 {
+        let dt_s = self.elapse(input.now_ns);
+        let rules = self.settings.rules;
+        self.report.speed_m_s = self.speed.follow(&rules, input.now_ns, input.tool_m);
+        let load = self.load(input);
+        match &load {
+            Ok(load) => self.adapt(input.now_ns, load, dt_s),
+            Err(reason) => self.go_without(input.now_ns, *reason),
+        }
+        let is_sent = self.settings.is_sent && input.corrects;
+        if !is_sent && self.report.state != FeedState::Lost {
+            self.report.state = FeedState::Observing;
+        }
+        let relief = self.settings.relief;
+        let is_far = load.is_ok_and(|load| length(load.force_n) > relief * load.limit_n);
+        let report = &mut self.report;
+        let goal = match (is_sent, is_far) {
+            (false, _) => 1.0,
+            (true, true) => self.settings.bounds.floor(),
+            (true, false) => report.wanted,
+        };
+        report.feed_override = self.settings.bounds.step(report.feed_override, goal, dt_s);
+        self.sent.keep(input.now_ns, report.feed_override);
+        report.feed_override
+    }
+
+    /// How it is since the last step.
+    #[must_use]
+    pub fn report(&self) -> &FeedReport {
+        &self.report
+    }
+
+    /// Where the override goes where nobody steps it any more; `corrects` says whether corrections go out.
+    #[must_use]
+    pub fn lost(&self, corrects: bool) -> f64 {
+        if self.settings.is_sent && corrects { self.settings.lost } else { 1.0 }
+    }
+
+    /// What the cell has set.
+    #[must_use]
+    pub fn settings(&self) -> &FeedSettings {
+        &self.settings
+    }
+
+    /// The filtered force, in the axes that it came in, N; none where none is known.
+    #[must_use]
+    pub fn force_n(&self) -> Option<DVec3> {
+        self.found.map(|found| found.force_n)
+    }
+
+    fn elapse(&mut self, now_ns: u64) -> f64 {
+        let before_ns = self.stepped_ns.replace(now_ns).unwrap_or(now_ns);
+        seconds(now_ns.saturating_sub(before_ns)).min(self.settings.rules.pause_s)
+    }
+
+    /// The force, where it counts, with its limit.
+    fn load(&mut self, input: &FeedInput) -> Result<Load, FeedReason> {
+        let sample = input.wrench.ok_or(FeedReason::NoWrench)?;
+        if !sample.is_possible() {
+            self.report.refused += 1;
+            return Err(FeedReason::NotFinite);
+        }
+        if sample.faulty {
+            return Err(FeedReason::SensorFault);
+        }
+        if seconds(sample.age_ns) > self.settings.stale_s {
+            return Err(FeedReason::Stale);
+        }
+        let limit_n = match self.settings.limit {
+            FeedLimit::Force(n) => n,
+            FeedLimit::Deflection(m) => {
+                let gives = input.compliance_m_per_n.filter(|c| c.is_finite() && *c > 0.0);
+                m / gives.ok_or(FeedReason::NoDeflection)?
+            }
+        };
+        Ok(Load { force_n: sample.wrench.force, limit_n })
+    }
+
+    fn adapt(&mut self, now_ns: u64, load: &Load, dt_s: f64) {
+        let FeedSettings { bounds, air, air_n, exponent, rules, .. } = self.settings;
+        self.known_ns = Some(now_ns);
+        let report = &mut self.report;
+        (report.reason, report.limit_n) = (FeedReason::None, load.limit_n);
+        // An unknown speed is none.
+        let moves = report.speed_m_s > rules.rest_m_s * report.feed_override;
+        if !moves {
+            // What presses on a tool that stands says nothing of its feed, nor does the force that went with its last motion.
+            report.reason = FeedReason::AtRest;
+            report.state = FeedState::Adapting;
+            report.wanted = report.feed_override;
+        } else {
+            let found = self.find(now_ns, load, dt_s);
+            let report = &mut self.report;
+            report.force_n = length(found.force_n);
+            report.programmed_force_n = report.force_n / found.share;
+            let asked = pow(load.limit_n / report.programmed_force_n, 1.0 / exponent);
+            let is_air = report.force_n < air_n;
+            let most = if is_air { air.max(bounds.floor()) } else { 1.0 };
+            // No force at all asks for no number.
+            let asked = if asked.is_nan() { 1.0 } else { asked };
+            report.wanted = asked.clamp(bounds.floor(), most);
+            report.state = if is_air { FeedState::Air } else { FeedState::Adapting };
+            if asked < bounds.floor() {
+                report.reason = FeedReason::AtFloor;
+            }
+        }
+    }
+
+    /// Takes a force into what is known of the cut.
+    fn find(&mut self, now_ns: u64, load: &Load, dt_s: f64) -> Found {
+        let FeedSettings { delay_s, time_constant_s, exponent, bounds, .. } = self.settings;
+        let then_ns = now_ns.saturating_sub((delay_s * 1e9) as u64);
+        let sent = self.sent.at(then_ns).unwrap_or(self.report.feed_override);
+        let now =
+            Found { force_n: load.force_n, share: pow(sent.clamp(bounds.floor(), 1.0), exponent) };
+        let part = -expm1(-dt_s / time_constant_s);
+        let found = match self.found {
+            None => now,
+            Some(before) => Found {
+                force_n: before.force_n + part * (now.force_n - before.force_n),
+                share: before.share + part * (now.share - before.share),
+            },
+        };
+        self.found = Some(found);
+        found
+    }
+
+    /// No force is known: the override holds for a while, then goes where the cell has set it to.
+    fn go_without(&mut self, now_ns: u64, reason: FeedReason) {
+        let age_s = |known_ns| seconds(now_ns.saturating_sub(known_ns));
+        let holds = self.known_ns.is_some_and(|at_ns| age_s(at_ns) <= self.settings.hold_s);
+        let report = &mut self.report;
+        report.reason = reason;
+        if holds {
+            (report.state, report.wanted) = (FeedState::Holding, report.feed_override);
+            return;
+        }
+        self.found = None;
+        let lost = self.settings.lost;
+        self.report = FeedReport {
+            feed_override: self.report.feed_override,
+            speed_m_s: self.report.speed_m_s,
+            refused: self.report.refused,
+            wanted: lost,
+            reason,
+            ..FeedReport::nothing(FeedState::Lost)
+        };
+    }
+}
+
+impl FeedReport {
+    /// The programmed feed, and nothing found.
+    #[must_use]
+    pub fn nothing(state: FeedState) -> Self {
+        Self {
+            state,
+            reason: FeedReason::None,
+            feed_override: 1.0,
+            wanted: 1.0,
+            force_n: f64::NAN,
+            programmed_force_n: f64::NAN,
+            limit_n: f64::NAN,
+            speed_m_s: f64::NAN,
+            refused: 0,
+        }
+    }
+}
+
+/// How fast the commanded tool moves, over [`FeedRules::speed_over_s`].
+#[derive(Clone, Copy, Debug)]
+struct Speed {
+    from: Option<(u64, DVec3)>,
+    m_s: f64,
+}
+
+impl Speed {
+    const fn new() -> Self {
+        Self { from: None, m_s: f64::NAN }
+    }
+
+    fn follow(&mut self, rules: &FeedRules, now_ns: u64, tool_m: Option<DVec3>) -> f64 {
+        let Some(at_m) = tool_m.filter(|at_m| at_m.is_finite()) else {
+            *self = Self::new();
+            return self.m_s;
+        };
+        let Some((since_ns, from_m)) = self.from else {
+            self.from = Some((now_ns, at_m));
+            return self.m_s;
+        };
+        let dt_s = seconds(now_ns.saturating_sub(since_ns));
+        if dt_s >= rules.speed_over_s {
+            let is_pause = dt_s > rules.pause_s + rules.speed_over_s;
+            self.m_s = if is_pause { f64::NAN } else { length(at_m - from_m) / dt_s };
+            self.from = Some((now_ns, at_m));
+        }
+        self.m_s
+    }
+}
+
+fn length(vector: DVec3) -> f64 {
+    sqrt(vector.length_squared())
+}
+
+fn seconds(ns: u64) -> f64 {
+    ns as f64 * 1e-9
+}

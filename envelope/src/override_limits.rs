@@ -1,0 +1,94 @@
+//! How a feed override may change: between a floor and the programmed feed, at a bounded rate down and up.
+//!
+//! The daemon steps its override with it, and the client library what it hands on, from what it handed on last.
+//! Promises: the output lies between the floor and 1 and changes by no more than its rate times the time, to rounding, whatever the goal is; where the goal is no
+//! number it stays. Never: a clock.
+
+/// Bounds of a feed override; 1 is the programmed feed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OverrideLimits {
+    floor: f64,
+    down_per_s: f64,
+    up_per_s: f64,
+}
+
+impl OverrideLimits {
+    /// The least override, above 0 and at most 1, and how fast it may fall and rise, per s, above 0. None where one of them is not so.
+    #[must_use]
+    pub fn new(floor: f64, down_per_s: f64, up_per_s: f64) -> Option<Self> {
+        let is_rate = |rate: f64| rate.is_finite() && rate > 0.0;
+        let is_good = floor > 0.0 && floor <= 1.0 && is_rate(down_per_s) && is_rate(up_per_s);
+        is_good.then_some(Self { floor, down_per_s, up_per_s })
+    }
+
+    /// The least override.
+    #[must_use]
+    pub fn floor(&self) -> f64 {
+        self.floor
+    }
+
+    /// How fast the override may fall, per s.
+    #[must_use]
+    pub fn down_per_s(&self) -> f64 {
+        self.down_per_s
+    }
+
+    /// How fast it may rise, per s.
+    #[must_use]
+    pub fn up_per_s(&self) -> f64 {
+        self.up_per_s
+    }
+
+    /// From an override towards `goal` within `dt_s`.
+    #[must_use]
+    pub fn step(&self, from: f64, goal: f64, dt_s: f64) -> f64 {
+        let from = if from.is_nan() { self.floor } else { from.clamp(self.floor, 1.0) };
+        if goal.is_nan() || dt_s.is_nan() || dt_s <= 0.0 {
+            return from;
+        }
+        let (lowest, highest) = (from - self.down_per_s * dt_s, from + self.up_per_s * dt_s);
+        goal.clamp(self.floor, 1.0).clamp(lowest, highest)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_that_bound_nothing_are_refused() {
+        for (floor, down, up) in [
+            (0.0, 1.0, 1.0),
+            (1.1, 1.0, 1.0),
+            (f64::NAN, 1.0, 1.0),
+            (0.1, 0.0, 1.0),
+            (0.1, 1.0, f64::INFINITY),
+            (0.1, f64::NAN, 1.0),
+        ] {
+            assert_eq!(OverrideLimits::new(floor, down, up), None, "{floor} {down} {up}");
+        }
+    }
+
+    #[test]
+    fn whatever_the_goal_is_the_override_stays_within_its_bounds_and_its_rates() {
+        let limits = OverrideLimits::new(0.1, 2.0, 0.2).expect("good ones");
+        let mut from = 1.0;
+        for (goal, dt_s, to) in [
+            (0.0, 0.1, 0.8),
+            (0.0, 10.0, 0.1),
+            (7.0, 1.0, 0.3),
+            (f64::NAN, 1.0, 0.3),
+            (f64::INFINITY, 1.0, 0.5),
+            (0.55, 1.0, 0.55),
+            (1.0, f64::NAN, 0.55),
+            (1.0, -1.0, 0.55),
+            (f64::NEG_INFINITY, 0.1, 0.35),
+            (1.0, 1e9, 1.0),
+        ] {
+            from = limits.step(from, goal, dt_s);
+            assert!((from - to).abs() < 1e-12, "{goal} {dt_s}: {from}");
+        }
+        assert_eq!(limits.step(f64::NAN, 1.0, 0.0), 0.1);
+        assert_eq!(limits.step(9.0, 1.0, 0.0), 1.0);
+    }
+}
