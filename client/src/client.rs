@@ -159,6 +159,17 @@ impl Client {
         self.output.correction()
     }
 
+    /// The feed override in what was sent last; 1 is the programmed feed.
+    #[must_use]
+    pub fn last_feed_override(&self) -> f64 {
+        self.output.feed_override()
+    }
+
+    /// The robot goes on with this feed override, above 0 to 1: what goes out goes on from it. Else it begins where the cell's goes without a force.
+    pub fn start_feed(&mut self, feed_override: f64) {
+        self.output.start_feed(feed_override);
+    }
+
     /// Sends the measured state of the robot; `seq`, `session` and `sent_ns` are filled in.
     ///
     /// # Errors
@@ -258,6 +269,7 @@ impl Client {
 
     fn take_status(&mut self, status: Status) {
         self.output.set_bounds(&status.bounds);
+        self.output.set_feed_bounds(&status.feed_bounds);
         self.status = Some(status);
     }
 

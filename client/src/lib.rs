@@ -32,6 +32,7 @@
 
 mod client;
 mod error;
+mod feed;
 mod force;
 mod instrument;
 mod kind;
@@ -57,10 +58,10 @@ pub use output::Output;
 pub use process::ProcessState;
 pub use setpoint::{Setpoint, WrenchFrame};
 pub use shm_schema::{
-    Advice, Answer, CHANNEL_NAMES, Corrected, CorrectionStatus, ForceFault, Health, InCut,
-    JOINTS_MAX, Mode, Reason, RecorderAction, RecorderState, Response, RobotState, SendOutcome,
-    SensorFault, Status, TrimReason, TrimState, Verdict, VibrationClass, VibrationState,
-    WatchState, channel_name, monotonic_ns,
+    Advice, Answer, CHANNEL_NAMES, Corrected, CorrectionStatus, FeedReason, FeedState, ForceFault,
+    Health, InCut, JOINTS_MAX, Mode, Reason, RecorderAction, RecorderState, Response, RobotState,
+    SendOutcome, SensorFault, Status, TrimReason, TrimState, Verdict, VibrationClass,
+    VibrationState, WatchState, channel_name, monotonic_ns,
 };
 pub use target::{Source, Target};
 

@@ -9,8 +9,9 @@
 //! daemon's correction, bit for bit, once that has been reached.
 
 use envelope::{Elapsed, Intervals, Limiters, Limits};
-use shm_schema::{Command, Corrected, JOINTS_MAX, JointBounds};
+use shm_schema::{Command, Corrected, FeedBounds, JOINTS_MAX, JointBounds};
 
+use crate::feed::FeedOutput;
 use crate::{NotATarget, Source, Target};
 
 /// Default age limit of a daemon's answer.
@@ -23,6 +24,7 @@ pub struct Output {
     /// None before the daemon has sent them: there is no correction then.
     limits: [Option<Limits>; JOINTS_MAX],
     intervals: Intervals,
+    feed: FeedOutput,
     /// What was sent last.
     sent: Option<Target>,
     /// Age limit of a daemon's answer, ns.
@@ -43,6 +45,7 @@ impl Output {
             limiters: Limiters::at_rest(),
             limits: [None; JOINTS_MAX],
             intervals: Intervals::new(),
+            feed: FeedOutput::new(),
             sent: None,
             fresh_ns: FRESH_NS,
         }
@@ -54,6 +57,22 @@ impl Output {
             let new = Limits::new(bounds.angle[i], bounds.rate[i], bounds.jerk[i]);
             *limits = new.ok().or(*limits);
         }
+    }
+
+    /// Takes over the daemon's bounds of the feed override, likewise.
+    pub fn set_feed_bounds(&mut self, bounds: &FeedBounds) {
+        self.feed.set_bounds(bounds);
+    }
+
+    /// The feed override goes on from this one.
+    pub fn start_feed(&mut self, feed_override: f64) {
+        self.feed.start(feed_override);
+    }
+
+    /// The feed override that was handed on last; 1 is the programmed feed.
+    #[must_use]
+    pub fn feed_override(&self) -> f64 {
+        self.feed.value()
     }
 
     /// The robot begins a run, standing at its command plus this correction; zero beyond the list and where it is
@@ -112,7 +131,9 @@ impl Output {
             }
             Some(_) => Source::LastCorrection,
         };
-        let target = Target::new(&q[..q_cmd.len()], source);
+        let asked = answer.map(|answer| answer.feed_override);
+        let feed_override = self.feed.step(asked, now_ns, elapsed.dt_s);
+        let target = Target::new(&q[..q_cmd.len()], source, feed_override);
         self.sent = Some(target);
         Ok(target)
     }

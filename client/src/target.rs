@@ -21,14 +21,15 @@ pub struct Target {
     q: [f64; JOINTS_MAX],
     joints: usize,
     source: Source,
+    feed_override: f64,
 }
 
 impl Target {
-    pub(crate) fn new(q: &[f64], source: Source) -> Self {
+    pub(crate) fn new(q: &[f64], source: Source, feed_override: f64) -> Self {
         let joints = q.len().min(JOINTS_MAX);
         let mut all = [0.0; JOINTS_MAX];
         all[..joints].copy_from_slice(&q[..joints]);
-        Self { q: all, joints, source }
+        Self { q: all, joints, source, feed_override }
     }
 
     /// The joints, rad or m: as many as the command had, at most 16.
@@ -41,5 +42,11 @@ impl Target {
     #[must_use]
     pub fn source(&self) -> Source {
         self.source
+    }
+
+    /// The share of the programmed feed to go on with, above 0 to 1: what keeps the force under the cell's limit. 1 in a cell that adapts no feed.
+    #[must_use]
+    pub fn feed_override(&self) -> f64 {
+        self.feed_override
     }
 }

@@ -6,7 +6,7 @@
 
 use crate::exchange::Exchange;
 use crate::sender;
-use crate::status::trim_fault;
+use crate::status::{feed_fault, trim_fault};
 use crate::temperatures::places;
 use crate::throttle::{Budget, Tally};
 use shm_schema::{
@@ -63,6 +63,7 @@ pub struct ChangeLog {
     faults: Vec<ForceFault>,
     stale_temperatures: u32,
     trim_fault: Option<&'static str>,
+    feed_fault: Option<&'static str>,
     /// Ringings, by event, that alarmed, and how far they had come.
     ringing: Vec<(u64, VibrationState)>,
     learning: bool,
@@ -79,6 +80,7 @@ impl Default for ChangeLog {
             faults: Vec::new(),
             stale_temperatures: 0,
             trim_fault: None,
+            feed_fault: None,
             ringing: Vec::new(),
             learning: false,
             broken_since_ns: 0,
@@ -93,6 +95,7 @@ impl ChangeLog {
         self.log_counts(exchange, status);
         self.log_temperatures(status);
         self.log_trim(status);
+        self.log_feed(status);
         while let Some(verdict) = exchange.told.pop() {
             self.log_verdict(&verdict);
         }
@@ -164,6 +167,18 @@ impl ChangeLog {
             None => info!("measurements of the tool are used again"),
         }
         self.trim_fault = fault;
+    }
+
+    fn log_feed(&mut self, status: &Status) {
+        let fault = feed_fault(status);
+        if fault == self.feed_fault || !self.sensors.take(status.t_ns) {
+            return;
+        }
+        match fault {
+            Some(fault) => warn!("{fault}"),
+            None => info!("the feed's limit is kept"),
+        }
+        self.feed_fault = fault;
     }
 
     fn log_temperatures(&mut self, status: &Status) {

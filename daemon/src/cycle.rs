@@ -8,8 +8,9 @@ use crate::robot::{Link, Ports, Robot};
 use crate::senses::Senses;
 use crate::translate;
 use crate::travel::PathPoint;
-use corrector::{Corrector, Outcome, Status};
+use corrector::{Corrector, Outcome, Status, World};
 use glam::DVec3;
+use physics::Chain;
 use shm_schema::{Command, Corrected};
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -43,6 +44,9 @@ impl<L: Link> Cycle<L> {
         if let Some(instrument) = &self.senses.instrument {
             instrument.show(&exchange.counters.trim);
         }
+        if let Some(feed) = &self.senses.feed {
+            feed.show(&exchange.counters.feed, self.corrector.corrects());
+        }
         // Silence is counted once, when it begins.
         let mut stale_from_ns = None;
         while exchange.runs() {
@@ -70,8 +74,10 @@ impl<L: Link> Cycle<L> {
 
         let wanted = self.corrector.correct(&self.model.physics, &claim, &world, now_ns);
         let allowed = self.corrector.bound(&self.model.physics, &wanted);
-        self.publish(exchange, &command, received_ns, &allowed);
+        let feed_override = self.feed_override(&command, &world, &allowed, now_ns);
+        self.publish(exchange, &command, received_ns, &allowed, feed_override);
         self.corrector.prepare(&self.model.physics);
+        self.prepare_feed(exchange);
         self.expect(exchange, now_ns, &allowed);
         Some(received_ns)
     }
@@ -97,12 +103,35 @@ impl<L: Link> Cycle<L> {
         instrument.expect(now_ns, tool.as_ref(), &exchange.counters.trim);
     }
 
+    /// The share of the programmed feed that keeps the force under its limit.
+    fn feed_override(
+        &mut self,
+        command: &Command,
+        world: &World,
+        made: &Outcome,
+        now_ns: u64,
+    ) -> f64 {
+        let Some(feed) = &mut self.senses.feed else { return 1.0 };
+        let accepted = made.status != Status::Rejected;
+        let tool = accepted.then(|| Chain::tool_at(&self.model.physics.arm, &command.q).origin);
+        feed.step(world, tool, now_ns, self.corrector.corrects())
+    }
+
+    /// What the feed of later cycles needs.
+    fn prepare_feed(&mut self, exchange: &Exchange) {
+        if let Some(feed) = &mut self.senses.feed {
+            feed.prepare(&self.corrector, &self.model.physics);
+            feed.show(&exchange.counters.feed, self.corrector.corrects());
+        }
+    }
+
     fn publish(
         &mut self,
         exchange: &Exchange,
         command: &Command,
         received_ns: u64,
         made: &Outcome,
+        feed_override: f64,
     ) {
         let mut message = Corrected {
             command_seq: command.seq,
@@ -110,6 +139,7 @@ impl<L: Link> Cycle<L> {
             t_ns: command.t_ns,
             received_ns,
             model_epoch: self.model.epoch,
+            feed_override,
             ..translate::corrected(made, self.model.physics.arm.count())
         };
         self.robot.publish(exchange, &mut message);

@@ -9,8 +9,9 @@ use crate::process::Known;
 use crate::senses::Measured;
 use crate::translate;
 use crate::travel::PathPoint;
-use corrector::{Mode, TrimReport};
+use corrector::{FeedReport, Mode, TrimReport};
 use crossbeam::queue::ArrayQueue;
+use envelope::OverrideLimits;
 use physics::Model;
 use recording::blackbox::{LogRecord, ModelChange, StatusRecord};
 use shm_schema::{
@@ -192,6 +193,8 @@ pub struct Counters {
     pub last_block_ns: AtomicU64,
     /// How the trim by measurements is.
     pub trim: TrimCounters,
+    /// How the feed override is.
+    pub feed: FeedCounters,
 }
 
 /// How the trim by measurements is, as of the last cycle. For displays: a reader may see some numbers of one cycle and some of the next.
@@ -228,6 +231,77 @@ impl TrimCounters {
         (status.trim_m, status.trim_found_m) = (load(&self.trim_bits), load(&self.found_bits));
         status.trim_measurements = self.measurements.load(Relaxed);
         status.trim_refused = self.refused.load(Relaxed);
+    }
+}
+
+/// How the feed override is, as of the last cycle, likewise.
+#[derive(Debug)]
+pub struct FeedCounters {
+    /// State in the upper half, reason in the lower.
+    state: AtomicU64,
+    /// In the order of [`FeedCounters::put`].
+    numbers_bits: [AtomicU64; 11],
+    refused: AtomicU64,
+}
+
+impl Default for FeedCounters {
+    fn default() -> Self {
+        let nan = f64::NAN;
+        let numbers = [1.0, 1.0, nan, nan, nan, nan, 0.0, 1.0, 0.0, 0.0, 0.0];
+        Self {
+            state: AtomicU64::new(0),
+            numbers_bits: numbers.map(|number: f64| AtomicU64::new(number.to_bits())),
+            refused: AtomicU64::new(0),
+        }
+    }
+}
+
+impl FeedCounters {
+    /// Keeps a report, its bounds, and where the override goes without a daemon.
+    pub fn show(&self, report: &FeedReport, bounds: &OverrideLimits, hold_s: f64, lost: f64) {
+        let (state, reason) = translate::feed(report);
+        self.state.store(u64::from(state.code()) << 32 | u64::from(reason.code()), Relaxed);
+        let numbers = [
+            report.feed_override,
+            report.wanted,
+            report.force_n,
+            report.programmed_force_n,
+            report.limit_n,
+            report.speed_m_s,
+            bounds.floor(),
+            lost,
+            bounds.down_per_s(),
+            bounds.up_per_s(),
+            hold_s,
+        ];
+        for (bits, number) in self.numbers_bits.iter().zip(numbers) {
+            bits.store(number.to_bits(), Relaxed);
+        }
+        self.refused.store(report.refused, Relaxed);
+    }
+
+    /// Writes it into a status.
+    pub fn put(&self, status: &mut Status) {
+        let state = self.state.load(Relaxed);
+        (status.feed_state, status.feed_reason) = ((state >> 32) as u32, state as u32);
+        let bounds = &mut status.feed_bounds;
+        let numbers = [
+            &mut status.feed_override,
+            &mut status.feed_wanted,
+            &mut status.feed_force_n,
+            &mut status.feed_programmed_force_n,
+            &mut status.feed_limit_n,
+            &mut status.feed_speed_m_s,
+            &mut bounds.floor,
+            &mut bounds.lost,
+            &mut bounds.down_per_s,
+            &mut bounds.up_per_s,
+            &mut bounds.hold_s,
+        ];
+        for (number, bits) in numbers.into_iter().zip(&self.numbers_bits) {
+            *number = f64::from_bits(bits.load(Relaxed));
+        }
+        status.feed_refused = self.refused.load(Relaxed);
     }
 }
 

@@ -19,6 +19,7 @@ pub mod at_rest;
 pub mod change_log;
 pub mod cycle;
 pub mod exchange;
+pub mod feed;
 pub mod instrument;
 pub mod latency;
 pub mod mend;
@@ -55,6 +56,7 @@ use crate::supervisor::Supervisor;
 use crate::vibration::{Ears, Listener};
 use corrector::{Corrector, Settings};
 use recording::cell::{CellConfig, Realtime};
+use recording::faults::Faults;
 use recording::files::FileError;
 use recording::model::RobotModel;
 use shm_schema::{Cell, DaemonPorts, DaemonSide, DomainError, PortError};
@@ -201,6 +203,11 @@ fn serve(
     let model = RobotModel::read(&config.model)?;
     let arm = &model.physics.arm;
     config.check_against(&config_name, &setup::joint_kinds(arm)).map_err(FileError::from)?;
+    if let Some(fault) = setup::feed_fault(&config, &model.physics) {
+        let mut faults = Faults::of(&config_name);
+        faults.push(fault);
+        return Err(FileError::from(faults).into());
+    }
     let settings = setup::settings(&config, arm, lockstep)?;
     let bounds = setup::bounds(&settings, arm);
     let ears = setup::ears(&config, &model)?;

@@ -420,6 +420,7 @@ fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {
         trim_m: trim.map_or(Few::NONE, |(trim_m, _)| Few::of(&trim_m)),
         measured_m: measured.map_or(Few::NONE, |point| Few::of(&point.point_m)),
         measured_ns: measured.map_or(0, |point| point.t_ns),
+        feed_override: corrected.feed_override,
     }
 }
 

@@ -3,6 +3,7 @@
 //! Promises: the newest value is used; its age is always available. Never: a wait.
 
 use crate::exchange::Exchange;
+use crate::feed::CellFeed;
 use crate::instrument::Instrument;
 use crate::temperatures::Temperatures;
 use corrector::{World, WrenchSample};
@@ -43,12 +44,20 @@ pub struct Senses {
     temperatures: Temperatures,
     /// What measures the tool, where the cell has it.
     pub instrument: Option<Box<Instrument>>,
+    /// How the feed is adapted to the force, where it is.
+    pub feed: Option<Box<CellFeed>>,
 }
 
 impl Senses {
     /// Nothing is known yet. Temperatures are those of the newest message, as in a recording.
     pub fn new(source: WrenchSource) -> Self {
-        Self { source, measured: None, temperatures: Temperatures::new(None), instrument: None }
+        Self {
+            source,
+            measured: None,
+            temperatures: Temperatures::new(None),
+            instrument: None,
+            feed: None,
+        }
     }
 
     /// The same with temperatures that hold until they are older than that, ns.
@@ -61,6 +70,12 @@ impl Senses {
     #[must_use]
     pub fn with_instrument(self, instrument: Option<Box<Instrument>>) -> Self {
         Self { instrument, ..self }
+    }
+
+    /// The same with how the feed is adapted to the force, where it is.
+    #[must_use]
+    pub fn with_feed(self, feed: Option<Box<CellFeed>>) -> Self {
+        Self { feed, ..self }
     }
 
     /// Takes what is new, and says what is known at `now_ns` (`CLOCK_MONOTONIC`, or the command's time in lockstep).

@@ -2,14 +2,20 @@
 //!
 //! Promises: nothing starts on a configuration or a model that does not fit; the error says what to change.
 
+use crate::feed::CellFeed;
 use crate::instrument::Instrument;
 use crate::pacer::Wait;
 use crate::senses::{Senses, WrenchSource};
 use crate::vibration::{BlockRules, Clock, Ears};
-use corrector::{DELAYS, Mode, Settings, Task, Trim, TrimRules, TrimSettings, WrenchSettings};
-use envelope::{Limits, LimitsError};
-use physics::{Arm, JOINTS_MAX, JointKind};
+use corrector::{
+    DELAYS, FEED_DELAYS, FeedLimit, FeedRules, FeedSettings, Mode, Settings, Task, Trim, TrimRules,
+    TrimSettings, WrenchSettings,
+};
+use envelope::{Limits, LimitsError, OverrideLimits};
+use glam::DVec3;
+use physics::{Arm, Inputs, JOINTS_MAX, JointKind, Memories, Model, Wrench};
 use recording::cell::{self, CellConfig};
+use recording::faults::Fault;
 use recording::model::RobotModel;
 use recording::series::Frame;
 use shm_schema::{FORCE_SAMPLES_MAX, JointBounds};
@@ -134,7 +140,61 @@ pub fn senses(config: &CellConfig, lockstep: bool) -> Senses {
         return senses;
     }
     let senses = senses.with_age_limit(nanoseconds(config.temperature.stale_s));
-    senses.with_instrument(instrument(config))
+    senses.with_instrument(instrument(config)).with_feed(feed(config))
+}
+
+/// How the feed is adapted to the force, where it is.
+fn feed(config: &CellConfig) -> Option<Box<CellFeed>> {
+    let feed = config.feed.filter(|feed| feed.mode != cell::FeedMode::Off)?;
+    let bounds = OverrideLimits::new(feed.floor, feed.down_per_s, feed.up_per_s)?;
+    let settings = FeedSettings {
+        is_sent: feed.mode == cell::FeedMode::Adapt,
+        limit: match feed.limit {
+            cell::FeedLimit::Force(n) => FeedLimit::Force(n),
+            cell::FeedLimit::Deflection(m) => FeedLimit::Deflection(m),
+        },
+        bounds,
+        lost: feed.lost,
+        air: feed.air,
+        air_n: feed.air_n,
+        hold_s: feed.hold_s,
+        stale_s: config.wrench.stale_s,
+        delay_s: feed.latency_s,
+        time_constant_s: feed.time_constant_s.unwrap_or(FEED_DELAYS * feed.latency_s),
+        exponent: feed.exponent,
+        relief: feed.relief,
+        rules: FeedRules::default(),
+    };
+    Some(Box::new(CellFeed::new(settings, config.mode != cell::Mode::Shadow)))
+}
+
+/// What the model lacks for the feed's limit.
+#[must_use]
+pub fn feed_fault(config: &CellConfig, model: &Model) -> Option<Fault> {
+    let feed = config.feed.filter(|feed| feed.mode != cell::FeedMode::Off)?;
+    if !matches!(feed.limit, cell::FeedLimit::Deflection(_)) || gives_way(model) {
+        return None;
+    }
+    let message = "limits the deflection, and the tool of this model does not give way to a force";
+    let fault = Fault::new("feed.deflection_limit_mm", message);
+    Some(fault.expected("a model with compliance, or force_limit_N"))
+}
+
+/// Whether a force displaces the tool, in the middle of the joints' ranges.
+fn gives_way(model: &Model) -> bool {
+    let mut q = [0.0; JOINTS_MAX];
+    for (q, joint) in q.iter_mut().zip(model.arm.joints()) {
+        let (min, max) = joint.limits;
+        *q = if min.is_finite() && max.is_finite() { 0.4 * min + 0.6 * max } else { 0.3 };
+    }
+    let tool = |force| {
+        let mut inputs = Inputs::at_rest(q);
+        inputs.wrench_base = Wrench { force, ..Wrench::ZERO };
+        let mut memories = Memories::default();
+        model.settle(&inputs, &mut memories);
+        model.evaluate(&inputs, &memories).real.base_from_tool.origin
+    };
+    tool(DVec3::splat(100.0)) != tool(DVec3::splat(-100.0))
 }
 
 /// What measures the tool, where the cell has it and uses it.

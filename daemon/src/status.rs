@@ -12,8 +12,8 @@ use physics::spec::Need;
 use recording::cell::CellConfig;
 use recording::model::{RobotEntry, RobotModel};
 use shm_schema::{
-    Health, InCut, JointBounds, ROBOT_BYTES_MAX, Reason, RecorderState, SensorFault, Status, Text,
-    TrimReason, TrimState, VibrationState, WatchState,
+    FeedReason, Health, InCut, JointBounds, ROBOT_BYTES_MAX, Reason, RecorderState, SensorFault,
+    Status, Text, TrimReason, TrimState, VibrationState, WatchState,
 };
 use spectrum::ProcessState;
 use std::fmt::Write as _;
@@ -161,6 +161,7 @@ impl Constants {
         self.hear(exchange, process, &mut status);
         age.put(&mut status);
         counters.trim.put(&mut status);
+        counters.feed.put(&mut status);
         let health = self.health(exchange, &status);
         status.health = health.code();
         let aged = age.words(status.t_ns);
@@ -213,6 +214,7 @@ impl Constants {
         } else if self.last_reason(exchange).is_some()
             || status.model_broken_since_ns > 0
             || trim_fault(status).is_some()
+            || feed_fault(status).is_some()
             || (self.is_thermal && status.stale_temperatures != 0)
         {
             Health::Degraded
@@ -260,7 +262,7 @@ impl Constants {
         for fault in status.force_faults() {
             add(format_args!("{fault}"));
         }
-        if let Some(fault) = trim_fault(status) {
+        for fault in [trim_fault(status), feed_fault(status)].into_iter().flatten() {
             add(format_args!("{fault}"));
         }
         if self.is_thermal && status.stale_temperatures != 0 {
@@ -308,6 +310,31 @@ pub fn trim_fault(status: &Status) -> Option<&'static str> {
         }
         TrimReason::Jumped => {
             "the instrument has jumped: look after its registration, then `trued arm`"
+        }
+    })
+}
+
+/// Why the limit of the feed is not kept, in words.
+pub fn feed_fault(status: &Status) -> Option<&'static str> {
+    Some(match status.feed_reason().ok()? {
+        FeedReason::None | FeedReason::AtRest => return None,
+        FeedReason::NoWrench => {
+            "the feed's limit cannot be kept: no wrench comes; the override goes to lost_percent"
+        }
+        FeedReason::Stale => {
+            "the feed's limit cannot be kept: the wrench is stale; the override goes to lost_percent"
+        }
+        FeedReason::SensorFault => {
+            "the feed's limit cannot be kept: the force sensor has a fault; the override goes to lost_percent"
+        }
+        FeedReason::NotFinite => {
+            "the feed's limit cannot be kept: the wrench is no number; the override goes to lost_percent"
+        }
+        FeedReason::NoDeflection => {
+            "the feed's limit cannot be kept: the model does not tell how far the tool gives way; the override goes to lost_percent"
+        }
+        FeedReason::AtFloor => {
+            "the feed's limit is exceeded at floor_percent: take a lighter cut, or a lower floor"
         }
     })
 }

@@ -3,9 +3,12 @@
 //! Promises: foreign numbers are copied unchecked, for the corrector to validate; codes have the same names on both sides (tested).
 //! Never: a decision.
 
-use corrector::{Gate, Outcome, TrimReport};
+use corrector::{FeedReport, Gate, Outcome, TrimReport};
 use physics::JOINTS_MAX;
-use shm_schema::{Command, Corrected, CorrectionStatus, Reason, TrimReason, TrimState, WrenchGate};
+use shm_schema::{
+    Command, Corrected, CorrectionStatus, FeedReason, FeedState, Reason, TrimReason, TrimState,
+    WrenchGate,
+};
 
 /// A command as the corrector takes it; `now_ns` is the cycle's time.
 pub fn command(from: &Command, now_ns: u64, lockstep: bool) -> corrector::Command {
@@ -42,6 +45,7 @@ pub fn corrected(outcome: &Outcome, joints: usize) -> Corrected {
         wanted: outcome.wanted,
         residual_m: outcome.residual.m,
         residual_rad: outcome.residual.rad,
+        feed_override: 1.0,
         ..Corrected::default()
     }
 }
@@ -100,6 +104,29 @@ pub fn trim(report: &TrimReport) -> (TrimState, TrimReason) {
         corrector::TrimReason::NotPredicted => TrimReason::NotPredicted,
         corrector::TrimReason::Jumped => TrimReason::Jumped,
         corrector::TrimReason::Bounded => TrimReason::Bounded,
+    };
+    (state, reason)
+}
+
+/// What the feed override does and why, as it travels.
+pub fn feed(report: &FeedReport) -> (FeedState, FeedReason) {
+    let state = match report.state {
+        corrector::FeedState::Off => FeedState::Off,
+        corrector::FeedState::Lost => FeedState::Lost,
+        corrector::FeedState::Observing => FeedState::Observing,
+        corrector::FeedState::Air => FeedState::Air,
+        corrector::FeedState::Adapting => FeedState::Adapting,
+        corrector::FeedState::Holding => FeedState::Holding,
+    };
+    let reason = match report.reason {
+        corrector::FeedReason::None => FeedReason::None,
+        corrector::FeedReason::NoWrench => FeedReason::NoWrench,
+        corrector::FeedReason::Stale => FeedReason::Stale,
+        corrector::FeedReason::SensorFault => FeedReason::SensorFault,
+        corrector::FeedReason::NotFinite => FeedReason::NotFinite,
+        corrector::FeedReason::NoDeflection => FeedReason::NoDeflection,
+        corrector::FeedReason::AtRest => FeedReason::AtRest,
+        corrector::FeedReason::AtFloor => FeedReason::AtFloor,
     };
     (state, reason)
 }

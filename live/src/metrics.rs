@@ -11,7 +11,7 @@ use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric};
 use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Registry;
-use shm_schema::TrimState;
+use shm_schema::{FeedState, TrimState};
 
 use crate::report::Report;
 
@@ -179,6 +179,7 @@ impl Metrics<'_, '_> {
             ("force_refused", "Blocks of force samples refused", report.force.refused),
             ("trim_measurements", "Measured points of the tool", report.trim.measurements),
             ("trim_refused", "Measured points that were refused", report.trim.refused),
+            ("feed_refused", "Wrenches that were refused for the feed", report.feed.refused),
             ("recorder_dropped", "Records that the recorder dropped", report.recorder_dropped),
         ] {
             self.counter(name, help, value)?;
@@ -204,6 +205,34 @@ impl Metrics<'_, '_> {
         }
         let stale = report.stale_temperatures.len() as f64;
         self.gauge("stale_temperatures", "Temperatures that are too old to be used", stale)?;
+        self.feed(report)?;
+        self.trim(report)
+    }
+
+    fn feed(&mut self, report: &Report) -> fmt::Result {
+        let feed = &report.feed;
+        if feed.state == FeedState::Off.name() {
+            return Ok(());
+        }
+        let share = 1e-2 * feed.override_percent;
+        self.gauge("feed_override_ratio", "Share of the programmed feed that goes out", share)?;
+        for (name, help, value) in [
+            ("feed_force_newtons", "Process force, low-passed", feed.force_n),
+            (
+                "feed_programmed_force_newtons",
+                "Process force that the programmed feed would take",
+                feed.programmed_force_n,
+            ),
+            ("feed_limit_newtons", "Limit of the process force", feed.limit_n),
+        ] {
+            if value.is_finite() {
+                self.gauge(name, help, value)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn trim(&mut self, report: &Report) -> fmt::Result {
         if report.trim.state == TrimState::Off.name() {
             return Ok(());
         }

@@ -3,8 +3,8 @@
 use serde::Serialize;
 use shm_schema::{RecorderState, WrenchGate};
 use trued_client::{
-    Health, InCut, JOINTS_MAX, Mode, Status, TrimReason, TrimState, VibrationState, WatchState,
-    monotonic_ns,
+    FeedReason, FeedState, Health, InCut, JOINTS_MAX, Mode, Status, TrimReason, TrimState,
+    VibrationState, WatchState, monotonic_ns,
 };
 
 /// How a cell is.
@@ -51,6 +51,35 @@ pub struct Report {
     pub stale_temperatures: Vec<u32>,
     /// The trim by measurements of the tool.
     pub trim: Trim,
+    /// How the feed is adapted to the force.
+    pub feed: Feed,
+}
+
+/// How the feed is adapted to the force. Forces and speed are `null` where unknown.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Feed {
+    /// The word of [`FeedState`].
+    pub state: &'static str,
+    /// The word of [`FeedReason`].
+    pub reason: &'static str,
+    /// What goes out, percent of the programmed feed.
+    pub override_percent: f64,
+    /// What the force asks for, likewise.
+    pub wanted_percent: f64,
+    /// The process force, low-passed.
+    #[serde(rename = "force_N")]
+    pub force_n: f64,
+    /// What it would be at the programmed feed.
+    #[serde(rename = "programmed_force_N")]
+    pub programmed_force_n: f64,
+    /// The limit as a force.
+    #[serde(rename = "limit_N")]
+    pub limit_n: f64,
+    /// Speed of the commanded tool.
+    pub speed_mm_s: f64,
+    /// Wrenches that were refused: no numbers.
+    pub refused: u64,
 }
 
 /// The trim by measurements of the tool.
@@ -244,6 +273,7 @@ impl Report {
             recorder_dropped: status.recorder_dropped,
             stale_temperatures: (0..=status.joints).filter(is_stale).collect(),
             trim: trim(status),
+            feed: feed(status),
         }
     }
 }
@@ -274,6 +304,20 @@ fn trim(status: &Status) -> Trim {
         found_mm: status.trim_found_m.map(|m| 1e3 * m),
         measurements: status.trim_measurements,
         refused: status.trim_refused,
+    }
+}
+
+fn feed(status: &Status) -> Feed {
+    Feed {
+        state: word(status.feed_state(), FeedState::name),
+        reason: word(status.feed_reason(), FeedReason::name),
+        override_percent: 1e2 * status.feed_override,
+        wanted_percent: 1e2 * status.feed_wanted,
+        force_n: status.feed_force_n,
+        programmed_force_n: status.feed_programmed_force_n,
+        limit_n: status.feed_limit_n,
+        speed_mm_s: 1e3 * status.feed_speed_m_s,
+        refused: status.feed_refused,
     }
 }
 

@@ -20,6 +20,7 @@ mod clock;
 mod codes;
 mod control;
 mod domain;
+mod feed;
 mod force;
 mod layout;
 mod measured;
@@ -40,6 +41,7 @@ pub use domain::{
     Cell, Contract, Current, DaemonPorts, DaemonSide, DomainError, JoinError, Joined, PeerControl,
     PeerPublisher, PeerSubscriber, RUNTIME_DIR_ENV, Role, Seat, Supervision, sweep,
 };
+pub use feed::{FeedBounds, FeedReason, FeedState};
 pub use force::{FORCE_CHANNELS_MAX, FORCE_SAMPLES_MAX, ForceBlock};
 pub use layout::{Malformed, Payload};
 pub use measured::{MeasuredPoint, TrimReason, TrimState};

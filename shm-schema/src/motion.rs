@@ -72,7 +72,7 @@ plain_struct! {
     ///
     /// It is no target: what is sent to the robot is the command of that very cycle plus a correction that the sender limits itself, from what it
     /// has sent last. The client library does so.
-    pub struct Corrected = "trued.Corrected/2" {
+    pub struct Corrected = "trued.Corrected/3" {
         /// From 1, plus 1 with each message of this daemon's epoch.
         pub seq: u64,
         /// The `seq` of the command that it answers; 0 where there is none yet.
@@ -111,9 +111,11 @@ plain_struct! {
         pub residual_m: f64,
         /// Undamped residual of the solution, orientation, rad.
         pub residual_rad: f64,
+        /// Share of the programmed feed that keeps the force under its limit, above 0 to 1; 1 where the cell adapts no feed.
+        pub feed_override: f64,
     }
 }
-payload!(Corrected = "trued.Corrected/2", layout 2, check |c| {
+payload!(Corrected = "trued.Corrected/3", layout 3, check |c| {
     within::<Corrected>("joints", u64::from(c.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
 });
 

@@ -4,6 +4,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use crate::JOINTS_MAX;
 use crate::codes::{UnknownCode, codes};
+use crate::feed::{FeedBounds, FeedReason, FeedState};
 use crate::force::FORCE_CHANNELS_MAX;
 use crate::layout::{payload, plain_struct, within};
 use crate::measured::{TrimReason, TrimState};
@@ -135,6 +136,26 @@ plain_struct! {
         pub trim_measurements: u64,
         /// Measured points refused.
         pub trim_refused: u64,
+        /// A [`FeedState`].
+        pub feed_state: u32,
+        /// A [`FeedReason`].
+        pub feed_reason: u32,
+        /// The feed override; 1 is the programmed feed.
+        pub feed_override: f64,
+        /// The override that the force asks for.
+        pub feed_wanted: f64,
+        /// The process force, low-passed, N (NaN where unknown).
+        pub feed_force_n: f64,
+        /// What it would be at the programmed feed, N (NaN where unknown).
+        pub feed_programmed_force_n: f64,
+        /// The limit as a force, N (NaN where unknown).
+        pub feed_limit_n: f64,
+        /// Speed of the commanded tool, m/s (NaN where unknown).
+        pub feed_speed_m_s: f64,
+        /// Wrenches that were refused: no numbers.
+        pub feed_refused: u64,
+        /// Bounds of the override.
+        pub feed_bounds: FeedBounds,
         /// Limits of joints and correction.
         pub bounds: JointBounds,
         /// The last command, rad or m; 0 before the first.
@@ -194,6 +215,22 @@ impl Status {
     /// [`UnknownCode`] where the daemon is of a later version.
     pub fn trim_reason(&self) -> Result<TrimReason, UnknownCode> {
         self.trim_reason.try_into()
+    }
+
+    /// What the feed override does.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the daemon is of a later version.
+    pub fn feed_state(&self) -> Result<FeedState, UnknownCode> {
+        self.feed_state.try_into()
+    }
+
+    /// Why the feed override is so.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the daemon is of a later version.
+    pub fn feed_reason(&self) -> Result<FeedReason, UnknownCode> {
+        self.feed_reason.try_into()
     }
 
     /// What is wrong with the force stream and its channels.

@@ -16,7 +16,7 @@ macro_rules! pinned {
 
 #[test]
 fn the_layout_of_status_stands() {
-    pinned!(Status: 2144 bytes, hash 0x4821_d072_ace6_2b8a,
+    pinned!(Status: 2248 bytes, hash 0xfef8_996e_1258_d062,
         seq at 0, t_ns at 8, started_ns at 16, model_epoch at 24, model_hash at 32,
         geometry_hash at 40, cycles at 48, missed_cycles at 56, commands at 64, rejected
         at 72, held at 80, stale at 88, commands_lost at 96, corrected_lost at 104,
@@ -29,9 +29,11 @@ fn the_layout_of_status_stands() {
         recorder at 260, watch at 264, uncompensated_effects at 268, in_cut at 272,
         stream_faults at 276, channel_faults at 280, verdict at 304,
         stale_temperatures at 464, reserved at 468, trim_state at 472, trim_reason at 476, trim_m at 480,
-        trim_found_m at 504, trim_measurements at 528, trim_refused at 536, bounds at 544,
-        q_command at 1184, correction at 1312, robot_maker at 1440, robot_type at 1504,
-        robot_serial at 1568, message at 1632);
+        trim_found_m at 504, trim_measurements at 528, trim_refused at 536,
+        feed_state at 544, feed_reason at 548, feed_override at 552, feed_wanted at 560, feed_force_n at
+        568, feed_programmed_force_n at 576, feed_limit_n at 584, feed_speed_m_s at 592, feed_refused
+        at 600, feed_bounds at 608, bounds at 648, q_command at 1288, correction at 1416,
+        robot_maker at 1544, robot_type at 1608, robot_serial at 1672, message at 1736);
 }
 
 #[test]
@@ -44,12 +46,12 @@ fn the_layout_of_command_stands() {
 
 #[test]
 fn the_layout_of_corrected_stands() {
-    pinned!(Corrected: 608 bytes, hash 0x9be4_bfff_34af_9b47,
+    pinned!(Corrected: 616 bytes, hash 0x729d_afdc_02a1_7424,
         seq at 0, command_seq at 8, command_session at 16, t_ns at 24, received_ns at 32,
         made_ns at 40, model_epoch at 48, layout at 56, joints at 60, status at 64, reason
         at 68, wrench_gate at 72, iterations at 76, correction at 80,
         correction_rate at 208, correction_acceleration at 336, wanted at 464, residual_m
-        at 592, residual_rad at 600);
+        at 592, residual_rad at 600, feed_override at 608);
 }
 
 #[test]
@@ -110,6 +112,16 @@ fn the_bounds_inside_a_status_stand() {
 }
 
 #[test]
+fn the_bounds_of_the_feed_inside_a_status_stand() {
+    assert_eq!(size_of::<FeedBounds>(), 40);
+    assert_eq!(offset_of!(FeedBounds, floor), 0);
+    assert_eq!(offset_of!(FeedBounds, lost), 8);
+    assert_eq!(offset_of!(FeedBounds, down_per_s), 16);
+    assert_eq!(offset_of!(FeedBounds, up_per_s), 24);
+    assert_eq!(offset_of!(FeedBounds, hold_s), 32);
+}
+
+#[test]
 fn a_message_is_read_from_bytes_in_the_order_of_its_offsets() {
     let mut bytes = vec![0; size_of::<Command>()];
     bytes[36..40].copy_from_slice(&6_u32.to_ne_bytes());
@@ -126,5 +138,5 @@ fn a_message_is_read_from_bytes_in_the_order_of_its_offsets() {
 #[test]
 fn the_contract_stands() {
     assert_eq!(CONTRACT_VERSION, 6);
-    assert_eq!(CONTRACT_HASH, 0x83ca_2162_83bd_b9c9, "{CONTRACT_HASH:#018x}");
+    assert_eq!(CONTRACT_HASH, 0xd02b_868b_ce8d_eabb, "{CONTRACT_HASH:#018x}");
 }

@@ -26,6 +26,7 @@ mod diagnose_torques;
 mod dynamics;
 mod evidence;
 mod faults;
+mod feed;
 mod force;
 mod gate;
 mod gauges;

@@ -61,6 +61,8 @@ impl Link for Even {
             sent_ns: now_ns,
             joints,
             q,
+            flags: Command::HAS_WRENCH,
+            wrench: [if seq.is_multiple_of(89) { f64::NAN } else { 50.0 }; 6],
             ..Command::default()
         };
         Some((command, now_ns))
@@ -128,9 +130,11 @@ fn a_million_cycles_take_nothing_from_the_heap() {
     let link = Even { exchange: exchange_of_link, now_ns, seq: 0, sent: 0, measured: 0, models };
     let text = format!(
         "schema = \"trued.cell/1\"\ncell = \"cell\"\nmodel = \"{MODEL}\"\n[measured]\nmode = \"trim\"\n\
-         rate_Hz = 250\nlatency_ms = 2\nnoise_mm = 0.02\njump_mm = 100\n"
+         rate_Hz = 250\nlatency_ms = 2\nnoise_mm = 0.02\njump_mm = 100\n\
+         [wrench]\nsource = \"command\"\n[feed]\nmode = \"adapt\"\ndeflection_limit_mm = 0.1\n"
     );
     let config = CellConfig::parse("cell.toml", &text).unwrap();
+    assert!(setup::feed_fault(&config, &physics).is_none());
     let mut cycle = Cycle {
         robot: Robot::over(link),
         corrector: Corrector::new(settings),
@@ -148,6 +152,8 @@ fn a_million_cycles_take_nothing_from_the_heap() {
     let mut status = Status::default();
     counters.trim.put(&mut status);
     assert!(status.trim_measurements > 200_000 && status.trim_refused > 1000, "{status:?}");
+    counters.feed.put(&mut status);
+    assert!(status.feed_refused > 1000 && status.feed_limit_n > 0.0, "{status:?}");
     assert!(counters.model_epoch.load(Relaxed) > 1, "models were swapped");
     assert_eq!((heap.count_total, heap.bytes_total), (0, 0), "{heap:?}");
 }

@@ -7,6 +7,8 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph, Wrap};
 
+use shm_schema::FeedState;
+
 use super::screen::Screen;
 use crate::report::{Joint, Report};
 
@@ -151,11 +153,19 @@ fn draw_cycle(frame: &mut Frame<'_>, area: Rect, report: &Report, rate_hz: Optio
         format!("99.9 % {:.1} us{share}", latency.p999),
         format!("largest {:.1} us, missed {}", latency.max, counts.missed_cycles),
         format!("refused {}, held {}, lost {lost}", counts.rejected, counts.held),
-        format!("wrench gate {}", report.force.wrench_gate),
+        format!("wrench gate {}{}", report.force.wrench_gate, feed(report)),
     ];
     let lines: Vec<Line<'_>> = lines.into_iter().map(Line::from).collect();
     let block = Block::new().borders(Borders::ALL).title(" cycle ");
     frame.render_widget(Paragraph::new(lines).block(block), area);
+}
+
+/// The feed override behind the wrench gate; nothing in a cell that adapts no feed.
+fn feed(report: &Report) -> String {
+    if report.feed.state == FeedState::Off.name() {
+        return String::new();
+    }
+    format!(", feed {:.0} % {}", report.feed.override_percent, report.feed.state)
 }
 
 fn draw_events(frame: &mut Frame<'_>, area: Rect, screen: &Screen) {

@@ -165,6 +165,9 @@ fn other_columns(contents: &Contents, cycles: &[&CycleRecord]) -> Vec<(String, V
         }
     }
     columns.extend(trim_columns(cycles));
+    if cycles.iter().any(|cycle| cycle.feed_override != 0.0 && cycle.feed_override != 1.0) {
+        columns.push(column("feed_override", &|c| format!("{:?}", c.feed_override)));
+    }
     columns.push(column("status", &|c| word(&header.status_words, c.status)));
     columns.push(column("reason", &|c| word(&header.reason_words, c.reason)));
     columns.push(column("model_epoch", &|c| c.model_epoch.to_string()));

@@ -126,6 +126,8 @@ message! {
         measured_m: Few<3>,
         /// When it was measured, ns.
         measured_ns: u64,
+        /// Share of the programmed feed that went out; 1 in a cell that adapts no feed, 0 in files of versions that did not write it.
+        feed_override: f64,
     }
 }
 

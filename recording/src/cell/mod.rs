@@ -55,6 +55,8 @@ pub struct CellConfig {
     pub temperature: Temperature,
     /// The instrument that measures the tool, where there is one.
     pub measured: Option<Measured>,
+    /// How the feed is adapted to the force, where it is.
+    pub feed: Option<Feed>,
     /// The force stream, where there is one.
     pub force: Option<Force>,
     /// The vibration watch, where it is on.
@@ -195,6 +197,58 @@ pub struct Measured {
     pub model_sigma_m: Option<f64>,
 }
 
+/// What the feed override is for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum FeedMode {
+    /// Nothing.
+    Off,
+    /// It is found and told; the programmed feed goes out.
+    #[default]
+    Observe,
+    /// It goes out.
+    Adapt,
+}
+
+/// What the feed is to keep.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FeedLimit {
+    /// The process force, N.
+    Force(f64),
+    /// How far the tool gives way by the model, m.
+    Deflection(f64),
+}
+
+/// `[feed]`. Overrides are shares of the programmed feed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feed {
+    /// What the override is for.
+    pub mode: FeedMode,
+    /// What it keeps.
+    pub limit: FeedLimit,
+    /// The least override.
+    pub floor: f64,
+    /// The override where no force is known.
+    pub lost: f64,
+    /// The largest override in the air.
+    pub air: f64,
+    /// Forces below this are none, N.
+    pub air_n: f64,
+    /// How fast the override may fall, per s.
+    pub down_per_s: f64,
+    /// How fast it may rise, per s.
+    pub up_per_s: f64,
+    /// From an override to the force that comes of it, as it is known here, s.
+    pub latency_s: f64,
+    /// Time constant of the estimate, s; none: chosen for the latency.
+    pub time_constant_s: Option<f64>,
+    /// How the force grows with the feed: its exponent.
+    pub exponent: f64,
+    /// A force beyond so many limits takes the override down at once.
+    pub relief: f64,
+    /// Without a force the override holds for so long, s.
+    pub hold_s: f64,
+}
+
 /// `[force]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Force {
@@ -284,6 +338,13 @@ impl CellConfig {
     /// All faults of the text.
     pub fn parse(name: &str, text: &str) -> Result<Self, Faults> {
         read::parse(name, text)
+    }
+
+    /// The feed override where no daemon is there and its mode is not known: that for a lost force in a cell that adapts its feed and corrects after a start, else 1.
+    #[must_use]
+    pub fn lost_feed(&self) -> f64 {
+        let feed = self.feed.filter(|feed| feed.mode == FeedMode::Adapt);
+        feed.filter(|_| self.mode != Mode::Shadow).map_or(1.0, |feed| feed.lost)
     }
 
     /// Checks the lists per joint against a robot with these joints.

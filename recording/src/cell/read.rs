@@ -5,8 +5,8 @@ use std::ops::Bound;
 use std::path::PathBuf;
 
 use super::{
-    Bounds, CellConfig, Cycle, Envelope, Force, Measured, MeasuredMode, Mode, Realtime, Recorder,
-    SCHEMA, Task, Temperature, Vibration, Wait, Wrench, WrenchSource,
+    Bounds, CellConfig, Cycle, Envelope, Feed, FeedLimit, FeedMode, Force, Measured, MeasuredMode,
+    Mode, Realtime, Recorder, SCHEMA, Task, Temperature, Vibration, Wait, Wrench, WrenchSource,
 };
 use crate::faults::Faults;
 use crate::model::read::rotation;
@@ -42,11 +42,19 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
     let wrench = wrench(root.table("wrench").as_ref());
     let temperature = temperature(root.table("temperature").as_ref());
     let measured = root.table("measured").map(|table| measured(&table));
-    if measured.is_some_and(|measured| measured.mode != MeasuredMode::Off)
-        && cycle.period_s > MEASURED_PERIOD_MAX_S
+    let feed = root.table("feed").and_then(|table| feed(&table));
+    let is_trimmed = measured.is_some_and(|measured| measured.mode != MeasuredMode::Off);
+    let is_fed = feed.is_some_and(|feed| feed.mode != FeedMode::Off);
+    for (key, is_on, what) in [("measured", is_trimmed, "trim"), ("feed", is_fed, "feed override")]
     {
-        let message = format!("has cycles of {} ms, too slow for a trim", cycle.period_s * 1e3);
-        root.fault("measured", message, "cycle.period_ms of 40 or less, or mode = \"off\"");
+        if is_on && cycle.period_s > LATE_PERIOD_MAX_S {
+            let ms = cycle.period_s * 1e3;
+            let message = format!("has cycles of {ms} ms, too slow for a {what}");
+            root.fault(key, message, "cycle.period_ms of 40 or less, or mode = \"off\"");
+        }
+    }
+    if is_fed && wrench.source == WrenchSource::None {
+        root.fault("feed", "needs the force, and the cell has none", "source in [wrench]");
     }
     let force = root.table("force").map(|table| force(&table, &wrench));
     let vibration = root.table("vibration").map(|table| vibration(&table, force));
@@ -67,6 +75,7 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
         wrench,
         temperature,
         measured,
+        feed,
         force,
         vibration: vibration.flatten(),
         realtime,
@@ -209,8 +218,8 @@ const HOLD_MS: f64 = 500.0;
 const LIMIT_MM: f64 = 1.0;
 /// Stated delays in the shortest time constant: below it the gain margin at twice the stated delay is less than 2 (`corrector/src/trim.rs`).
 const DELAYS_LEAST: f64 = 2.0;
-/// Longest cycle with a trim, s: the prediction of the tool is interpolated between cycles, and one that comes after 50 ms counts as a pause.
-const MEASURED_PERIOD_MAX_S: f64 = 0.04;
+/// Longest cycle with a trim or a feed override, s: what was in force is interpolated between cycles, and one that comes after 50 ms counts as a pause.
+const LATE_PERIOD_MAX_S: f64 = 0.04;
 
 fn measured(table: &Table<'_, '_>) -> Measured {
     table.require("rate_Hz", "measurements per second");
@@ -270,6 +279,83 @@ fn time_constant(table: &Table<'_, '_>, measured: &Measured) -> Option<f64> {
         table.fault("time_constant_ms", message, expected);
     }
     Some(time_constant_ms * 1e-3)
+}
+
+/// The slowest feed at which a cutter of common geometry still cuts and does not rub is about a tenth of its nominal one.
+const FLOOR_PERCENT: f64 = 10.0;
+/// Above the noise and the drift of a force sensor on a flange (some newtons), below any cut that bends a robot.
+const AIR_N: f64 = 5.0;
+/// From the programmed feed to a tenth within half a second: what path planners of controllers follow an override in.
+const DOWN_PERCENT_S: f64 = 200.0;
+/// A tenth of that: a cut that has become lighter for a moment hardly raises the feed.
+const UP_PERCENT_S: f64 = 20.0;
+/// An override takes effect after some of a controller's cycles and its smoothing of the path; the force of it comes with the sensor's block and its transport.
+const FEED_LATENCY_MS: f64 = 100.0;
+/// A force beyond this share of the limit is no ripple of the cut.
+const RELIEF: f64 = 1.25;
+/// Longer than a lost block or two, and less way than a cutter goes into another depth in.
+const FEED_HOLD_MS: f64 = 200.0;
+/// The latency in the shortest time constant: below it the gain margin at twice that latency is less than 2 (`corrector/src/feed.rs`).
+const FEED_DELAYS_LEAST: f64 = 2.0;
+
+fn feed(table: &Table<'_, '_>) -> Option<Feed> {
+    let modes =
+        [("off", FeedMode::Off), ("observe", FeedMode::Observe), ("adapt", FeedMode::Adapt)];
+    let or = |key, range, default: f64| table.number(key, range).unwrap_or(default);
+    let mode = table.choice("mode", &modes).unwrap_or_default();
+    let limit = feed_limit(table);
+    let floor_percent = or("floor_percent", 1.0..=100.0, FLOOR_PERCENT);
+    let above_floor = |key, default: f64| {
+        let percent = or(key, 0.0..=100.0, default);
+        if percent < floor_percent {
+            let message = format!("is {percent}, below floor_percent = {floor_percent}");
+            table.fault(key, message, "floor_percent to 100");
+        }
+        percent * 1e-2
+    };
+    let mut feed = Feed {
+        mode,
+        limit: FeedLimit::Force(f64::INFINITY),
+        floor: floor_percent * 1e-2,
+        lost: above_floor("lost_percent", floor_percent),
+        air: above_floor("air_percent", 100.0),
+        air_n: or("air_N", 0.0..=1e4, AIR_N),
+        down_per_s: or("down_percent_s", 1.0..=1000.0, DOWN_PERCENT_S) * 1e-2,
+        up_per_s: or("up_percent_s", 1.0..=1000.0, UP_PERCENT_S) * 1e-2,
+        latency_s: or("latency_ms", 1.0..=500.0, FEED_LATENCY_MS) * 1e-3,
+        time_constant_s: None,
+        exponent: or("exponent", 0.3..=1.0, 1.0),
+        relief: or("relief", 1.05..=10.0, RELIEF),
+        hold_s: or("hold_ms", 0.0..=10_000.0, FEED_HOLD_MS) * 1e-3,
+    };
+    feed.time_constant_s = table.number("time_constant_ms", 1.0..=10_000.0).map(|ms| ms * 1e-3);
+    if let Some(time_constant_s) = feed.time_constant_s
+        && time_constant_s < FEED_DELAYS_LEAST * feed.latency_s
+    {
+        let message = format!("is {}", time_constant_s * 1e3);
+        let least_ms = tenth(FEED_DELAYS_LEAST * feed.latency_s * 1e3);
+        let expected = format!(
+            "{least_ms} or more: twice latency_ms, so that the gain margin stays above 2 at twice that latency"
+        );
+        table.fault("time_constant_ms", message, expected);
+    }
+    table.close();
+    Some(Feed { limit: limit?, ..feed })
+}
+
+/// Exactly one of the limits.
+fn feed_limit(table: &Table<'_, '_>) -> Option<FeedLimit> {
+    let force_n = table.number("force_limit_N", 1.0..=1e5);
+    let deflection_mm = table.number("deflection_limit_mm", 1e-3..=10.0);
+    match (table.has("force_limit_N"), table.has("deflection_limit_mm")) {
+        (true, false) => force_n.map(FeedLimit::Force),
+        (false, true) => deflection_mm.map(|mm| FeedLimit::Deflection(mm * 1e-3)),
+        (both, _) => {
+            let message = if both { "has two limits" } else { "has no limit" };
+            table.fault_here(message, "force_limit_N or deflection_limit_mm: one of them");
+            None
+        }
+    }
 }
 
 fn force(table: &Table<'_, '_>, wrench: &Wrench) -> Force {

@@ -234,3 +234,34 @@ fn cycles_too_slow_for_a_trim_are_refused_where_there_is_one() {
     assert!(parse(&slow.replace("period_ms = 50", "period_ms = 40")).is_ok());
     assert!(parse(&slow.replace("[measured]", "[measured]\nmode = \"off\"")).is_ok());
 }
+
+const FEED: &str = "schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.toml\"\n\
+                    [wrench]\nsource = \"command\"\n[feed]\n";
+
+#[test]
+fn a_feed_is_only_watched_unless_told_otherwise_and_has_exactly_one_limit() {
+    let feed = parse(&format!("{FEED}force_limit_N = 200\n")).unwrap().feed.expect("a feed");
+    assert_eq!((feed.mode, feed.limit), (FeedMode::Observe, FeedLimit::Force(200.0)));
+    assert_eq!((feed.floor, feed.lost, feed.air), (0.1, 0.1, 1.0));
+    assert_eq!((feed.down_per_s, feed.up_per_s, feed.hold_s), (2.0, 0.2, 0.2));
+    let feed = parse(&format!("{FEED}deflection_limit_mm = 0.1\n")).unwrap().feed.expect("a feed");
+    assert_eq!(feed.limit, FeedLimit::Deflection(1e-4));
+    parse(FEED).unwrap_err().assert_say("has no limit");
+    let both = format!("{FEED}force_limit_N = 200\ndeflection_limit_mm = 0.1\n");
+    parse(&both).unwrap_err().assert_say("has two limits");
+}
+
+#[test]
+fn a_feed_without_a_force_and_one_that_cannot_keep_its_floor_are_refused() {
+    let feed = format!("{FEED}force_limit_N = 200\n");
+    let without = feed.replace("source = \"command\"", "");
+    parse(&without).unwrap_err().assert_say("needs the force");
+    assert!(parse(&without.replace("[feed]", "[feed]\nmode = \"off\"")).is_ok());
+    parse(&format!("{feed}floor_percent = 30\nlost_percent = 20\n"))
+        .unwrap_err()
+        .assert_say("below floor_percent");
+    parse(&format!("{feed}time_constant_ms = 199\n")).unwrap_err().assert_say("200 or more");
+    assert!(parse(&format!("{feed}time_constant_ms = 200\n")).is_ok());
+    let slow = feed.replace("[feed]", "[cycle]\nperiod_ms = 50\nstale_ms = 200\n[feed]");
+    parse(&slow).unwrap_err().assert_say("too slow for a feed override");
+}

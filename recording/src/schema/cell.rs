@@ -32,6 +32,8 @@ pub(super) struct Cell {
     temperature: Option<Temperature>,
     /// The instrument that measures the tool.
     measured: Option<Measured>,
+    /// How the feed is adapted to the force; needs a `source` in `[wrench]`.
+    feed: Option<Feed>,
     /// The force stream.
     force: Option<Force>,
     /// The vibration monitor; needs `[force]`.
@@ -215,6 +217,62 @@ enum MeasuredMode {
     Off,
     Observe,
     Trim,
+}
+
+#[derive(JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("oneOf" = [{ "required": ["force_limit_N"] }, { "required": ["deflection_limit_mm"] }]))]
+struct Feed {
+    /// `off`: nothing; `observe`: the override is found and reported, the programmed feed goes out; `adapt`: the override goes out.
+    #[schemars(extend("default" = "observe"))]
+    mode: Option<FeedMode>,
+    /// The process force that is kept, N; this or `deflection_limit_mm`.
+    #[schemars(range(min = 1.0, max = 1e5))]
+    force_limit_N: Option<f64>,
+    /// The deflection of the tool by the model that is kept, mm; this or `force_limit_N`.
+    #[schemars(range(min = 0.001, max = 10.0))]
+    deflection_limit_mm: Option<f64>,
+    /// The least override, percent of the programmed feed.
+    #[schemars(range(min = 1.0, max = 100.0), extend("default" = 10.0))]
+    floor_percent: Option<f64>,
+    /// The override where no force is known, percent; from `floor_percent` on. Default: `floor_percent`.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    lost_percent: Option<f64>,
+    /// The largest override in the air, percent; from `floor_percent` on.
+    #[schemars(range(min = 0.0, max = 100.0), extend("default" = 100.0))]
+    air_percent: Option<f64>,
+    /// A smaller force is none: the tool is in the air, N.
+    #[schemars(range(min = 0.0, max = 1e4), extend("default" = 5.0))]
+    air_N: Option<f64>,
+    /// How fast the override may fall, percent per second.
+    #[schemars(range(min = 1.0, max = 1000.0), extend("default" = 200.0))]
+    down_percent_s: Option<f64>,
+    /// How fast it may rise, percent per second.
+    #[schemars(range(min = 1.0, max = 1000.0), extend("default" = 20.0))]
+    up_percent_s: Option<f64>,
+    /// From an override to the force that comes of it, as it arrives at the daemon, ms.
+    #[schemars(range(min = 1.0, max = 500.0), extend("default" = 100.0))]
+    latency_ms: Option<f64>,
+    /// Time constant of the estimate, ms; at least twice `latency_ms`. Default: twice.
+    #[schemars(range(min = 1.0, max = 10_000.0))]
+    time_constant_ms: Option<f64>,
+    /// How the force grows with the feed: its exponent.
+    #[schemars(range(min = 0.3, max = 1.0), extend("default" = 1.0))]
+    exponent: Option<f64>,
+    /// A force beyond so many limits takes the override down at once.
+    #[schemars(range(min = 1.05, max = 10.0), extend("default" = 1.25))]
+    relief: Option<f64>,
+    /// Without a force the override holds for so long, ms; then it goes to `lost_percent`.
+    #[schemars(range(min = 0.0, max = 10_000.0), extend("default" = 200.0))]
+    hold_ms: Option<f64>,
+}
+
+#[derive(JsonSchema)]
+#[serde(rename_all = "lowercase")]
+enum FeedMode {
+    Off,
+    Observe,
+    Adapt,
 }
 
 #[derive(JsonSchema)]

@@ -5,6 +5,7 @@
 
 pub mod bridges;
 mod client;
+pub mod feed;
 pub mod instrument;
 mod orders;
 mod watch;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use daemon::setup;
-use recording::cell::CellConfig;
+use recording::cell::{CellConfig, Feed, FeedLimit, FeedMode};
 use recording::faults::{Fault, Faults, Place};
 use recording::files::FileError;
 use recording::model::RobotModel;
@@ -45,9 +45,26 @@ pub(super) fn check(path: &Path, text: &str, found: &mut Found) -> Result<(), Fi
         found.faults.extend(together(&name, text, misfits(&name, &config, &model)));
         let mode = format!("{:?}", config.mode).to_lowercase();
         let robot = &model.file.name;
-        found.summary = format!("`{}`, mode {mode}, with `{robot}`", config.cell);
+        let feed = config.feed.map(feed_summary).unwrap_or_default();
+        found.summary = format!("`{}`, mode {mode}, with `{robot}`{feed}", config.cell);
     }
     Ok(())
+}
+
+/// What the cell makes of its feed.
+fn feed_summary(feed: Feed) -> String {
+    let limit = match feed.limit {
+        FeedLimit::Force(n) => format!("{n} N"),
+        FeedLimit::Deflection(m) => format!("{} mm of deflection", m * 1e3),
+    };
+    let (floor, lost) = (feed.floor * 1e2, feed.lost * 1e2);
+    match feed.mode {
+        FeedMode::Off => String::new(),
+        FeedMode::Observe => format!("; the feed for {limit} is watched"),
+        FeedMode::Adapt => format!(
+            "; the feed is adapted to {limit}, from {floor} to 100 %; {lost} % without a force"
+        ),
+    }
 }
 
 /// What the daemon's start would refuse.
@@ -63,6 +80,7 @@ fn misfits(name: &str, config: &CellConfig, model: &RobotModel) -> Vec<Fault> {
     if let Err(error) = setup::ears(config, model) {
         found.push(Fault::new("vibration", error.to_string()));
     }
+    found.extend(setup::feed_fault(config, &model.physics));
     if let Err(error) = Cell::new(&config.cell) {
         found.push(Fault::new("cell", error.to_string()));
     }

@@ -2,7 +2,7 @@
 
 use crate::table::beside;
 use live::report::Report;
-use shm_schema::{TrimReason, TrimState};
+use shm_schema::{FeedReason, FeedState, TrimReason, TrimState};
 
 /// Columns of the names on the left.
 const INDENT: usize = 10;
@@ -66,6 +66,9 @@ pub(super) fn lines(report: &Report) -> Vec<String> {
     if let Some(trim) = trim(report) {
         put("trim", &trim);
     }
+    if let Some(feed) = feed(report) {
+        put("feed", &feed);
+    }
     put("recorder", &format!("{}; dropped {}", report.recorder, report.recorder_dropped));
     lines
 }
@@ -87,6 +90,28 @@ fn trim(report: &Report) -> Option<String> {
         trim.found_length_mm(),
         trim.measurements,
         trim.refused
+    ))
+}
+
+/// How the feed is adapted to the force; none in a cell that does not.
+fn feed(report: &Report) -> Option<String> {
+    let feed = &report.feed;
+    if feed.state == FeedState::Off.name() {
+        return None;
+    }
+    let reason = match feed.reason {
+        reason if reason == FeedReason::None.name() => String::new(),
+        reason => format!(" ({reason})"),
+    };
+    let newtons = |n: f64| if n.is_finite() { format!("{n:.0} N") } else { "unknown".to_owned() };
+    Some(format!(
+        "{}{reason}; override {:.0} %, wanted {:.0} %; force {}, at the programmed feed {}, limit {}",
+        feed.state,
+        feed.override_percent,
+        feed.wanted_percent,
+        newtons(feed.force_n),
+        newtons(feed.programmed_force_n),
+        newtons(feed.limit_n)
     ))
 }
 
