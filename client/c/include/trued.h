@@ -417,6 +417,64 @@ typedef uint32_t trued_trim_reason;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
+// What the feed override does.
+enum trued_feed_state
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // The cell has no limit for its feed, or it is switched off.
+  TRUED_FEED_STATE_OFF = 0,
+  // No force is known: the override is at the one that the cell has set for that, or on its way there.
+  TRUED_FEED_STATE_LOST = 1,
+  // The force is found and told; the programmed feed goes out.
+  TRUED_FEED_STATE_OBSERVING = 2,
+  // The tool is in the air.
+  TRUED_FEED_STATE_AIR = 3,
+  // The override keeps the limit.
+  TRUED_FEED_STATE_ADAPTING = 4,
+  // The force is missing; the override stands.
+  TRUED_FEED_STATE_HOLDING = 5,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum trued_feed_state trued_feed_state;
+#else
+typedef uint32_t trued_feed_state;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// Why the feed override is so.
+enum trued_feed_reason
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // Nothing to say.
+  TRUED_FEED_REASON_NONE = 0,
+  // No wrench has come.
+  TRUED_FEED_REASON_NO_WRENCH = 1,
+  // The wrench is older than the cell allows.
+  TRUED_FEED_REASON_STALE = 2,
+  // The force stream or one of its channels has a fault.
+  TRUED_FEED_REASON_SENSOR_FAULT = 3,
+  // The wrench holds a number that is none, or is larger than any robot's.
+  TRUED_FEED_REASON_NOT_FINITE = 4,
+  // The model does not tell how far the tool gives way.
+  TRUED_FEED_REASON_NO_DEFLECTION = 5,
+  // The robot stands: the force says nothing of the feed.
+  TRUED_FEED_REASON_AT_REST = 6,
+  // The floor of the override does not keep the limit.
+  TRUED_FEED_REASON_AT_FLOOR = 7,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum trued_feed_reason trued_feed_reason;
+#else
+typedef uint32_t trued_feed_reason;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
 // State of a vibration event.
 enum trued_vibration_state
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -672,6 +730,8 @@ typedef struct trued_target {
   uint32_t reserved;
   // The target.
   double q[TRUED_JOINTS_MAX];
+  // The share of the programmed feed to go on with, above 0 to 1; 1 in a cell that adapts no feed.
+  double feed_override;
 } trued_target;
 
 // The daemon's answer to a command.
@@ -712,6 +772,8 @@ typedef struct trued_corrected {
   double residual_m;
   // Undamped residual of the solution, orientation, rad.
   double residual_rad;
+  // Share of the programmed feed that keeps the force under its limit; trued_target has the one to go on with.
+  double feed_override;
 } trued_corrected;
 
 // State of the daemon. Unknown values are NaN.
@@ -838,6 +900,24 @@ typedef struct trued_status {
   uint64_t trim_measurements;
   // Measured points refused.
   uint64_t trim_refused;
+  // A trued_feed_state.
+  uint32_t feed_state;
+  // A trued_feed_reason.
+  uint32_t feed_reason;
+  // The feed override; 1 is the programmed feed.
+  double feed_override;
+  // The override that the force asks for.
+  double feed_wanted;
+  // The process force, low-passed, N.
+  double feed_force_n;
+  // What it would be at the programmed feed, N.
+  double feed_programmed_force_n;
+  // The limit as a force, N.
+  double feed_limit_n;
+  // Speed of the commanded tool, m/s.
+  double feed_speed_m_s;
+  // Wrenches that were refused: no numbers.
+  uint64_t feed_refused;
 } trued_status;
 
 // One verdict on one line of the force spectrum. Unknown values are NaN.

@@ -192,7 +192,14 @@ mod tests {
     }
 
     fn target() -> trued_target {
-        trued_target { struct_size: 0, joints: 6, source: 1, reserved: 0, q: [0.5; 16] }
+        trued_target {
+            struct_size: 0,
+            joints: 6,
+            source: 1,
+            reserved: 0,
+            q: [0.5; 16],
+            feed_override: 0.25,
+        }
     }
 
     #[test]
@@ -203,7 +210,7 @@ mod tests {
         place.ok().unwrap().put(&target());
         assert_eq!(foreign.bytes[..4], 200_u32.to_ne_bytes());
         assert_eq!(foreign.bytes[4..8], 6_u32.to_ne_bytes());
-        assert_eq!(foreign.bytes[144..200], [0; 56]);
+        assert_eq!(foreign.bytes[152..200], [0; 48]);
         assert_eq!(foreign.bytes[200..], [0xff; 56], "nothing is written beyond the claim");
     }
 
@@ -217,7 +224,7 @@ mod tests {
         newer.bytes[199] = 1;
         // SAFETY: the same.
         let refused = unsafe { given((&raw const newer).cast::<trued_target>()) };
-        assert!(matches!(refused, Err(Fault::Newer { size: 200, known: 144, .. })));
+        assert!(matches!(refused, Err(Fault::Newer { size: 200, known: 152, .. })));
         newer.bytes[199] = 0;
         newer.bytes[200] = 1;
         // SAFETY: the same.

@@ -188,6 +188,46 @@ pub enum trued_trim_reason {
     Bounded = 8,
 }
 
+/// What the feed override does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum trued_feed_state {
+    /// The cell has no limit for its feed, or it is switched off.
+    Off = 0,
+    /// No force is known: the override is at the one that the cell has set for that, or on its way there.
+    Lost = 1,
+    /// The force is found and told; the programmed feed goes out.
+    Observing = 2,
+    /// The tool is in the air.
+    Air = 3,
+    /// The override keeps the limit.
+    Adapting = 4,
+    /// The force is missing; the override stands.
+    Holding = 5,
+}
+
+/// Why the feed override is so.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum trued_feed_reason {
+    /// Nothing to say.
+    None = 0,
+    /// No wrench has come.
+    NoWrench = 1,
+    /// The wrench is older than the cell allows.
+    Stale = 2,
+    /// The force stream or one of its channels has a fault.
+    SensorFault = 3,
+    /// The wrench holds a number that is none, or is larger than any robot's.
+    NotFinite = 4,
+    /// The model does not tell how far the tool gives way.
+    NoDeflection = 5,
+    /// The robot stands: the force says nothing of the feed.
+    AtRest = 6,
+    /// The floor of the override does not keep the limit.
+    AtFloor = 7,
+}
+
 /// Action of the recorder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]

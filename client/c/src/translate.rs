@@ -160,7 +160,8 @@ pub(crate) fn target(from: &Target) -> trued_target {
     let joints = from.joints();
     q[..joints.len()].copy_from_slice(joints);
     let source = trued_source::from(from.source()) as u32;
-    trued_target { struct_size: 0, joints: joints.len() as u32, source, reserved: 0, q }
+    let (joints, feed_override) = (joints.len() as u32, from.feed_override());
+    trued_target { struct_size: 0, joints, source, reserved: 0, q, feed_override }
 }
 
 pub(crate) fn corrected(from: &Corrected) -> trued_corrected {
@@ -183,73 +184,43 @@ pub(crate) fn corrected(from: &Corrected) -> trued_corrected {
         wanted: from.wanted,
         residual_m: from.residual_m,
         residual_rad: from.residual_rad,
+        feed_override: from.feed_override,
     }
 }
 
+/// A struct of fields that the message has by the same name, and of others.
+macro_rules! copied {
+    ($from:ident, $name:ident { $($same:ident),* $(,)? } $($other:ident: $value:expr,)*) => {
+        $name { $($same: $from.$same,)* $($other: $value,)* }
+    };
+}
+
 pub(crate) fn status(from: &Status) -> trued_status {
-    trued_status {
+    copied!(from, trued_status {
+            pid, seq, t_ns, started_ns, model_epoch, model_hash, cycles, missed_cycles,
+            commands, rejected, held, stale, commands_lost, corrected_lost, force_blocks,
+            force_gaps, force_refused, malformed, recorder_dropped, latency_p50_ns,
+            latency_p99_ns, latency_p999_ns, latency_max_ns, model_broken_since_ns,
+            model_measurements, model_residual_m, wrench_loop_gain, spindle_rpm, feed_mm_s,
+            health, mode, bypassed, joints, wrench_gate, recorder, watch, in_cut,
+            uncompensated_effects, stream_faults, channel_faults, geometry_hash,
+            stale_temperatures, q_command, correction, trim_state, trim_reason, trim_m,
+            trim_found_m, trim_measurements, trim_refused, feed_state, feed_reason,
+            feed_override, feed_wanted, feed_force_n, feed_programmed_force_n, feed_limit_n,
+            feed_speed_m_s, feed_refused,
+        }
         struct_size: 0,
-        pid: from.pid,
-        seq: from.seq,
-        t_ns: from.t_ns,
-        started_ns: from.started_ns,
-        model_epoch: from.model_epoch,
-        model_hash: from.model_hash,
-        cycles: from.cycles,
-        missed_cycles: from.missed_cycles,
-        commands: from.commands,
-        rejected: from.rejected,
-        held: from.held,
-        stale: from.stale,
-        commands_lost: from.commands_lost,
-        corrected_lost: from.corrected_lost,
-        force_blocks: from.force_blocks,
-        force_gaps: from.force_gaps,
-        force_refused: from.force_refused,
-        malformed: from.malformed,
-        recorder_dropped: from.recorder_dropped,
-        latency_p50_ns: from.latency_p50_ns,
-        latency_p99_ns: from.latency_p99_ns,
-        latency_p999_ns: from.latency_p999_ns,
-        latency_max_ns: from.latency_max_ns,
-        model_broken_since_ns: from.model_broken_since_ns,
-        model_measurements: from.model_measurements,
-        model_residual_m: from.model_residual_m,
-        wrench_loop_gain: from.wrench_loop_gain,
-        spindle_rpm: from.spindle_rpm,
-        feed_mm_s: from.feed_mm_s,
-        health: from.health,
-        mode: from.mode,
-        bypassed: from.bypassed,
-        joints: from.joints,
-        wrench_gate: from.wrench_gate,
-        recorder: from.recorder,
-        watch: from.watch,
-        in_cut: from.in_cut,
-        uncompensated_effects: from.uncompensated_effects,
-        stream_faults: from.stream_faults,
-        channel_faults: from.channel_faults,
         q_min: from.bounds.min,
         q_max: from.bounds.max,
         correction_max: from.bounds.angle,
         correction_rate_max: from.bounds.rate,
         correction_jerk_max: from.bounds.jerk,
         message: words(from.message.as_str()),
-        geometry_hash: from.geometry_hash,
-        stale_temperatures: from.stale_temperatures,
         reserved: 0,
         robot_maker: words(from.robot_maker.as_str()),
         robot_type: words(from.robot_type.as_str()),
         robot_serial: words(from.robot_serial.as_str()),
-        q_command: from.q_command,
-        correction: from.correction,
-        trim_state: from.trim_state,
-        trim_reason: from.trim_reason,
-        trim_m: from.trim_m,
-        trim_found_m: from.trim_found_m,
-        trim_measurements: from.trim_measurements,
-        trim_refused: from.trim_refused,
-    }
+    )
 }
 
 pub(crate) fn vibration(from: &Verdict) -> trued_vibration {

@@ -34,14 +34,14 @@ fn every_struct_keeps_its_size_and_offsets_in_rust_and_in_c() {
         336);
     pinned!(&mut all, trued_robot_state: 416 bytes, struct_size at 0, joints at 4, flags at 8,
         reserved at 12, t_ns at 16, q_measured at 24, tau at 152, temperature_c at 280);
-    pinned!(&mut all, trued_target: 144 bytes, struct_size at 0, joints at 4, source at 8,
-        reserved at 12, q at 16);
-    pinned!(&mut all, trued_corrected: 600 bytes, struct_size at 0, joints at 4, status at 8,
+    pinned!(&mut all, trued_target: 152 bytes, struct_size at 0, joints at 4, source at 8,
+        reserved at 12, q at 16, feed_override at 144);
+    pinned!(&mut all, trued_corrected: 608 bytes, struct_size at 0, joints at 4, status at 8,
         reason at 12, wrench_gate at 16, iterations at 20, seq at 24, command_seq at 32, t_ns at
         40, received_ns at 48, made_ns at 56, model_epoch at 64, correction at 72,
         correction_rate at 200, correction_acceleration at 328, wanted at 456, residual_m at 584,
-        residual_rad at 592);
-    pinned!(&mut all, trued_status: 2016 bytes, struct_size at 0, pid at 4, seq at 8, t_ns at
+        residual_rad at 592, feed_override at 600);
+    pinned!(&mut all, trued_status: 2080 bytes, struct_size at 0, pid at 4, seq at 8, t_ns at
         16, started_ns at 24, model_epoch at 32, model_hash at 40, cycles at 48, missed_cycles
         at 56, commands at 64, rejected at 72, held at 80, stale at 88, commands_lost at 96,
         corrected_lost at 104, force_blocks at 112, force_gaps at 120, force_refused at 128,
@@ -55,7 +55,10 @@ fn every_struct_keeps_its_size_and_offsets_in_rust_and_in_c() {
         at 936, geometry_hash at 1456, stale_temperatures at 1464, reserved at 1468, robot_maker at
         1472, robot_type at 1544, robot_serial at 1616, q_command at 1688,
         correction at 1816, trim_state at 1944, trim_reason at 1948, trim_m at 1952, trim_found_m
-        at 1976, trim_measurements at 2000, trim_refused at 2008);
+        at 1976, trim_measurements at 2000, trim_refused at 2008, feed_state at 2016, feed_reason
+        at 2020, feed_override at 2024, feed_wanted at 2032, feed_force_n at 2040,
+        feed_programmed_force_n at 2048, feed_limit_n at 2056, feed_speed_m_s at 2064, feed_refused
+        at 2072);
     pinned!(&mut all, trued_vibration: 680 bytes, struct_size at 0, state at 4, kind at 8,
         rivals at 12, axis at 16, suspect_alias at 20, advice at 24, sensor_faults at 28,
         advice_lobe at 32, gear_joint at 36, gear_shaft at 40, reserved at 44, seq at 48, t_ns
@@ -107,7 +110,7 @@ fn the_lists_have_the_numbers_of_the_messages() {
     let all = listed!(
         CorrectionStatus "CORRECTION_STATUS", Reason "REASON", WrenchGate "WRENCH_GATE",
         Health "HEALTH", Mode "MODE", WatchState "WATCH_STATE", RecorderState "RECORDER_STATE", RecorderAction "RECORDER_ACTION",
-        TrimState "TRIM_STATE", TrimReason "TRIM_REASON",
+        TrimState "TRIM_STATE", TrimReason "TRIM_REASON", FeedState "FEED_STATE", FeedReason "FEED_REASON",
         VibrationState "VIBRATION_STATE", VibrationClass "VIBRATION_CLASS", Advice "ADVICE",
         SensorFault "SENSOR_FAULT", InCut "IN_CUT", Answer "ANSWER_CODE",
     );

@@ -33,6 +33,7 @@ fn set<T: TryFrom<u32> + std::fmt::Display>(bits: u32) -> Vec<String> {
 pub(crate) struct Target {
     joints: Array,
     source: &'static str,
+    feed_override: f64,
 }
 
 impl Target {
@@ -43,7 +44,8 @@ impl Target {
             Source::Ramping => "ramping",
             Source::Plain => "plain",
         };
-        Self { joints: array(py, from.joints()), source }
+        let joints = array(py, from.joints());
+        Self { joints, source, feed_override: from.feed_override() }
     }
 }
 
@@ -66,6 +68,7 @@ pub(crate) struct Corrected {
     wanted: Array,
     residual_m: f64,
     residual_rad: f64,
+    feed_override: f64,
 }
 
 impl Corrected {
@@ -89,6 +92,7 @@ impl Corrected {
             wanted: all(&from.wanted),
             residual_m: from.residual_m,
             residual_rad: from.residual_rad,
+            feed_override: from.feed_override,
         }
     }
 }
@@ -154,51 +158,45 @@ pub(crate) struct Status {
     trim_found_m: (f64, f64, f64),
     trim_measurements: u64,
     trim_refused: u64,
+    feed_state: String,
+    feed_reason: String,
+    feed_override: f64,
+    feed_wanted: f64,
+    feed_force_n: f64,
+    feed_programmed_force_n: f64,
+    feed_limit_n: f64,
+    feed_speed_m_s: f64,
+    feed_refused: u64,
+}
+
+/// A struct of fields that the message has by the same name, and of others.
+macro_rules! copied {
+    ($from:ident, $name:ident { $($same:ident),* $(,)? } $($other:ident: $value:expr,)*) => {
+        $name { $($same: $from.$same,)* $($other: $value,)* }
+    };
 }
 
 impl Status {
     pub(crate) fn new(py: Python<'_>, from: &trued_client::Status) -> Self {
         let count = (from.joints as usize).min(trued_client::JOINTS_MAX);
         let all = |numbers: &[f64]| array(py, &numbers[..count]);
-        Self {
-            pid: from.pid,
-            seq: from.seq,
-            t_ns: from.t_ns,
-            started_ns: from.started_ns,
-            model_epoch: from.model_epoch,
-            model_hash: from.model_hash,
-            cycles: from.cycles,
-            missed_cycles: from.missed_cycles,
-            commands: from.commands,
-            rejected: from.rejected,
-            held: from.held,
-            stale: from.stale,
-            commands_lost: from.commands_lost,
-            corrected_lost: from.corrected_lost,
-            force_blocks: from.force_blocks,
-            force_gaps: from.force_gaps,
-            force_refused: from.force_refused,
-            malformed: from.malformed,
-            recorder_dropped: from.recorder_dropped,
-            latency_p50_ns: from.latency_p50_ns,
-            latency_p99_ns: from.latency_p99_ns,
-            latency_p999_ns: from.latency_p999_ns,
-            latency_max_ns: from.latency_max_ns,
-            model_broken_since_ns: from.model_broken_since_ns,
-            model_measurements: from.model_measurements,
-            model_residual_m: from.model_residual_m,
-            wrench_loop_gain: from.wrench_loop_gain,
-            spindle_rpm: from.spindle_rpm,
-            feed_mm_s: from.feed_mm_s,
+        copied!(from, Self {
+                pid, seq, t_ns, started_ns, model_epoch, model_hash, cycles, missed_cycles,
+                commands, rejected, held, stale, commands_lost, corrected_lost, force_blocks,
+                force_gaps, force_refused, malformed, recorder_dropped, latency_p50_ns,
+                latency_p99_ns, latency_p999_ns, latency_max_ns, model_broken_since_ns,
+                model_measurements, model_residual_m, wrench_loop_gain, spindle_rpm, feed_mm_s,
+                joints, uncompensated_effects, geometry_hash, stale_temperatures,
+                trim_measurements, trim_refused, feed_override, feed_wanted, feed_force_n,
+                feed_programmed_force_n, feed_limit_n, feed_speed_m_s, feed_refused,
+            }
             health: word::<trued_client::Health>(from.health),
             mode: word::<trued_client::Mode>(from.mode),
             bypassed: from.bypassed != 0,
-            joints: from.joints,
             wrench_gate: word::<WrenchGate>(from.wrench_gate),
             recorder: word::<RecorderState>(from.recorder),
             watch: word::<trued_client::WatchState>(from.watch),
             in_cut: word::<InCut>(from.in_cut),
-            uncompensated_effects: from.uncompensated_effects,
             force_faults: from.force_faults().map(|f: ForceFault| f.to_string()).collect(),
             q_min: all(&from.bounds.min),
             q_max: all(&from.bounds.max),
@@ -206,8 +204,6 @@ impl Status {
             correction_rate_max: all(&from.bounds.rate),
             correction_jerk_max: all(&from.bounds.jerk),
             message: from.message.to_string(),
-            geometry_hash: from.geometry_hash,
-            stale_temperatures: from.stale_temperatures,
             robot_maker: from.robot_maker.to_string(),
             robot_type: from.robot_type.to_string(),
             robot_serial: from.robot_serial.to_string(),
@@ -217,9 +213,9 @@ impl Status {
             trim_reason: word::<trued_client::TrimReason>(from.trim_reason),
             trim_m: from.trim_m.into(),
             trim_found_m: from.trim_found_m.into(),
-            trim_measurements: from.trim_measurements,
-            trim_refused: from.trim_refused,
-        }
+            feed_state: word::<trued_client::FeedState>(from.feed_state),
+            feed_reason: word::<trued_client::FeedReason>(from.feed_reason),
+        )
     }
 }
 

@@ -38,6 +38,7 @@ class Target:
 
     joints: Final[NDArray[np.float64]]
     source: Final[Literal["corrected", "last_correction", "ramping", "plain"]]
+    feed_override: Final[float]
 
 @final
 class Corrected:
@@ -59,6 +60,7 @@ class Corrected:
     wanted: Final[NDArray[np.float64]]
     residual_m: Final[float]
     residual_rad: Final[float]
+    feed_override: Final[float]
 
 @final
 class Status:
@@ -122,6 +124,15 @@ class Status:
     trim_found_m: Final[tuple[float, float, float]]
     trim_measurements: Final[int]
     trim_refused: Final[int]
+    feed_state: Final[str]
+    feed_reason: Final[str]
+    feed_override: Final[float]
+    feed_wanted: Final[float]
+    feed_force_n: Final[float]
+    feed_programmed_force_n: Final[float]
+    feed_limit_n: Final[float]
+    feed_speed_m_s: Final[float]
+    feed_refused: Final[int]
 
 @final
 class Vibration:

@@ -20,6 +20,8 @@ pub struct trued_target {
     pub reserved: u32,
     /// The target.
     pub q: [f64; TRUED_JOINTS_MAX],
+    /// The share of the programmed feed to go on with, above 0 to 1; 1 in a cell that adapts no feed.
+    pub feed_override: f64,
 }
 
 /// The daemon's answer to a command.
@@ -62,6 +64,8 @@ pub struct trued_corrected {
     pub residual_m: f64,
     /// Undamped residual of the solution, orientation, rad.
     pub residual_rad: f64,
+    /// Share of the programmed feed that keeps the force under its limit; trued_target has the one to go on with.
+    pub feed_override: f64,
 }
 
 /// State of the daemon. Unknown values are NaN.
@@ -190,6 +194,24 @@ pub struct trued_status {
     pub trim_measurements: u64,
     /// Measured points refused.
     pub trim_refused: u64,
+    /// A trued_feed_state.
+    pub feed_state: u32,
+    /// A trued_feed_reason.
+    pub feed_reason: u32,
+    /// The feed override; 1 is the programmed feed.
+    pub feed_override: f64,
+    /// The override that the force asks for.
+    pub feed_wanted: f64,
+    /// The process force, low-passed, N.
+    pub feed_force_n: f64,
+    /// What it would be at the programmed feed, N.
+    pub feed_programmed_force_n: f64,
+    /// The limit as a force, N.
+    pub feed_limit_n: f64,
+    /// Speed of the commanded tool, m/s.
+    pub feed_speed_m_s: f64,
+    /// Wrenches that were refused: no numbers.
+    pub feed_refused: u64,
 }
 
 /// One verdict on one line of the force spectrum. Unknown values are NaN.
@@ -289,9 +311,9 @@ type Words = [c_char; TRUED_WORDS_MAX];
 type Name = [c_char; TRUED_NAME_MAX];
 
 grows! {
-    trued_target 144 = [u32; 4], Joints;
-    trued_corrected 600 = [u32; 6], [u64; 6], [Joints; 4], [f64; 2];
-    trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words, u64, [u32; 2], [Name; 3], [Joints; 2], [u32; 2], [[f64; 3]; 2], [u64; 2];
+    trued_target 144 = [u32; 4], Joints, f64;
+    trued_corrected 600 = [u32; 6], [u64; 6], [Joints; 4], [f64; 3];
+    trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words, u64, [u32; 2], [Name; 3], [Joints; 2], [u32; 2], [[f64; 3]; 2], [u64; 2], [u32; 2], [f64; 6], u64;
     trued_vibration 680 = [u32; 12], [u64; 4], [f64; 10], Words;
     trued_connection 544 = [u32; 4], u64, Words;
     trued_answer 536 = [u32; 2], u64, Words;

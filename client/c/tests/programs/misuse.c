@@ -2,6 +2,7 @@
  * Ends with 0 where all of it holds; else says what does not. */
 #include <math.h>
 #include <pthread.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -62,7 +63,7 @@ static void sizes(trued_client *client) {
     trued_target target;
     memset(&target, 0, sizeof target);
     IS(TRUED_ERROR_STRUCT_SIZE, trued_client_target(client, Q, 6, 0, &target));
-    target.struct_size = sizeof target - 1;
+    target.struct_size = offsetof(trued_target, feed_override) - 1; /* less than the first version had */
     IS(TRUED_ERROR_STRUCT_SIZE, trued_client_target(client, Q, 6, 0, &target));
     target.struct_size = UINT32_MAX;
     IS(TRUED_ERROR_STRUCT_SIZE, trued_client_target(client, Q, 6, 0, &target));
