@@ -143,6 +143,10 @@ pub(crate) mod stub {
             first(self.0)
         }
 
+        fn feed_override(&self) -> f64 {
+            1.0
+        }
+
         fn start_anew(&mut self) {}
 
         fn start_from(&mut self, correction: &[f64; JOINTS_MAX]) {

@@ -33,11 +33,13 @@ pub struct Joining {
     news: Sender<News>,
     over: Arc<AtomicBool>,
     answer_within: Duration,
+    /// The feed override before a daemon is joined.
+    lost_feed: f64,
 }
 
 impl Joining {
     /// Starts joining the daemon of `cell` in a thread; its news go to `news`. An answer is awaited for `answer_within`,
-    /// and counts as fresh for `fresh`.
+    /// and counts as fresh for `fresh`. Until then the feed override is `lost_feed`.
     ///
     /// # Errors
     /// The thread cannot be started.
@@ -45,6 +47,7 @@ impl Joining {
         cell: &str,
         answer_within: Duration,
         fresh: Duration,
+        lost_feed: f64,
         news: Sender<News>,
     ) -> std::io::Result<Self> {
         let (tell, joined) = channel();
@@ -54,11 +57,12 @@ impl Joining {
             let found = keep_trying(|| Client::connect(&cell, JOIN_WITHIN), &say, &until);
             if let Some(mut client) = found {
                 client.set_fresh(fresh);
+                client.start_feed(lost_feed);
                 // Nobody takes it any more where the bridge has ended.
                 let _ = tell.send(client);
             }
         })?;
-        Ok(Self { client: None, joined, news, over, answer_within })
+        Ok(Self { client: None, joined, news, over, answer_within, lost_feed })
     }
 
     /// The client, once joined.
@@ -95,6 +99,10 @@ impl Link for Joining {
         self.client.as_ref().map_or([0.0; JOINTS_MAX], Client::last_correction)
     }
 
+    fn feed_override(&self) -> f64 {
+        self.client.as_ref().map_or(self.lost_feed, Client::last_feed_override)
+    }
+
     fn start_anew(&mut self) {
         if let Some(client) = self.client() {
             client.start_anew();
@@ -125,7 +133,7 @@ impl Joining {
     pub(crate) fn nowhere() -> Self {
         let (joined, news) = (channel().1, channel().0);
         let (over, answer_within) = (Arc::default(), Duration::ZERO);
-        Self { client: None, joined, news, over, answer_within }
+        Self { client: None, joined, news, over, answer_within, lost_feed: 1.0 }
     }
 }
 

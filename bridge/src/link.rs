@@ -33,6 +33,8 @@ pub trait Link {
     fn repeat(&mut self, q: &[f64]) -> Correction;
     /// The correction that was sent last, rad.
     fn last_correction(&self) -> [f64; JOINTS_MAX];
+    /// The share of the programmed feed to go on with, above 0 to 1: what belongs to the last correction.
+    fn feed_override(&self) -> f64;
     /// A run begins, and the robot stands where it was sent last: the correction goes on as it was.
     fn start_anew(&mut self);
     /// The robot begins a run at its command plus this correction, rad.

@@ -62,7 +62,9 @@ impl Ground {
         let teller = teller::start(Arc::clone(&options.counts), heard)?;
         let within = Duration::from_secs_f64(common.answer_within_s);
         let fresh = Duration::from_secs_f64((2.5 * period_s).max(0.01));
-        let feed = Feed::over(Joining::start(&cell.cell, within, fresh, news.clone())?);
+        let lost_feed = cell.lost_feed();
+        let link = Joining::start(&cell.cell, within, fresh, lost_feed, news.clone())?;
+        let feed = Feed::over(link);
         Ok(Self { cell, arm, feed, news, teller })
     }
 }

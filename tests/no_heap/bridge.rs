@@ -32,7 +32,7 @@ fn at() -> SocketAddr {
 fn feed() -> Feed {
     let (news, _) = channel();
     let fresh = Duration::from_millis(10);
-    Feed::over(Joining::start("no-heap-nobody", Duration::ZERO, fresh, news).unwrap())
+    Feed::over(Joining::start("no-heap-nobody", Duration::ZERO, fresh, 1.0, news).unwrap())
 }
 
 #[test]

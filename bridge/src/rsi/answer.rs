@@ -94,7 +94,7 @@ impl<L: Link> Answerer<L> {
             RsiCorrection::Axes(group) | RsiCorrection::Pose(group, _) => group,
         };
         Self {
-            form: Form::new(&config.ethernet, own, &config.others),
+            form: Form::new(&config.ethernet, own, config.feed.as_ref(), &config.others),
             robot: config.common.robot,
             is_shadow: config.common.absolute_accuracy,
             setpoint: config.setpoint,
@@ -212,7 +212,8 @@ impl<L: Link> Answerer<L> {
                 more
             }
         };
-        let length = self.form.write(to, &numbers, asked.ipoc.text())?;
+        let feed_override = self.feed.link().feed_override();
+        let length = self.form.write(to, &numbers, feed_override, asked.ipoc.text())?;
         self.sent.rotate_right(1);
         self.sent[0] = sent;
         self.owes_answer = false;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 
 use recording::bridge::{RsiConfig, RsiCorrection};
+use recording::cell::FeedMode;
 
 use super::answer::Answerer;
 use crate::error::BridgeError;
@@ -28,6 +29,18 @@ pub fn run(
     let socket = bind(config.listen)?;
     let ground = Ground::lay(&config.common, CYCLE_MAX_S, options)?;
     fits(&config, &ground)?;
+    let adapts = ground.cell.feed.is_some_and(|feed| feed.mode == FeedMode::Adapt);
+    match (adapts, &config.feed) {
+        (true, None) => tracing::warn!(
+            "the cell adapts its feed, and the controller is not told: name the tag of its override under [feed]"
+        ),
+        (false, Some(feed)) => tracing::warn!(
+            "{} is 100 always: the cell does not adapt its feed ([feed] of {})",
+            feed.tag,
+            ground.cell.cell
+        ),
+        _ => {}
+    }
     let Ground { arm, feed, news, teller, .. } = ground;
     drop(news);
     let mut answerer = Answerer::new(config, arm, feed, Arc::clone(&options.counts));

@@ -102,19 +102,33 @@ pub fn as_written(value: f64) -> f64 {
     (value * PARTS).round() / PARTS
 }
 
+/// A number of an answer.
+#[derive(Debug, Clone, Copy)]
+enum Number {
+    /// Of the correction, by its place in the group.
+    Correction(usize),
+    /// The feed override, percent.
+    Feed { is_whole: bool },
+}
+
 /// The answer's text, but for its numbers and the `IPOC`.
 #[derive(Debug, Clone)]
 pub struct Form {
-    /// Text in front of each number, and the number's place in the group.
-    numbers: Vec<(String, usize)>,
+    /// Text in front of each number, and which it is.
+    numbers: Vec<(String, Number)>,
     /// Text behind the last number, up to the `IPOC`.
     tail: String,
 }
 
 impl Form {
-    /// The answer to this controller: `own` as it comes, `others` as they are.
+    /// The answer to this controller: `own` and the feed override as they come, `others` as they are.
     #[must_use]
-    pub fn new(ethernet: &Ethernet, own: &Group, others: &[(Element, f64)]) -> Self {
+    pub fn new(
+        ethernet: &Ethernet,
+        own: &Group,
+        feed: Option<&Element>,
+        others: &[(Element, f64)],
+    ) -> Self {
         let mut form =
             Self { numbers: Vec::new(), tail: format!("<Sen Type=\"{}\">", ethernet.sentype) };
         let mut done: Vec<&str> = Vec::new();
@@ -124,21 +138,36 @@ impl Form {
                 continue;
             }
             done.push(head);
-            form.element(ethernet, head, own, others);
+            form.element(ethernet, head, own, feed, others);
         }
         form.tail += "<IPOC>";
         form
     }
 
     /// One element with all its attributes, in the controller's order.
-    fn element(&mut self, ethernet: &Ethernet, head: &str, own: &Group, others: &[(Element, f64)]) {
+    fn element(
+        &mut self,
+        ethernet: &Ethernet,
+        head: &str,
+        own: &Group,
+        feed: Option<&Element>,
+        others: &[(Element, f64)],
+    ) {
+        let override_of = |tag: &str| {
+            let feed = feed.filter(|feed| feed.tag == tag)?;
+            Some(Number::Feed { is_whole: feed.is_whole })
+        };
         let constant = |tag: &str| others.iter().find(|(element, _)| element.tag == tag);
         let of_head = ethernet.receive.iter().filter_map(|element| {
             element.tag.split_once('.').filter(|(group, _)| *group == head).map(|(_, name)| name)
         });
         let names: Vec<&str> = of_head.collect();
         if names.is_empty() {
-            if let Some((element, value)) = constant(head) {
+            if let Some(number) = override_of(head) {
+                self.tail += &format!("<{head}>");
+                self.numbers.push((std::mem::take(&mut self.tail), number));
+                self.tail = format!("</{head}>");
+            } else if let Some((element, value)) = constant(head) {
                 self.tail += &format!("<{head}>{}</{head}>", written(element, *value));
             }
             return;
@@ -147,8 +176,10 @@ impl Form {
         for name in names {
             let place = own.names.iter().position(|one| one == name).filter(|_| own.tag == head);
             self.tail += &format!(" {name}=\"");
-            match (place, constant(&format!("{head}.{name}"))) {
-                (Some(place), _) => self.numbers.push((std::mem::take(&mut self.tail), place)),
+            let tag = format!("{head}.{name}");
+            let number = place.map(Number::Correction).or_else(|| override_of(&tag));
+            match (number, constant(&tag)) {
+                (Some(number), _) => self.numbers.push((std::mem::take(&mut self.tail), number)),
                 (None, Some((element, value))) => self.tail += &written(element, *value),
                 (None, None) => self.tail.push('0'),
             }
@@ -157,20 +188,38 @@ impl Form {
         self.tail += " />";
     }
 
-    /// Writes the answer; tells its length, none where `to` is too short.
+    /// Writes the answer with a correction and a feed override, 0 to 1; tells its length, none where `to` is too short.
     #[must_use]
-    pub fn write(&self, to: &mut [u8], numbers: &[f64; NUMBERS_MAX], ipoc: &str) -> Option<usize> {
+    pub fn write(
+        &self,
+        to: &mut [u8],
+        numbers: &[f64; NUMBERS_MAX],
+        feed_override: f64,
+        ipoc: &str,
+    ) -> Option<usize> {
         let room = to.len();
         let mut rest = to;
-        for (text, place) in &self.numbers {
+        for (text, number) in &self.numbers {
             rest.write_all(text.as_bytes()).ok()?;
-            write!(rest, "{:.6}", numbers.get(*place)?).ok()?;
+            match *number {
+                Number::Correction(place) => write!(rest, "{:.6}", numbers.get(place)?),
+                Number::Feed { is_whole: true } => {
+                    write!(rest, "{:.0}", whole_percent(feed_override))
+                }
+                Number::Feed { is_whole: false } => write!(rest, "{:.6}", 1e2 * feed_override),
+            }
+            .ok()?;
         }
         rest.write_all(self.tail.as_bytes()).ok()?;
         rest.write_all(ipoc.as_bytes()).ok()?;
         rest.write_all(b"</IPOC></Sen>").ok()?;
         Some(room - rest.len())
     }
+}
+
+/// A share as whole percent, downwards: the feed is never above what was asked. What is written may be 1e-9 of a percent off.
+fn whole_percent(share: f64) -> f64 {
+    (1e2 * share + 1e-9).floor()
 }
 
 fn written(element: &Element, value: f64) -> String {
@@ -214,6 +263,38 @@ mod tests {
                 let numbers = telegram.numbers(&group(&["A3", "A1", "A2"])).unwrap();
                 assert_eq!(numbers[..3], [3.0, 1.5, -2.0]);
             }
+        }
+    }
+
+    #[test]
+    fn whole_percents_are_rounded_down_and_those_that_are_whole_stay() {
+        for percent in 1..=100 {
+            assert_eq!(whole_percent(f64::from(percent) * 1e-2), f64::from(percent));
+            assert_eq!(whole_percent(f64::from(percent) * 1e-2 - 1e-6), f64::from(percent - 1));
+        }
+    }
+
+    #[test]
+    fn the_feed_override_is_an_element_or_an_attribute_and_whole_where_the_controller_wants_it() {
+        for (tag, kind, written) in [
+            ("OvPro", "LONG", "<OvPro>41</OvPro>"),
+            ("OvPro", "DOUBLE", "<OvPro>41.900000</OvPro>"),
+            ("Feed.Ov", "LONG", "<Feed Ov=\"41\" />"),
+        ] {
+            let xml = format!(
+                "<ROOT><CONFIG><IP_NUMBER>192.168.1.10</IP_NUMBER><PORT>49152</PORT><SENTYPE>T</SENTYPE></CONFIG>\
+                 <SEND><ELEMENTS /></SEND><RECEIVE><ELEMENTS>\
+                 <ELEMENT TAG=\"AKorr.A1\" TYPE=\"DOUBLE\" INDX=\"1\" HOLDON=\"1\" />\
+                 <ELEMENT TAG=\"{tag}\" TYPE=\"{kind}\" INDX=\"2\" HOLDON=\"1\" />\
+                 </ELEMENTS></RECEIVE></ROOT>"
+            );
+            let ethernet = Ethernet::parse("rsi.xml", &xml).unwrap();
+            let own = Group { tag: "AKorr".to_owned(), names: vec!["A1".to_owned()] };
+            let form = Form::new(&ethernet, &own, ethernet.received(tag), &[]);
+            let mut to = [0; 500];
+            let length = form.write(&mut to, &[0.25; NUMBERS_MAX], 0.419, "7").unwrap();
+            let text = std::str::from_utf8(&to[..length]).unwrap();
+            assert!(text.contains(written) && text.contains("A1=\"0.250000\""), "{text}");
         }
     }
 

@@ -105,6 +105,8 @@ pub struct RsiConfig {
     pub correction: RsiCorrection,
     /// How that adds up.
     pub sums: Sums,
+    /// Where the controller takes the feed override, percent of the programmed feed.
+    pub feed: Option<Element>,
     /// Every other element that the controller receives, and what it is sent.
     pub others: Vec<(Element, f64)>,
 }

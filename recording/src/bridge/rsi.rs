@@ -61,7 +61,8 @@ fn read(root: &Table<'_, '_>, ethernet: Ethernet) -> Option<RsiConfig> {
     let setpoint = root.table("setpoint").map(|table| setpoint(&table, &ethernet));
     let correction = root.table("correction").map(|table| correction(&table, &ethernet));
     let own = correction.as_ref().and_then(|(group, _)| group.as_ref()).map(group_of);
-    let others = others(root, &ethernet, own);
+    let feed = root.table("feed").and_then(|table| feed(&table, &ethernet));
+    let others = others(root, &ethernet, own, feed.as_ref());
     root.close();
     let (setpoint, setpoint_holds_correction) = setpoint?;
     let (correction, sums) = correction?;
@@ -73,6 +74,7 @@ fn read(root: &Table<'_, '_>, ethernet: Ethernet) -> Option<RsiConfig> {
         setpoint_holds_correction: setpoint_holds_correction?,
         correction: correction?,
         sums: sums?,
+        feed,
         others,
         ethernet,
     })
@@ -181,16 +183,50 @@ fn takes(table: &Table<'_, '_>, ethernet: &Ethernet, group: &Group, sums: Sums) 
     }
 }
 
+/// Where the controller takes the feed override.
+fn feed(table: &Table<'_, '_>, ethernet: &Ethernet) -> Option<Element> {
+    table.require("tag", "the element of RECEIVE that is connected to MAP2OV_PRO");
+    let tag = table.text("tag");
+    table.close();
+    let tag = tag?;
+    let Some(element) = ethernet.received(tag) else {
+        table.fault(
+            "tag",
+            format!("names {tag}, which the controller does not receive: {}", ethernet.name),
+            format!("<ELEMENT TAG=\"{tag}\" TYPE=\"LONG\" INDX=\"…\" HOLDON=\"1\" /> in RECEIVE there, connected to MAP2OV_PRO"),
+        );
+        return None;
+    };
+    if !element.holds {
+        let line = element.place.line;
+        table.fault(
+            "tag",
+            format!(
+                "{tag} falls to zero where an answer is late, and the robot stops: {} line {line}",
+                ethernet.name
+            ),
+            "HOLDON=\"1\" there",
+        );
+    }
+    Some(element.clone())
+}
+
 /// Everything else that the controller receives must be given a value.
-fn others(root: &Table<'_, '_>, ethernet: &Ethernet, own: Option<&Group>) -> Vec<(Element, f64)> {
+fn others(
+    root: &Table<'_, '_>,
+    ethernet: &Ethernet,
+    own: Option<&Group>,
+    feed: Option<&Element>,
+) -> Vec<(Element, f64)> {
     let table = root.table("others");
     let mut others = Vec::new();
     let is_own = |tag: &str| {
-        own.is_some_and(|own| {
-            tag.split_once('.').is_some_and(|(group, name)| {
-                group == own.tag && own.names.iter().any(|one| one == name)
+        feed.is_some_and(|feed| feed.tag == tag)
+            || own.is_some_and(|own| {
+                tag.split_once('.').is_some_and(|(group, name)| {
+                    group == own.tag && own.names.iter().any(|one| one == name)
+                })
             })
-        })
     };
     for element in ethernet.receive.iter().filter(|element| !element.is_internal) {
         if element.tag == "FREE" || is_own(&element.tag) {

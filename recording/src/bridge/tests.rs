@@ -168,3 +168,23 @@ proptest! {
         let _ = Ethernet::parse("x", &text);
     }
 }
+
+#[test]
+fn the_override_of_the_feed_has_an_element_that_holds_and_needs_no_constant() {
+    let with = |element: &str| {
+        let receive = "<RECEIVE>\n      <ELEMENTS>";
+        XML.replace(receive, &format!("{receive}\n         {element}"))
+    };
+    let text = RSI.replace("[others]", "[feed]\ntag = \"OvPro\"\n\n[others]");
+    let held = with("<ELEMENT TAG=\"OvPro\" TYPE=\"LONG\" INDX=\"8\" HOLDON=\"1\" />");
+    let config = rsi(&text, &held).unwrap();
+    assert_eq!(config.feed.map(|feed| (feed.tag, feed.is_whole)), Some(("OvPro".to_owned(), true)));
+    assert_eq!(config.others.len(), 1);
+    let said = words(rsi(&text, XML));
+    assert!(said.contains("names OvPro, which the controller does not receive"), "{said}");
+    let falls =
+        words(rsi(&text, &held.replace("INDX=\"8\" HOLDON=\"1\"", "INDX=\"8\" HOLDON=\"0\"")));
+    assert!(falls.contains("falls to zero where an answer is late"), "{falls}");
+    let said = words(rsi(RSI, &held));
+    assert!(said.contains("says nothing of OvPro"), "{said}");
+}

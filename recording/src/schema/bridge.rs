@@ -126,6 +126,8 @@ pub(super) struct Rsi {
     setpoint: Setpoint,
     /// What is corrected, and how it adds up.
     correction: Correction,
+    /// Where the controller takes the feed override.
+    feed: Option<RsiFeed>,
     /// Every other element that the controller receives, by its tag, and the number that it is sent.
     #[schemars(schema_with = "constants")]
     #[serde(default)]
@@ -137,6 +139,13 @@ fn constants(_: &mut SchemaGenerator) -> Schema {
         "type": "object",
         "additionalProperties": { "type": "number", "minimum": -1e9, "maximum": 1e9 },
     })
+}
+
+#[derive(JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct RsiFeed {
+    /// Tag of the element, connected to `MAP2OV_PRO`; it is sent percent of the programmed feed, whole ones where its type is `LONG`.
+    tag: String,
 }
 
 #[derive(JsonSchema)]

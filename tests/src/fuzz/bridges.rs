@@ -46,10 +46,14 @@ pub(super) fn rsi(bytes: &[u8]) {
 /// An answer fits, or is none; read as its receiver would, it says what was meant.
 fn answered(config: &RsiConfig, numbers: &[f64; NUMBERS_MAX], ipoc: &str) {
     let own = own(config);
-    let form = Form::new(&config.ethernet, own, &config.others);
+    let form = Form::new(&config.ethernet, own, config.feed.as_ref(), &config.others);
     let mut to = vec![0; DATAGRAM_MAX];
-    let length = form.write(&mut to, numbers, ipoc).expect("it fits into a datagram");
-    assert_eq!(form.write(&mut to[..length - 1], numbers, ipoc), None, "half an answer is none");
+    let length = form.write(&mut to, numbers, 0.5, ipoc).expect("it fits into a datagram");
+    assert_eq!(
+        form.write(&mut to[..length - 1], numbers, 0.5, ipoc),
+        None,
+        "half an answer is none"
+    );
     let answer = std::str::from_utf8(&to[..length]).expect("text");
     let as_sent = answer.replacen("<Sen", "<Rob", 1).replace("</Sen>", "</Rob>");
     let heard = Telegram::read(as_sent.as_bytes()).expect("as well-formed as the controller's");

@@ -16,7 +16,7 @@ use daemon::{setup, translate};
 use envelope::Limits;
 use physics::{JOINTS_MAX, Model};
 use recording::model::presets::preset;
-use shm_schema::{Command, Corrected, CorrectionStatus, RobotState};
+use shm_schema::{Command, Corrected, CorrectionStatus, FeedBounds, RobotState};
 use trued_client::{Output, Setpoint};
 
 /// Time between a controller's cycles, ns, and by how much each may be late.
@@ -25,6 +25,12 @@ const JITTER_NS: u64 = 500_000;
 /// Cycles with faults, then without.
 const STORM: u64 = 1000;
 const CALM: u64 = 750;
+/// Bounds of the feed override that the daemon tells.
+const FEED: FeedBounds =
+    FeedBounds { floor: 0.1, lost: 0.2, down_per_s: 2.0, up_per_s: 0.2, hold_s: 0.2 };
+/// What it asks for in turn, garbage among it, and for how many commands each.
+const ASKED: [f64; 6] = [0.3, 1.0, f64::NAN, 0.1, 7.0, 0.7];
+const ASKED_COMMANDS: u64 = 60;
 /// So long after the last fault the daemon's own correction goes out.
 const BACK_AFTER: u64 = 250;
 
@@ -135,6 +141,7 @@ impl VirtualDaemon {
         let full = model();
         let mut output = Output::new();
         output.set_bounds(&setup::bounds(&settings(), &full.arm));
+        output.set_feed_bounds(&FEED);
         output.fresh_ns = 10_000_000;
         Self {
             now_ns: 0,
@@ -206,6 +213,7 @@ impl VirtualDaemon {
             command_seq: command.seq,
             command_session: command.session,
             made_ns: self.now_ns,
+            feed_override: ASKED[(command.seq / ASKED_COMMANDS) as usize % ASKED.len()],
             ..translate::corrected(&made, self.model.arm.count())
         };
         match if self.fails { self.chance.below(30) } else { 2 } {
@@ -243,6 +251,10 @@ impl Link for VirtualDaemon {
 
     fn last_correction(&self) -> [f64; JOINTS_MAX] {
         self.output.correction()
+    }
+
+    fn feed_override(&self) -> f64 {
+        self.output.feed_override()
     }
 
     fn start_anew(&mut self) {

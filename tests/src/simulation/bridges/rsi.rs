@@ -1,6 +1,6 @@
 //! An RSI controller: it owns the clock, counts late answers, and adds up what it is sent.
 
-use super::{CYCLE_NS, Cell, Summary, VirtualDaemon, model, oracle};
+use super::{CYCLE_NS, Cell, FEED, Summary, VirtualDaemon, model, oracle};
 use crate::cell_loop::{JOINTS, path};
 use crate::chance::Chance;
 use crate::oracle::Oracle;
@@ -34,6 +34,10 @@ pub(super) struct RsiCell {
     /// What the controller adds to the program's axes, rad.
     sum: [f64; JOINTS],
     telegrams: Vec<String>,
+    /// The override of the newest answer, percent.
+    written: f64,
+    /// What the controller took last, and when, ns.
+    taken: Option<(f64, u64)>,
 }
 
 impl RsiCell {
@@ -49,6 +53,10 @@ impl RsiCell {
         } else {
             (xml.to_owned(), text.to_owned())
         };
+        let receive = "<RECEIVE>\n      <ELEMENTS>";
+        let element = "<ELEMENT TAG=\"OvPro\" TYPE=\"DOUBLE\" INDX=\"8\" HOLDON=\"1\" />";
+        let xml = xml.replace(receive, &format!("{receive}{element}"));
+        let text = text.replace("[others]", "[feed]\ntag = \"OvPro\"\n[others]");
         let ethernet = Ethernet::parse("ethernet.xml", &xml).expect("the shipped file");
         let config = RsiConfig::parse("bridge.toml", &text, ethernet).expect("the shipped file");
         let feed = Feed::over(VirtualDaemon::new(chance.bits()));
@@ -66,12 +74,28 @@ impl RsiCell {
             told_late: 0,
             sum: [0.0; JOINTS],
             telegrams: Vec::new(),
+            written: f64::NAN,
+            taken: None,
+        }
+    }
+
+    /// The feed override of an answer that is used is within its floor and its rates, over the time since the last that was.
+    fn takes_override(&mut self) {
+        let now = 1e-2 * self.written;
+        let (before, before_ns) = self.taken.replace((now, self.now_ns)).unwrap_or((now, 0));
+        let dt_s = (self.now_ns - before_ns) as f64 * 1e-9;
+        let is_good = (FEED.floor..=1.0).contains(&now)
+            && before - now <= FEED.down_per_s * dt_s + 1e-7
+            && now - before <= FEED.up_per_s * dt_s + 1e-7;
+        if !is_good {
+            self.summary.breaks(&format!("the override goes from {before} to {now} in {dt_s} s"));
         }
     }
 
     /// The answer in time is used.
     fn takes(&mut self, q: &[f64; JOINTS], numbers: &[f64; JOINTS]) {
         self.summary.sent += 1;
+        self.takes_override();
         for (sum, degrees) in self.sum.iter_mut().zip(numbers) {
             let before = if self.is_relative { *sum } else { 0.0 };
             *sum = before + degrees.to_radians();
@@ -93,6 +117,8 @@ impl RsiCell {
         if !text.contains(&format!("<IPOC>{ipoc}</IPOC>")) {
             self.summary.breaks(&format!("{text} answers {telegram}"));
         }
+        let percent = text.split("<OvPro>").nth(1)?.split('<').next()?;
+        self.written = percent.parse().ok()?;
         let number = |i: usize| {
             let value = text.split(&format!(" A{}=\"", i + 1)).nth(1)?.split('"').next()?;
             value.parse::<f64>().ok()
