@@ -103,7 +103,7 @@ impl ChangeLog {
         let learning = status.watch() == Ok(WatchState::Learning);
         if learning != self.learning {
             let words = if learning { "learns the noise floor" } else { "watches" };
-            info!("the vibration watch {words}");
+            info!("the vibration monitor {words}");
         }
         self.learning = learning;
         let since_ns = status.model_broken_since_ns;

@@ -52,7 +52,7 @@ impl Manager {
         });
         let to = address.map(|address| Ok((UnixDatagram::unbound()?, address?)));
         let to = to.transpose().inspect_err(|why: &std::io::Error| {
-            warn!(%why, "the service manager cannot be told anything: NOTIFY_SOCKET");
+            warn!(%why, "the service manager cannot be notified: NOTIFY_SOCKET");
         });
         Self {
             to: to.ok().flatten(),

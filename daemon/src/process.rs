@@ -118,7 +118,7 @@ impl Process {
             self.travel.stop();
         }
         if self.told.is_some_and(|told| told.until.is_some_and(|until| until <= Instant::now())) {
-            info!("the process state that was told has run out");
+            info!("the reported process state has expired");
             self.told = None;
             exchange.spindle_rpm_bits.store(f64::NAN.to_bits(), Relaxed);
         }

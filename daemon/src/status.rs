@@ -276,7 +276,9 @@ impl Constants {
             add(format_args!("{}", status.verdict));
         }
         if status.watch() == Ok(WatchState::Learning) {
-            add(format_args!("the vibration watch learns the noise floor, no line is told yet"));
+            add(format_args!(
+                "the vibration monitor is learning the noise floor and reports no lines yet"
+            ));
         }
         if self.uncompensated > 0 {
             add(format_args!("{} effects of the model are not compensated", self.uncompensated));

@@ -96,7 +96,7 @@ pub fn arm_with_errors(
     Some((picture.render(), picture.magnified()))
 }
 
-/// Joints, from 0, whose effects do most together: at least [`LIT`] of what those of the most guilty one do.
+/// Joints, from 0, whose effects do most together: at least 0.3 of what those of the largest one do.
 pub fn guilty(joints: usize, found: &[OfJoint]) -> Vec<usize> {
     let mut sums = vec![0.0_f64; joints];
     for one in found {

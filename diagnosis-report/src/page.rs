@@ -82,7 +82,7 @@ fn next(page: Page, report: &Report, is_judged: bool, dir: &Path) -> Page {
         return page.next(next, report.is_planned().then_some(command.as_str()));
     }
     match report.verdict {
-        _ if !is_judged => page.next("Mend what the verdict names, and diagnose again.", None),
+        _ if !is_judged => page.next("Correct the cause named in the verdict and diagnose again.", None),
         "consistent" => page.next("Nothing to change. Measure again after a collision or a repair.", None),
         "missing_physics" => page.next(
             "Let the daemon of the cell work with the model that was found; in shadow mode first.",
@@ -204,7 +204,7 @@ fn sentence(report: &Report) -> String {
             if count == 1 { "s" } else { "" }
         ),
         (_, count) => format!(
-            "{} explain{} what the model lacks: on rows that no fit has seen it was off by {before} {unit} and is off by {after} {unit} now, root mean square.",
+            "{} explain{} the difference: the error on held-out rows falls from {before} to {after} {unit}, root mean square.",
             effects(count),
             if count == 1 { "s" } else { "" }
         ),

@@ -165,7 +165,7 @@ pub fn diagnose(
             is_alone: spindle_hz.is_some(),
         }));
     } else {
-        not_tested.push(("chatter", "no cut can be told from air in this recording"));
+        not_tested.push(("chatter", "cutting and air cannot be distinguished in this recording"));
     }
     if !signal.is_force {
         not_tested.push(("wrench_bias", "no force was recorded"));
@@ -189,7 +189,7 @@ pub fn diagnose(
             // Whoever tells of a cut that the forces cannot be held against is told of nothing else.
             if silence.is_grave() {
                 findings.clear();
-                notes.push(format!("not compared with the told cut: {}", silence.why()));
+                notes.push(format!("not compared with the stated cut: {}", silence.why()));
             }
         }
     }

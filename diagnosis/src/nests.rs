@@ -86,7 +86,7 @@ impl Nests {
         }
         let strange = match self.strange.len() {
             0 => String::new(),
-            one => format!("; in {one} rows they contradict each other and say nothing"),
+            one => format!("; in {one} rows they contradict each other and are not used"),
         };
         let rows = match self.averaged {
             1 => "row by row".to_owned(),

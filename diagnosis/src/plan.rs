@@ -99,7 +99,7 @@ pub enum NoPlan {
     },
     /// What is measured tells nothing of what is to be found.
     #[error(
-        "no pose tells anything of the model's numbers: what is measured does not depend on them"
+        "no pose determines any parameter of the model: what is measured does not depend on them"
     )]
     Nothing,
 }

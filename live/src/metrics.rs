@@ -199,7 +199,7 @@ impl Metrics<'_, '_> {
         if rpm.is_finite() {
             self.gauge(
                 "spindle_hertz",
-                "Spindle speed that the vibration watch goes by",
+                "Spindle speed that the vibration monitor goes by",
                 rpm / 60.0,
             )?;
         }

@@ -41,7 +41,7 @@ pub struct Report {
     pub latency_us: Latency,
     /// The force stream.
     pub force: Force,
-    /// The vibration watch.
+    /// The vibration monitor.
     pub vibration: Vibration,
     /// The word of [`RecorderState`].
     pub recorder: &'static str,
@@ -205,7 +205,7 @@ pub struct Force {
     pub faults: Vec<String>,
 }
 
-/// The vibration watch.
+/// The vibration monitor.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Vibration {

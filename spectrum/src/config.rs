@@ -124,7 +124,7 @@ impl Default for WatchConfig {
 pub enum ConfigError {
     /// A number is not finite or out of its range.
     #[error(
-        "vibration watch: {key} is {value}, expected {expected}; correct it in the configuration"
+        "vibration monitor: {key} is {value}, expected {expected}; correct it in the configuration"
     )]
     OutOfRange {
         /// Which setting.
@@ -136,7 +136,7 @@ pub enum ConfigError {
     },
     /// The band is empty, reversed, or above what the rate can carry.
     #[error(
-        "vibration watch: band_hz is {low_hz} to {high_hz} Hz, expected low < high and low < 0.45 of the rate {rate_hz} Hz; \
+        "vibration monitor: band_hz is {low_hz} to {high_hz} Hz, expected low < high and low < 0.45 of the rate {rate_hz} Hz; \
          lower the band or sample faster"
     )]
     Band {
@@ -149,7 +149,7 @@ pub enum ConfigError {
     },
     /// A mode that no machine can have.
     #[error(
-        "vibration watch: mode {index} has frequency {frequency_hz} Hz and damping {damping}, expected a frequency above 0 \
+        "vibration monitor: mode {index} has frequency {frequency_hz} Hz and damping {damping}, expected a frequency above 0 \
          and damping from 0 to below 1; correct [[mode]] in the model"
     )]
     Mode {
@@ -162,7 +162,7 @@ pub enum ConfigError {
     },
     /// A wheel without a usable number of turns.
     #[error(
-        "vibration watch: wheel {index} turns {cycles_per_mm} times per mm, expected a finite number above 0"
+        "vibration monitor: wheel {index} turns {cycles_per_mm} times per mm, expected a finite number above 0"
     )]
     Wheel {
         /// Place in the list, from 0.
@@ -266,7 +266,7 @@ mod tests {
         ];
         for config in bad {
             let said = config.check().expect_err("must be refused").to_string();
-            assert!(said.starts_with("vibration watch: "), "{said}");
+            assert!(said.starts_with("vibration monitor: "), "{said}");
         }
     }
 

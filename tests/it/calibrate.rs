@@ -287,7 +287,7 @@ fn what_no_reading_shows_is_named_and_warned_of_and_no_failure() {
         list.iter().any(|says| says.as_str().expect(key).contains(word))
     };
     assert!(says("undetermined", "joint 6's offset"), "{:#}", found["undetermined"]);
-    assert!(says("warnings", "cannot be told"), "{:#}", found["warnings"]);
+    assert!(says("warnings", "cannot be determined"), "{:#}", found["warnings"]);
 }
 
 #[test]
@@ -389,7 +389,7 @@ fn two_hundred_poses_with_a_joint_that_never_moves_give_a_model_and_say_what_sta
     let place = place_with(&rows);
     let done = place.run(&[&CALIBRATE[..], &["--json", "c.json"]].concat());
     assert_eq!(done.code, Some(0), "{done:#?}");
-    assert!(done.err.contains("cannot be told"), "a warning: {}", done.err);
+    assert!(done.err.contains("cannot be determined"), "a warning: {}", done.err);
     let open = done.out.lines().filter(|line| line.starts_with("open")).collect::<Vec<_>>();
     assert!(
         open.len() <= 5 && open.iter().any(|line| line.contains("joint 6's joint offset")),

@@ -94,7 +94,7 @@ fn what_was_told_for_a_while_is_not_believed_for_ever() {
     let (_place, daemon, mut sensor) = watching("spindle_rpm = 6000.0\nteeth = 3\n");
     assert_eq!(sensor.status().spindle_rpm, 6000.0, "as configured");
     tell(&mut sensor, &cutting(28_000.0, Some(Duration::from_millis(300))));
-    assert!(daemon.says("the process state that was told has run out", LIMIT));
+    assert!(daemon.says("the reported process state has expired", LIMIT));
     let status = sensor.status();
     assert_eq!((status.spindle_rpm, status.in_cut), (6000.0, InCut::Unknown.code()));
     let wrong = ProcessState { spindle_rpm: -5.0, ..ProcessState::default() };

@@ -35,7 +35,7 @@ cargo xtask sbom [--out=DIR]   what is linked into program and C library, as Cyc
 cargo xtask schemas   the JSON Schemas of all files and results, under schemas/
 cargo xtask soak [--minutes N] [--seed S]   faults at random over real processes for N (60) minutes: what was late, what broke, the daemon's memory
 cargo xtask speed [position|torque|force]   processor time of a diagnosis of 1e5 and 1e6 rows, Parquet in, report out; exit 1 above its bar
-cargo xtask watch [HOURS] [--from=JSON] [--out=DIR]   the vibration watch: detection, false alarms in HOURS (10) of noise per axis, transients, cost
+cargo xtask watch [HOURS] [--from=JSON] [--out=DIR]   the vibration monitor: detection, false alarms in HOURS (10) of noise per axis, transients, cost
 ";
 
 fn main() -> ExitCode {

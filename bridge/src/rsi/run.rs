@@ -32,7 +32,7 @@ pub fn run(
     let adapts = ground.cell.feed.is_some_and(|feed| feed.mode == FeedMode::Adapt);
     match (adapts, &config.feed) {
         (true, None) => tracing::warn!(
-            "the cell adapts its feed, and the controller is not told: name the tag of its override under [feed]"
+            "the cell adapts its feed, but the controller receives no override: name its tag under [feed]"
         ),
         (false, Some(feed)) => tracing::warn!(
             "{} is 100 always: the cell does not adapt its feed ([feed] of {})",

@@ -2,7 +2,7 @@
 
 python every_call.py CELL [TARGETS]
 
-The cell: six joints, `run --lockstep`, mode "full", force of 3 channels at 10 kHz with the vibration watch.
+The cell: six joints, `run --lockstep`, mode "full", force of 3 channels at 10 kHz with the vibration monitor.
 """
 
 import math

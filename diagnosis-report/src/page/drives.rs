@@ -59,7 +59,7 @@ pub(crate) fn domain(
         .values("with what was found", held(1))
         .role(Role::After);
     page = page.figure(
-        "Sizes of what held-out rows are off by, all joints: rows that no fit has seen.",
+        "Distribution of the errors of held-out rows, all joints; these rows took part in no fit.",
         &sizes.render(),
     );
     page = rest(page, report).section("What was done with the data").list(&report.notes);

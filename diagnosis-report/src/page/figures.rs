@@ -44,7 +44,7 @@ pub(crate) fn sizes(diagnosis: &Diagnosis, report: &Report) -> Option<Figure> {
     let [before, after] = diagnosis.held_out();
     let drawing = (!before.is_empty()).then(|| histogram(report.unit, &before, &after))?;
     let caption =
-        "Sizes of what held-out readings are off by: rows that no fit has seen.".to_owned();
+        "Distribution of the errors of held-out readings, which took part in no fit.".to_owned();
     Some(Figure { caption, drawing })
 }
 

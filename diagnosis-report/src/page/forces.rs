@@ -22,7 +22,7 @@ pub(crate) fn render(found: &DiagnosedForces, report: &Report) -> Page {
         Err(doubt) => {
             let why = format!("This recording cannot be judged: {doubt}");
             page.verdict(Tone::Bad, "not judged", &why)
-                .next("Mend what the verdict names, and diagnose again.", None)
+                .next("Correct the cause named in the verdict and diagnose again.", None)
         }
         Ok(diagnosis) => judged(page, diagnosis, report),
     };

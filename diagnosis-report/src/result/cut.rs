@@ -105,10 +105,9 @@ fn says(finding: &Finding, entry: Option<&EffectEntry>) -> String {
             "The edges rub by {} N per mm of depth more than is reported (tangential, radial, axial).",
             said("coefficient")
         ),
-        "tool_wear" => format!(
-            "The tool wears: its edge force grows by {} of itself per metre of cut.",
-            said("growth")
-        ),
+        "tool_wear" => {
+            format!("The tool wears: its edge force grows by {} per metre of cut.", said("growth"))
+        }
         "runout" => format!(
             "The tool runs out by {} µm: one tooth cuts more than the others.",
             said("radial")
@@ -126,7 +125,7 @@ fn says(finding: &Finding, entry: Option<&EffectEntry>) -> String {
             share(2)
         ),
         "wrench_misalignment" => format!(
-            "The sensor is turned by {} mrad (about x, y, z) against what is believed.",
+            "The sensor is rotated by {} mrad (about x, y, z) from its stated orientation.",
             said("turn")
         ),
         "cross_talk" => "One channel of the sensor leaks into another.".to_owned(),
@@ -184,9 +183,10 @@ fn next_experiment(compared: &Compared) -> Option<String> {
     let of_coefficients = ["cutting_force", "edge_force", "tool_wear"];
     let of_sensor = ["wrench_scale", "wrench_misalignment", "cross_talk"];
     Some(if is_among(&["wrench_bias"]) && !compared.has_air {
-        "Record two seconds in air before the cut: there the sensor alone is heard.".to_owned()
+        "Record two seconds in air before the cut: there the signal is that of the sensor alone."
+            .to_owned()
     } else if is_among(&of_sensor) {
-        "Hang a known weight on the sensor along x, along y and along z, and record it: that tells the sensor apart from the cut.".to_owned()
+        "Hang a known weight on the sensor along x, along y and along z, and record it: this separates the sensor's errors from the cut.".to_owned()
     } else if is_among(&of_coefficients) && compared.has_one_feed {
         "Repeat the cut at three feeds, at least as 1 to 2 to 4, the rest unchanged: what shears goes with the feed, what rubs does not.".to_owned()
     } else if is_among(&of_coefficients) {

@@ -83,21 +83,21 @@ impl Silence {
     pub fn why(self) -> &'static str {
         match self {
             Self::NoCut => "the recording has no [cut]: teeth, depth and engagement are not known",
-            Self::NoCoefficient => "[cut] tells no coefficient: there is no force to compare with",
+            Self::NoCoefficient => "[cut] states no coefficient: there is no force to compare with",
             Self::OneDirection => {
-                "[cut] tells the specific cutting force alone: forces of the other directions have no law to be compared with"
+                "[cut] states the specific cutting force alone: there is no model of the forces in the other directions"
             }
             Self::NoForce => "no force was recorded",
-            Self::NoSpeed => "no column tells the spindle's speed: give spindle_rpm, or tacho",
-            Self::NoFeed => "no column tells the feed: give feed_mm_s",
+            Self::NoSpeed => "no column holds the spindle speed: give spindle_rpm, or tacho",
+            Self::NoFeed => "no column holds the feed: give feed_mm_s",
             Self::NoRows => {
                 "spindle or feed stand still in nearly all rows, or are not known: nothing is cut"
             }
             Self::Places => {
-                "the forces are those of the told cut with channels swapped or turned in sign: name fx_N, fy_N, fz_N anew (x along the feed, z up out of the work, y = z × x)"
+                "the forces match the stated cut with channels swapped or inverted: rename fx_N, fy_N, fz_N (x along the feed, z out of the workpiece, y = z × x)"
             }
             Self::Size => {
-                "the forces are many times those of the told cut, or a small part of them: another unit, another depth, another material"
+                "the forces are many times those of the stated cut, or a small part of them: another unit, another depth, another material"
             }
         }
     }

@@ -237,24 +237,27 @@ fn notes(
     let most = case.table.joints().map(at_rest).fold(0.0, f64::max);
     if most > 0.0 {
         notes.push(format!(
-            "a joint at rest is held by stiction, as strong as it takes: rows at rest are left out, up to {most:.1} % of a joint's"
+            "a joint at rest is held by static friction of unknown size: rows at rest are excluded, up to {most:.1} % of a joint's rows"
         ));
     }
     notes.extend(refuted.iter().map(|name| {
         let family = &case.library.families[*name];
         let of = of_joint(family.joint);
-        format!("`{}`{of} was chosen, but makes the error larger on rows that nothing had seen: it is not told", family.kind)
+        format!(
+            "`{}`{of} was selected but increases the error on held-out rows: it is not reported",
+            family.kind
+        )
     }));
     notes.extend(zones.iter().map(|zone| zone.says(arm)));
     notes.extend(outside.iter().map(|name| {
         let family = &case.library.families[*name];
         let of = of_joint(family.joint);
-        format!("`{}`{of} makes the error smaller but where rows are told apart", family.kind)
+        format!("`{}`{of} reduces the error only outside the zones of low speed", family.kind)
     }));
     if always.len() > case.open.len() {
-        notes.push("the masses that the model states do not fit the torques to the last digit: they were fitted along, within 5 % and 20 mm".to_owned());
+        notes.push("the stated masses do not match the torques exactly: they were estimated along, within 5 % and 20 mm".to_owned());
     } else if !case.open.is_empty() {
-        notes.push("masses of which the model says nothing, and numbers of stated uncertainty, were fitted along".to_owned());
+        notes.push("masses that the model does not state, and parameters with a stated uncertainty, were estimated along".to_owned());
     }
     if case.motion.by_current && findings.iter().any(|one| one.kind == "payload") {
         notes.push("a mass is as sure as the motors' constants, about a tenth: weigh the payload, or run once with a known mass".to_owned());

@@ -240,7 +240,7 @@ impl Motion {
         };
         let by_current = recordings.iter().any(has_only_current);
         if by_current {
-            notes.push("torque is current times the constants that were told".to_owned());
+            notes.push("torque is current times the stated torque constants".to_owned());
         }
         Self { runs, band_hz, quick_hz, notes, by_current }
     }

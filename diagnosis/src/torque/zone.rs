@@ -18,7 +18,7 @@ const GAIN: f64 = 20.0;
 /// Rows within at least.
 const ROWS: usize = 20;
 
-/// Where a joint's torque follows no law that is known.
+/// Where a joint's torque follows no known law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Zone {
     /// From 0.
@@ -39,8 +39,8 @@ impl Zone {
             JointKind::Prismatic => (1e3 * self.below, "mm/s", "N"),
         };
         format!(
-            "slower than {speed:.2} {unit} the torque of joint {} follows no law that is known ({:.1} % of the rows; {:.2} {load} are left there, {:.2} {load} elsewhere): \
-             these rows are told apart and bend no number",
+            "slower than {speed:.2} {unit} the torque of joint {} follows no known law ({:.1} % of the rows; the residual is {:.2} {load} there, {:.2} {load} elsewhere): \
+             these rows are excluded from the estimation",
             self.joint + 1,
             100.0 * self.share,
             self.left[0],

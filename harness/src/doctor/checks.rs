@@ -251,7 +251,7 @@ fn siblings(cores: &[Core]) -> Check {
     }
     match shared.first() {
         None if cores.is_empty() => Check::unknown(name, "no core is listed", "lscpu --extended"),
-        None => Check::pass(name, "no core is shared by two of them, as far as this machine tells"),
+        None => Check::pass(name, "no two of them share a core, as far as this machine reports"),
         Some(threads) => Check::fix(
             name,
             format!("{threads:?} are one core: what runs on one slows the other"),

@@ -153,7 +153,7 @@ message! {
 }
 
 message! {
-    /// A verdict of the vibration watch.
+    /// A verdict of the vibration monitor.
     #[derive(Debug, Clone, PartialEq, Default)]
     VerdictRecord, "/trued/vibration", "trued_msgs/msg/Verdict",
     stamp t_ns,
@@ -272,7 +272,7 @@ impl Topic {
         Self::of::<StatusRecord>()
     }
 
-    /// The topic of the vibration watch.
+    /// The topic of the vibration monitor.
     #[must_use]
     pub fn verdict() -> Self {
         Self::of::<VerdictRecord>()

@@ -178,7 +178,7 @@ fn takes(table: &Table<'_, '_>, ethernet: &Ethernet, group: &Group, sums: Sums) 
     if ethernet.sent("Delay").is_none() {
         table.fault_here(
             format!("needs the controller's count of late answers: {}", ethernet.name),
-            "add <ELEMENT TAG=\"DEF_Delay\" TYPE=\"LONG\" INDX=\"INTERNAL\" /> to SEND there: it tells a lost network from a new run",
+            "add <ELEMENT TAG=\"DEF_Delay\" TYPE=\"LONG\" INDX=\"INTERNAL\" /> to SEND there: with it a network failure can be distinguished from a new run",
         );
     }
 }

@@ -59,7 +59,7 @@ pub struct CellConfig {
     pub feed: Option<Feed>,
     /// The force stream, where there is one.
     pub force: Option<Force>,
-    /// The vibration watch, where it is on.
+    /// The vibration monitor, where it is on.
     pub vibration: Option<Vibration>,
     /// Scheduling of the cycle thread.
     pub realtime: Realtime,

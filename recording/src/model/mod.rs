@@ -99,7 +99,7 @@ pub struct ToolEntry {
     pub body: Option<BodyEntry>,
 }
 
-/// One `[[mode]]`: a natural frequency, for the vibration watch.
+/// One `[[mode]]`: a natural frequency, for the vibration monitor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ModeEntry {
     /// Hz, above zero.

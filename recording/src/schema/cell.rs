@@ -364,7 +364,7 @@ struct Recorder {
     /// Whether recording begins with the daemon; else with `trued record start`.
     #[schemars(extend("default" = true))]
     start: Option<bool>,
-    /// Whether an alarm of the vibration watch keeps the recording.
+    /// Whether an alarm of the vibration monitor keeps the recording.
     #[schemars(extend("default" = true))]
     keep_alarms: Option<bool>,
     /// Number of kept files from which on no further one is kept.

@@ -124,7 +124,7 @@ impl Columns {
             }
             Stand::Unknown => {
                 faults.push(
-                    Fault::new("", "no column tells the time of the samples")
+                    Fault::new("", "no column holds the time of the samples")
                         .expected("a column `t_s`, `time`, `X_Value`, or a first column that grows evenly")
                         .help("give the rate of samples in time (--rate HZ), or the spacing of a profile (--spacing-um)"),
                 );

@@ -126,7 +126,7 @@ impl Section {
             && (stated_hz / rate_hz - 1.0).abs() > 0.01
         {
             notes.push(format!(
-                "the header says {stated_hz:.6} Hz, the column X_Value {rate_hz:.6} Hz: the column is believed"
+                "the header says {stated_hz:.6} Hz, the column X_Value {rate_hz:.6} Hz: the column is used"
             ));
         }
         records

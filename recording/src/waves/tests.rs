@@ -193,7 +193,7 @@ fn labview_files_are_read_with_units_rate_and_several_sections() {
     );
     let thinned = thinned.unwrap();
     assert_eq!(thinned.records[0].grid, Grid::Time { start_s: 0.0, rate_hz: 100.0 });
-    assert!(thinned.notes.iter().any(|note| note.contains("the column is believed")));
+    assert!(thinned.notes.iter().any(|note| note.contains("the column is used")));
 }
 
 #[test]

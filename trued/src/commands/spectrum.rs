@@ -28,7 +28,7 @@ use crate::output::Console;
 
 /// Look for vibration in a recording: what rings, when, why, and what to do
 ///
-/// Runs the daemon's vibration watch over the samples, and gives spectra over time and over the tool's path. Reads
+/// Runs the daemon's vibration monitor over the samples, and gives spectra over time and over the tool's path. Reads
 /// recordings, CSV and other tables of numbers, .lvm, UFF 58 and WAV. Without a spindle speed forced vibration is
 /// not told from chatter; without a model no mode and no gear is known.
 #[derive(Debug, Args)]

@@ -165,14 +165,16 @@ impl Case {
             self.short_of.push(format!("Not explained: {rest}"));
         }
         let notes = said.list("notes").iter().filter_map(|note| note.as_str());
-        let refuted = notes.clone().filter(|note| note.contains("makes the error larger")).count();
+        let refuted = notes
+            .clone()
+            .filter(|note| note.contains("increases the error on held-out rows"))
+            .count();
         if refuted > 0 {
             self.short_of.push(format!(
                 "Chosen and taken back, as unseen rows spoke against them: {refuted}."
             ));
         }
-        let zones: Vec<&str> =
-            notes.filter(|note| note.contains("follows no law that is known")).collect();
+        let zones: Vec<&str> = notes.filter(|note| note.contains("follows no known law")).collect();
         match zones.as_slice() {
             [] => {}
             [one] => self.short_of.push(sentence(one)),

@@ -205,7 +205,7 @@ impl<'a> Looking<'a> {
                 let [step] = self.in_file_units(*channel, [step]);
                 let name = name(self.recording, *channel);
                 notes.push(format!(
-                    "{name} comes in steps of {step:.3e}, coarser than its noise: nothing finer can be told from it"
+                    "{name} comes in steps of {step:.3e}, coarser than its noise: nothing finer can be resolved"
                 ));
             }
         }

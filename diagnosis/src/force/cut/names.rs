@@ -221,9 +221,9 @@ pub(super) fn narrow(case: &mut Case) {
             continue;
         }
         let why = match *kind {
-            "tool_wear" => "no edge force is told that could grow",
+            "tool_wear" => "no edge force is stated that could grow",
             "runout" if cutter.turning => "a turning tool does not turn",
-            "runout" => "the tool has one tooth, or nothing is told of what it shears",
+            "runout" => "the tool has one tooth, or no shear coefficient is stated",
             _ => "nothing that was recorded shows it",
         };
         case.library.untested.push((kind, None, why));

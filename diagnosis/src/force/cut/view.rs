@@ -74,7 +74,7 @@ pub(super) fn notes(case: &Case, recording: &Recording) -> Vec<String> {
     let is_off = libm::fabs(faster) > 1e-5;
     if is_off {
         notes.push(format!(
-            "the spindle turns {:.3} % {} than the recording tells",
+            "the spindle turns {:.3} % {} than recorded",
             100.0 * libm::fabs(faster),
             if faster > 0.0 { "faster" } else { "slower" }
         ));

@@ -268,7 +268,7 @@ fn doubts(recordings: &[Recording], errors: &[Errors; 3], last: &Fit) -> Vec<Str
         .count();
     if open > 0 {
         warnings.push(format!(
-            "{} of the model cannot be told from these data one by one: together they are right, each stands where the tolerances of its kind have it",
+            "{} of the model cannot be determined one by one from these data: their combination is determined, and each value follows the prior of its kind",
             count(open, "number")
         ));
     }
@@ -282,13 +282,15 @@ fn doubts(recordings: &[Recording], errors: &[Errors; 3], last: &Fit) -> Vec<Str
         );
     }
     if !last.converged {
-        warnings.push("the fit ended before it stood: its numbers are less sure than said".into());
+        warnings.push(
+            "the fit ended before it converged: its parameters are less certain than stated".into(),
+        );
     }
     for recording in recordings {
         let about = &recording.about;
         if about.kind == Kind::Poses && about.approach == Approach::Unknown {
             warnings.push(format!(
-                "{}: how the joints arrived is not said (`approach`), so lost motion cannot be told",
+                "{}: how the joints arrived is not said (`approach`), so lost motion cannot be determined",
                 recording.file.display()
             ));
         }

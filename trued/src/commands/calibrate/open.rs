@@ -42,13 +42,15 @@ impl Reason {
             Self::Unseen => format!("these poses do not show {names}"),
             Self::AtZero => format!("{names} would come out negative and stand at zero"),
             Self::Frame => format!(
-                "{names} cannot be told from where the instrument stands, which was fitted along"
+                "{names} cannot be separated from the pose of the instrument, which was estimated along"
             ),
             Self::Target => format!(
-                "{names} cannot be told from where the reflectors sit on the tool, which was fitted along"
+                "{names} cannot be separated from the positions of the reflectors on the tool, which were estimated along"
             ),
             Self::Others => {
-                format!("{names} cannot be told from other numbers that do the same in these poses")
+                format!(
+                    "{names} cannot be separated from other parameters that have the same effect in these poses"
+                )
             }
         }
     }

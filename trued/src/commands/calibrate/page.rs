@@ -119,7 +119,7 @@ fn picture(page: Page, found: &Found) -> Page {
 fn next(page: Page, command: &Calibrate, found: &Found) -> Page {
     if !command.is_written(found) {
         return page.next(
-            "Look at what speaks against the model below, mend it, and measure again.",
+            "Read the objections to the model below, correct their causes, and measure again.",
             None,
         );
     }

@@ -56,7 +56,11 @@ pub(super) fn lines(things: &[Thing]) -> Vec<String> {
     let number = |thing: &Thing| {
         let value = format!("{:.3}", thing.value_mm?);
         let sigma = thing.sigma.map(|sigma| format!(" ± {}", significant(sigma, 2)));
-        Some(format!("{} {value}{}", thing.what, sigma.unwrap_or_else(|| " (not told)".to_owned())))
+        Some(format!(
+            "{} {value}{}",
+            thing.what,
+            sigma.unwrap_or_else(|| " (not determined)".to_owned())
+        ))
     };
     let line = |group: &[Thing]| {
         let first = group.first()?;

@@ -37,7 +37,7 @@ pub(super) fn rows(f: &Figures) -> Vec<(String, String, usize)> {
         ("false findings on nulls", nulls, f.nulls),
         ("wrong names among names", share(f.named_wrong), f.named),
         ("unknown physics called unknown", share(f.unknown_recognised), f.unknown),
-        ("  what it follows told right", share(f.depends_on_right), f.unknown),
+        ("  covariates named right", share(f.depends_on_right), f.unknown),
         ("alike and said to be so", share(f.undetermined_recognised), f.undetermined),
         ("95 % intervals hold, all", share(f.coverage95), f.counting),
         ("  where the effect was found", share(f.coverage95_found), f.intervals),

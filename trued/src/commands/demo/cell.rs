@@ -246,7 +246,7 @@ impl Loop {
         });
     }
 
-    /// Gives the vibration watch a moment for its last words.
+    /// Gives the vibration monitor a moment for its last words.
     fn hear_out(&mut self) {
         std::thread::sleep(Duration::from_millis(50));
         while let Some(verdict) = self.client.vibration() {

@@ -33,7 +33,7 @@ pub(super) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&L
         .section("What the model lacked")
         .text("The robot measured itself, the recording was diagnosed, the model was changed in the running daemon. What was said:")
         .list(&report.told.says)
-        .text(&format!("The truth, told afterwards: {}", report.told.truth))
+        .text(&format!("The truth, revealed afterwards: {}", report.told.truth))
         .section("The time it took")
         .text(
             "From sending the command to holding the corrected target, between two processes on this machine. A desktop or \
@@ -41,7 +41,7 @@ pub(super) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&L
         )
         .figure("Round trip over shared memory.", &latency(log).render())
         .section("The cut that rings")
-        .text(&format!("The daemon hears the force samples at 10 kHz. The truth: {}.", milled.ringing.words))
+        .text(&format!("The daemon receives force samples at 10 kHz. The truth: {}.", milled.ringing.words))
         .figure("Force on the tool across the ringing, tool axes.", &force(scene, log).render())
         .table(&events(milled))
         .footer("The recording beside this page holds every cycle.")

@@ -72,7 +72,7 @@ fn next(page: Page, found: &Found) -> Page {
             page.next(&format!("{}.", words::capitalised(&worst.verdict.advice.to_string())), None)
         }
         Some(_) => page.next(
-            "Record again with the spindle's speed, so that forced vibration is told from chatter.",
+            "Record again with the spindle speed, so that forced vibration can be distinguished from chatter.",
             Some("trued spectrum --spindle-rpm RPM --teeth N RECORDING"),
         ),
         None => page.next("Nothing to change. Let the daemon listen during the cut.", None),

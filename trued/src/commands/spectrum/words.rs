@@ -90,7 +90,7 @@ pub(super) fn title(found: &Found) -> String {
         Class::Chatter => format!("The cut rings at {f}"),
         Class::ModeCoupling => format!("Two modes couple at {f}"),
         Class::Forced => format!("The spindle drives a mode at {f}"),
-        Class::Gear => format!("A gear is heard at {f}"),
+        Class::Gear => format!("A gear line at {f}"),
         _ => format!("A line at {f} alarms"),
     }
 }
@@ -108,7 +108,7 @@ pub(super) fn lead(subject: &Subject, found: &Found) -> String {
         words.push(format!("By modes and cutter: {}.", found.nearest_stable.join("; ")));
     }
     if worst.verdict.rivals.contains(Class::Forced) && worst.verdict.harmonic.is_none() {
-        words.push("With the spindle's speed (--spindle-rpm, --teeth) forced vibration would be told apart.".to_owned());
+        words.push("With the spindle speed (--spindle-rpm, --teeth) forced vibration could be distinguished.".to_owned());
     }
     if alarms.len() > 1 {
         let others: Vec<String> =
@@ -189,8 +189,10 @@ pub(super) fn watched(found: &Found) -> bool {
 fn calm(subject: &Subject, found: &Found) -> String {
     let told = match found.episodes.len() {
         _ if !watched(found) => "There are spectra only.".to_owned(),
-        0 => "The watch told no line.".to_owned(),
-        told => format!("The watch told {}, none that anybody must act on.", count(told, "line")),
+        0 => "The monitor reported no line.".to_owned(),
+        told => {
+            format!("The monitor reported {}, none of which needs action.", count(told, "line"))
+        }
     };
     let strongest = found
         .spectra
@@ -198,7 +200,7 @@ fn calm(subject: &Subject, found: &Found) -> String {
         .flat_map(|one| one.lines.iter().map(move |line| (one.channel, line)))
         .max_by(|a, b| a.1.line.amplitude.total_cmp(&b.1.line.amplitude));
     let Some((channel, judged)) = strongest else {
-        return format!("{told} In the spectrum of the whole nothing stands over the noise.");
+        return format!("{told} In the spectrum of the whole recording nothing exceeds the noise.");
     };
     let channel = &subject.channels[channel];
     format!(

@@ -83,7 +83,7 @@ pub(super) fn read(command: &Heights, path: &Path) -> Result<Profile, Failure> {
     };
     let Grid::Length { step_mm, .. } = record.grid else {
         return Err(unfit(
-            "no column tells the place along the profile; name it x_um or x_mm, or give --spacing-um".to_owned(),
+            "no column holds the position along the profile; name it x_um or x_mm, or give --spacing-um".to_owned(),
         ));
     };
     let (column, heights_um) = heights(command, record).map_err(unfit)?;

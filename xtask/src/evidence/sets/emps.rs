@@ -196,9 +196,10 @@ fn nothing_told(bench: &Bench, band: &'static str) -> Result<Case, String> {
 /// A delay of 0.7 to 0.8 ms, or the zone of low speed.
 fn delay_or_zone(said: &Said) -> Judged {
     let delay = said.finding("torque_delay", None).and_then(|one| one.parameter("delay_ms"));
-    let zone = said.list("notes").iter().any(|note| {
-        note.as_str().is_some_and(|note| note.contains("follows no law that is known"))
-    });
+    let zone = said
+        .list("notes")
+        .iter()
+        .any(|note| note.as_str().is_some_and(|note| note.contains("follows no known law")));
     let of_delay = delay.map_or("no delay".to_owned(), |(ms, _)| {
         format!("{:.2} ms between force and motion", ms.abs())
     });

@@ -75,7 +75,7 @@ fn turning(bench: &Bench) -> Result<Vec<Case>, String> {
     let words =
         ["spectrum", "--json", "OUT/said.json", "--report", "OUT/report.html", "f416_a100.csv"];
     let watch = bench.ask("watch", &words)?;
-    let mut watched = listened("the vibration watch", "whether it chatters", &words, &watch);
+    let mut watched = listened("the vibration monitor", "whether it chatters", &words, &watch);
     if let Answer::Done(folder) = &watch {
         let alarms = alarms(&json(&folder.join("said.json")));
         let told = lines(&alarms);
@@ -152,7 +152,7 @@ fn milling(bench: &Bench) -> Result<Vec<Case>, String> {
         "N255_S5000_accY.csv",
     ];
     let watch = bench.ask("watch", &words)?;
-    let mut watched = listened("the vibration watch", concealed, &words, &watch);
+    let mut watched = listened("the vibration monitor", concealed, &words, &watch);
     watched.reference = reference();
     if let Answer::Done(folder) = &watch {
         bench.offer(
