@@ -1,7 +1,7 @@
-//! The answer over all series of a fleet: which change is told, and what it does at the tool.
+//! The answer over all series of a fleet: which changes are reported, and what it does at the tool.
 //!
 //! False alarms: every series has the same prior probability of a change, so many that in the whole fleet [`Settings::expected_changes`] are expected; more series
-//! thus ask for more evidence each. What is told has the posterior probability [`Settings::told_probability`] or more. Measured on fleets that do not change:
+//! thus need more evidence each. A reported change has the posterior probability [`Settings::reported_probability`] or more. Measured on fleets that do not change:
 //! `cargo run --release --example false_alarms`.
 
 use schemars::JsonSchema;
@@ -186,8 +186,8 @@ pub struct Searched {
     pub change: Change,
     /// Probability of a change.
     pub probability: f64,
-    /// Whether it is told.
-    pub is_told: bool,
+    /// Whether it is reported.
+    pub is_reported: bool,
 }
 
 impl Searched {
@@ -214,7 +214,7 @@ pub fn answer(results: &Results, settings: &Settings) -> Answer {
             let probability = 1.0 / (1.0 + (-change.log_bayes - odds).exp());
             let unit = unit(results, &series);
             Searched {
-                is_told: probability >= settings.told_probability,
+                is_reported: probability >= settings.reported_probability,
                 series,
                 unit,
                 change,
@@ -222,10 +222,10 @@ pub fn answer(results: &Results, settings: &Settings) -> Answer {
             }
         })
         .collect();
-    let mut told: Vec<&Searched> = searched.iter().filter(|one| one.is_told).collect();
-    told.sort_by(|a, b| b.change.log_bayes.total_cmp(&a.change.log_bayes));
-    let alerts = alerts_of(told.iter().copied().filter(|one| one.is_worse()), settings);
-    let decreases = alerts_of(told.iter().copied().filter(|one| !one.is_worse()), settings);
+    let mut reported: Vec<&Searched> = searched.iter().filter(|one| one.is_reported).collect();
+    reported.sort_by(|a, b| b.change.log_bayes.total_cmp(&a.change.log_bayes));
+    let alerts = alerts_of(reported.iter().copied().filter(|one| one.is_worse()), settings);
+    let decreases = alerts_of(reported.iter().copied().filter(|one| !one.is_worse()), settings);
     Answer {
         schema: SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
@@ -272,10 +272,10 @@ fn summary(
     }
 }
 
-/// One for each effect: that of its most probable number. Another name that diagnoses give the same effect in other recordings is told with it.
-fn alerts_of<'a>(told: impl Iterator<Item = &'a Searched>, settings: &Settings) -> Vec<Alert> {
+/// One for each effect: that of its most probable number. Another name that diagnoses give the same effect in other recordings is listed with it.
+fn alerts_of<'a>(reported: impl Iterator<Item = &'a Searched>, settings: &Settings) -> Vec<Alert> {
     let mut alerts: Vec<(&Searched, Alert)> = Vec::new();
-    for one in told {
+    for one in reported {
         let same = alerts.iter_mut().find(|(lead, _)| is_same(&lead.series, &one.series, settings));
         match same {
             Some((_, alert)) => alert.also.push(one.series.number.path()),

@@ -2,7 +2,7 @@
 //!
 //! Read in this order: [`results`] (Parquet files as one table, and the queries on it), [`series`] (one effect of one robot over its recordings, with what was not
 //! found), [`likelihood`] (a mean over time fitted to values and bounds), [`change`] (constant, step or growth), [`fleet`] (the answer over all series), then
-//! [`text`] and [`page`] (how it is told). Promises: the same results give the same bytes; a recording in which an effect was not found counts as a bound only
+//! [`text`] and [`page`] (how it is presented). Promises: the same results give the same bytes; a recording in which an effect was not found counts as a bound only
 //! where nothing else was named in its place. Never: a diagnosis of its own, a network, a clock in an answer.
 
 pub mod change;

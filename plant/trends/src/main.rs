@@ -1,4 +1,4 @@
-//! `trued-trends`: the command line. All it does stands in the library.
+//! `trued-trends`: the command line. All logic is in the library.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -31,8 +31,8 @@ struct Options {
     /// Changed series expected in the whole fleet, before its results are seen
     #[arg(long, value_name = "COUNT", value_parser = positive, default_value_t = Settings::default().expected_changes)]
     expected_changes: f64,
-    /// Probability of a change from which on it is told, 0.5 to 1
-    #[arg(long, value_name = "P", value_parser = probability, default_value_t = Settings::default().told_probability)]
+    /// Probability of a change from which on it is reported, 0.5 to 1
+    #[arg(long, value_name = "P", value_parser = probability, default_value_t = Settings::default().reported_probability)]
     probability: f64,
 }
 
@@ -75,7 +75,7 @@ fn main() -> ExitCode {
 fn run(options: &Options) -> Result<usize, Failure> {
     let settings = Settings {
         expected_changes: options.expected_changes,
-        told_probability: options.probability,
+        reported_probability: options.probability,
         tolerance_mm: options.tolerance_mm,
         ..Settings::default()
     };

@@ -25,12 +25,14 @@ pub fn page(answer: &Answer, provenance: Provenance) -> String {
     page = answer.alerts.iter().fold(page, |page, alert| {
         page.note(Tone::Bad, &format!("{}: {}", alert.robot, place(alert)), &sentence(alert))
     });
-    let mut told: Vec<&Searched> = answer.searched.iter().filter(|one| one.is_told).collect();
-    told.sort_by(|a, b| b.change.log_bayes.total_cmp(&a.change.log_bayes));
-    let mut still: Vec<&Searched> = answer.searched.iter().filter(|one| !one.is_told).collect();
+    let mut reported: Vec<&Searched> =
+        answer.searched.iter().filter(|one| one.is_reported).collect();
+    reported.sort_by(|a, b| b.change.log_bayes.total_cmp(&a.change.log_bayes));
+    let mut still: Vec<&Searched> = answer.searched.iter().filter(|one| !one.is_reported).collect();
     still.sort_by(|a, b| b.change.log_bayes.total_cmp(&a.change.log_bayes));
-    if !told.is_empty() {
-        page = page.section("What changes").figure(CAPTION, &drawn("Series that change", &told));
+    if !reported.is_empty() {
+        page =
+            page.section("What changes").figure(CAPTION, &drawn("Series that change", &reported));
     }
     if !answer.alerts.is_empty() || !answer.decreases.is_empty() {
         let all = answer.alerts.iter().chain(&answer.decreases);
@@ -40,7 +42,7 @@ pub fn page(answer: &Answer, provenance: Provenance) -> String {
     if !still.is_empty() {
         let some = &still[..still.len().min(UNCHANGED)];
         let caption = format!(
-            "{CAPTION} The {} of {} series without a told change that changed most probably.",
+            "{CAPTION} The {} of {} series without a reported change that changed most probably.",
             some.len(),
             still.len()
         );
@@ -103,7 +105,7 @@ fn plot(one: &Searched) -> Plot {
     let plot = Plot::new(title, Axis::new("Time", "months"), Axis::new(name, unit))
         .series(Series::dots("found", found).role(Role::After))
         .series(Series::dots("not found: smaller than", below).role(Role::Before));
-    if one.is_told {
+    if one.is_reported {
         plot.series(Series::line("mean", mean(one)).role(Role::Calibrated))
     } else {
         plot

@@ -55,7 +55,7 @@ const COUNTS: &str = "SELECT robot, COUNT(DISTINCT key) AS recordings, COUNT(DIS
 const NAMES: &str = "SELECT DISTINCT key, domain, effect, joint FROM results WHERE subject = 'finding' AND claimed AND recorded_at IS NOT NULL \
      ORDER BY key, domain, effect, joint";
 
-/// Parameters by which several effects of one kind at one joint are told apart, rounded to whole numbers.
+/// Parameters by which several effects of one kind at one joint are distinguished, rounded to whole numbers.
 const KINDS: &str = "'cycles_per_rev', 'cycles_per_m', 'from_joint'";
 
 /// Numbers of effects that are claimed often enough, with what the effect does to what was measured per unit of the number. Candidates are taken with them: their

@@ -66,12 +66,12 @@ pub fn all(results: &Results, settings: &Settings) -> Vec<Series> {
         .numbers
         .iter()
         .map(|(number, found)| of(number, found, recordings(number), settings))
-        .filter(|series| series.observations.iter().any(|one| is_told(&one.reading)))
+        .filter(|series| series.observations.iter().any(|one| is_reported(&one.reading)))
         .collect()
 }
 
 /// That a reading is more than a number nothing determines.
-fn is_told(reading: &Reading) -> bool {
+fn is_reported(reading: &Reading) -> bool {
     matches!(reading, Reading::Value { value, .. } if *value != 0.0)
 }
 

@@ -1,19 +1,19 @@
-//! What decides when something is told of, with unit, range, default and origin.
+//! What decides when a change is reported, with unit, range, default and origin.
 
 /// Settings of the search for changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     /// Recordings in which an effect must be claimed before it is a series, at least. 4 to 1000; default 6. Origin: below it, the scatter between recordings cannot
-    /// be told from a change.
+    /// be distinguished from a change.
     pub least_found: usize,
     /// Recordings that must lie after a change. 2 to 100; default 3. Origin: fewer may be outliers.
     pub least_after: usize,
     /// Changed series that are expected in a whole fleet, before its results are seen. Above 0 to 10; default 0.1. Origin: measured, `cargo run --example
     /// false_alarms`.
     pub expected_changes: f64,
-    /// Probability of a change from which on it is told. 0.5 to 1; default 0.95. Origin: at most one of twenty told changes is none, where the model of scatter
+    /// Probability of a change from which on it is reported. 0.5 to 1; default 0.95. Origin: at most one of twenty reported changes is none, where the model of scatter
     /// holds.
-    pub told_probability: f64,
+    pub reported_probability: f64,
     /// Least value that a diagnosis finds, in standard uncertainties of the value. 1 to 20; default 5. Origin: claimed findings of `trued diagnose` have 4.3 and
     /// more (smallest of 200 recordings of the tests' fleet).
     pub detectable_sigmas: f64,
@@ -25,7 +25,7 @@ pub struct Settings {
     pub beside_share: f64,
     /// Range of ambient temperatures from which on the temperature is a covariate, K. Above 0; default 1. Origin: below it, its coefficient is a guess.
     pub temperature_range_k: f64,
-    /// Tool error that is allowed, mm; none asks for no time at which it is reached.
+    /// Tool error that is allowed, mm; none: no date is computed.
     pub tolerance_mm: Option<f64>,
 }
 
@@ -35,7 +35,7 @@ impl Default for Settings {
             least_found: 6,
             least_after: 3,
             expected_changes: 0.1,
-            told_probability: 0.95,
+            reported_probability: 0.95,
             detectable_sigmas: 5.0,
             missed_share: 0.05,
             beside_share: 0.2,

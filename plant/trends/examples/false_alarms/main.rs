@@ -13,13 +13,13 @@ fn main() {
     let (mut alarmed, mut alerts, mut searched) = (0, 0, 0);
     for seed in 0..fleets {
         let answer = answer(&fleet(seed as u64, recordings), &settings);
-        let told = answer.alerts.len() + answer.decreases.len();
-        alarmed += usize::from(told > 0);
-        alerts += told;
+        let reported = answer.alerts.len() + answer.decreases.len();
+        alarmed += usize::from(reported > 0);
+        alerts += reported;
         searched += answer.series;
     }
     let out = format!(
-        "{fleets} fleets of {ROBOTS} robots, {recordings} recordings each, {} series a fleet: {alarmed} fleets with a change told ({:.1} %), {alerts} changes\n",
+        "{fleets} fleets of {ROBOTS} robots, {recordings} recordings each, {} series a fleet: {alarmed} fleets with a reported change ({:.1} %), {alerts} changes\n",
         searched / fleets.max(1),
         100.0 * alarmed as f64 / fleets.max(1) as f64
     );

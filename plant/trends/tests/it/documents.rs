@@ -1,4 +1,4 @@
-//! The commands of docs/trends.md run as they stand there.
+//! The commands of docs/trends.md run as written there.
 
 use std::path::Path;
 use std::process::Command;
@@ -15,7 +15,7 @@ fn commands(page: &str) -> Vec<Vec<String>> {
 }
 
 #[test]
-fn the_commands_of_the_page_run_as_they_stand() {
+fn the_commands_of_the_page_run_as_written() {
     let page = std::fs::read_to_string(PAGE).unwrap();
     let commands = commands(&page);
     assert!(commands.len() >= 3, "{commands:?}");

@@ -39,7 +39,7 @@ fn offset(value: f64) -> Finding {
     }
 }
 
-fn told(recordings: &[Recorded], settings: &Settings) -> Answer {
+fn reported(recordings: &[Recorded], settings: &Settings) -> Answer {
     let folder = Folder::with(recordings);
     answer(&read(std::slice::from_ref(&folder.0), settings).unwrap(), settings)
 }
@@ -51,7 +51,7 @@ fn found(width: f64, noise: &mut dyn FnMut(f64) -> f64) -> Vec<Finding> {
 }
 
 #[test]
-fn play_that_grows_from_nothing_is_told_with_robot_joint_rate_and_onset() {
+fn play_that_grows_from_nothing_is_reported_with_robot_joint_rate_and_onset() {
     let worn = robot("B", 1, |day, noise| {
         let mut all = found(0.02 * (day - 24).max(0) as f64, noise);
         all.push(offset(0.2 + noise(0.005)));
@@ -60,7 +60,7 @@ fn play_that_grows_from_nothing_is_told_with_robot_joint_rate_and_onset() {
     let still =
         robot("A", 2, |_, noise| vec![offset(-0.3 + noise(0.005)), backlash(0.2 + noise(0.008))]);
     let settings = Settings { tolerance_mm: Some(0.6), ..Settings::default() };
-    let answer = told(&[worn, still].concat(), &settings);
+    let answer = reported(&[worn, still].concat(), &settings);
     assert_eq!(answer.alerts.len(), 1, "{:#?}", answer.alerts);
     let alert = &answer.alerts[0];
     assert_eq!(
@@ -82,11 +82,11 @@ fn play_that_grows_from_nothing_is_told_with_robot_joint_rate_and_onset() {
 }
 
 #[test]
-fn a_step_is_told_as_a_step_and_a_repair_as_a_decrease() {
+fn a_step_is_reported_as_a_step_and_a_repair_as_a_decrease() {
     let stepped =
         robot("A", 3, |day, noise| vec![offset(if day < 30 { 0.2 } else { 0.24 } + noise(0.005))]);
     let repaired = robot("B", 4, |day, noise| found(if day < 40 { 0.3 } else { 0.0 }, noise));
-    let answer = told(&[stepped, repaired].concat(), &Settings::default());
+    let answer = reported(&[stepped, repaired].concat(), &Settings::default());
     assert_eq!(answer.alerts.len(), 1, "{:#?}", answer.alerts);
     let alert = &answer.alerts[0];
     assert_eq!((alert.robot.as_str(), alert.kind, alert.since.recording), ("A", "step", 31));
@@ -109,9 +109,9 @@ fn another_name_in_place_of_an_effect_is_no_sign_that_it_is_gone() {
             (false, _) => vec![backlash(0.2 + noise(0.008))],
         })
     };
-    let answer = told(&renamed(true), &Settings::default());
+    let answer = reported(&renamed(true), &Settings::default());
     assert!(answer.alerts.is_empty() && answer.decreases.is_empty(), "{answer:#?}");
-    let vanished = told(&renamed(false), &Settings::default());
+    let vanished = reported(&renamed(false), &Settings::default());
     assert_eq!(vanished.decreases.len(), 1, "without another name it is gone: {vanished:#?}");
 }
 
@@ -127,9 +127,9 @@ fn what_follows_the_temperature_is_no_growth() {
         }
         all
     };
-    assert!(told(&follows(true), &Settings::default()).alerts.is_empty());
+    assert!(reported(&follows(true), &Settings::default()).alerts.is_empty());
     assert_eq!(
-        told(&follows(false), &Settings::default()).alerts.len(),
+        reported(&follows(false), &Settings::default()).alerts.len(),
         1,
         "the cause was not recorded"
     );
@@ -167,7 +167,7 @@ fn two_names_for_one_wear_are_one_alert() {
         let width = 0.2 + 0.01 * day as f64 + noise(0.008);
         vec![if day % 3 == 0 { hysteresis(width) } else { backlash(width) }]
     });
-    let answer = told(&worn, &Settings::default());
+    let answer = reported(&worn, &Settings::default());
     assert_eq!(answer.alerts.len(), 1, "{answer:#?}");
     assert_eq!(answer.alerts[0].effect, "backlash");
     assert_eq!(answer.alerts[0].also, ["hysteresis.amplitude_mrad"]);
@@ -202,7 +202,7 @@ fn two_waves_of_one_gear_are_two_series() {
         let fast = wave(23.1, "fast", 0.2 + 0.005 * day as f64 + noise(0.01));
         [slow, fast].concat()
     });
-    let answer = told(&worn, &Settings::default());
+    let answer = reported(&worn, &Settings::default());
     assert_eq!(answer.series, 2, "{answer:#?}");
     assert_eq!(answer.alerts.len(), 1, "{answer:#?}");
     assert_eq!(answer.alerts[0].form, Some(23));
