@@ -165,10 +165,7 @@ impl Case {
             self.short_of.push(format!("Not explained: {rest}"));
         }
         let notes = said.list("notes").iter().filter_map(|note| note.as_str());
-        let refuted = notes
-            .clone()
-            .filter(|note| note.contains("increases the error on held-out rows"))
-            .count();
+        let refuted = notes.clone().filter(|note| note.contains("increases the error")).count();
         if refuted > 0 {
             self.short_of.push(format!(
                 "Chosen and taken back, as unseen rows spoke against them: {refuted}."
