@@ -277,7 +277,7 @@ impl Constants {
         }
         if status.watch() == Ok(WatchState::Learning) {
             add(format_args!(
-                "the vibration monitor is learning the noise floor and reports no lines yet"
+                "the vibration monitor learns the noise floor and reports no lines yet"
             ));
         }
         if self.uncompensated > 0 {
