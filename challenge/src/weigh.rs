@@ -12,7 +12,7 @@ use crate::linear::{Span, dot};
 const SAME: f64 = 1e-6;
 /// Share of a number's own column that must be left for it to be told at all.
 const CLEAR: f64 = 1e-4;
-/// Half of the energy below which candidates cannot be told apart (docs/diagnosis.md).
+/// Half of the energy below which candidates cannot be distinguished (docs/diagnosis.md).
 pub const APART: f64 = 5.0;
 
 /// A name in answers: kind and joint (from 1).

@@ -165,7 +165,7 @@ impl Client {
         self.output.feed_override()
     }
 
-    /// The robot goes on with this feed override, above 0 to 1: what goes out goes on from it. Else it begins where the cell's goes without a force.
+    /// Sets the feed override in use at the robot, above 0 to 1; the output continues from it. Without this call it starts at the cell's override for a missing force.
     pub fn start_feed(&mut self, feed_override: f64) {
         self.output.start_feed(feed_override);
     }

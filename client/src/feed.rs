@@ -1,22 +1,22 @@
-//! The feed override that goes out, whatever has become of the daemon.
+//! The feed override returned to the caller, with or without a daemon.
 //!
-//! It follows the daemon's while an answer is fresh; without one it holds for as long as the cell has set, then goes to the override that the cell has set for a lost force. What it goes to may
-//! jump, it does not: floor and rates are the cell's. Before the daemon has said them it is 1, the programmed feed.
-//! Never: a clock, a number outside of floor to 1.
+//! It follows the daemon's override while an answer is fresh; without one it is held for the cell's `hold_ms`, then goes to the cell's `lost_percent`. Its rate is limited by the cell's
+//! rates whatever the daemon sends. Before the limits are known it is 1, the programmed feed.
+//! Never: a clock, a value outside of floor to 1.
 
 use envelope::OverrideLimits;
 use shm_schema::FeedBounds;
 
-/// The override that was handed on last, and by what it goes on.
+/// The last override returned, and the limits of its change.
 #[derive(Debug)]
 pub(crate) struct FeedOutput {
-    /// None before the daemon has said them: the override is 1 then.
+    /// None before the daemon has sent them: the override is 1 then.
     limits: Option<OverrideLimits>,
     lost: f64,
     hold_s: f64,
-    /// None before the first one is handed on.
+    /// None before the first one is returned.
     value: Option<f64>,
-    /// When the daemon asked for one last, ns.
+    /// When the daemon last sent one, ns.
     asked_ns: u64,
 }
 
@@ -25,7 +25,7 @@ impl FeedOutput {
         Self { limits: None, lost: 1.0, hold_s: 0.0, value: None, asked_ns: 0 }
     }
 
-    /// Takes over the daemon's bounds. A cell that adapts no feed says none: the override then goes back to 1 by the last ones.
+    /// Takes over the daemon's bounds. A cell that does not adapt its feed has none: the override then returns to 1 within the last ones.
     pub(crate) fn set_bounds(&mut self, bounds: &FeedBounds) {
         let FeedBounds { floor, lost, down_per_s, up_per_s, hold_s } = *bounds;
         let new = OverrideLimits::new(floor, down_per_s, up_per_s);
@@ -34,19 +34,19 @@ impl FeedOutput {
         (self.lost, self.hold_s) = if is_good { (lost, hold_s) } else { (1.0, 0.0) };
     }
 
-    /// Goes on from this one; no number leaves it as it is.
+    /// Continues from this value; an invalid one is ignored.
     pub(crate) fn start(&mut self, value: f64) {
         if value > 0.0 && value <= 1.0 {
             self.value = Some(value);
         }
     }
 
-    /// What was handed on last.
+    /// The last one returned.
     pub(crate) fn value(&self) -> f64 {
         self.value.unwrap_or(self.lost)
     }
 
-    /// The override at `now_ns`, `dt_s` after the last; `asked` by a fresh answer of the daemon.
+    /// The override at `now_ns`, `dt_s` after the last; `asked`: that of a fresh answer of the daemon.
     pub(crate) fn step(&mut self, asked: Option<f64>, now_ns: u64, dt_s: f64) -> f64 {
         let value = self.value();
         let Some(limits) = self.limits else {

@@ -64,7 +64,7 @@ impl Output {
         self.feed.set_bounds(bounds);
     }
 
-    /// The feed override goes on from this one.
+    /// The feed override continues from this one.
     pub fn start_feed(&mut self, feed_override: f64) {
         self.feed.start(feed_override);
     }

@@ -3,6 +3,7 @@
 //! Every change of the requested correction (start, rejected command, new model, bypass, mode) passes the joints'
 //! [`Limiters`], one step per call of [`Corrector::bound`], over the time elapsed since the last.
 
+use crate::compliance;
 use crate::joints::apply;
 use crate::judge::{Command, Follows, Judge};
 use crate::outcome::{Gate, Outcome, Reason, Residual, Status};
@@ -18,8 +19,6 @@ use physics::{Arm, Chain, Evaluation, Frame, Inputs, JOINTS_MAX, Joints, Model, 
 
 /// Share of the envelope's rate at which a correction is taken back ahead of a joint limit.
 const TAKEN_BACK_SHARE: f64 = 0.5;
-/// The force that probes how far the tool gives way, N: that of a cut.
-const PROBE_N: f64 = 100.0;
 
 /// The correction of one robot.
 #[derive(Clone, Debug)]
@@ -201,22 +200,18 @@ impl Corrector {
         evaluation.beyond.is_none().then_some(evaluation.real.base_from_tool)
     }
 
-    /// How far the tool gives way along `force_n`, by the model at the last accepted command, m/N: two more evaluations. None before the first command, and where an
-    /// effect is beyond what its law holds for. Without a force it is that along the tool's axis.
+    /// The model's compliance at the TCP along `force_n` at the last accepted command, m/N: two more evaluations. None before the first command, and where an
+    /// effect is outside the range of its law. Without a force, along the tool's z axis.
     pub fn compliance_along(&self, model: &Model, force_n: DVec3, in_base: bool) -> Option<f64> {
         let inputs = self.path.last()?;
         let axes = Chain::tool_at(&model.arm, &inputs.q).rotation;
         let force_n = if in_base { force_n } else { axes * force_n };
-        let along = force_n.try_normalize().unwrap_or(axes.z_axis);
+        let axis = force_n.try_normalize().unwrap_or(axes.z_axis);
+        let unloaded = Inputs { wrench_base: Wrench::ZERO, ..*inputs };
         let mut evaluation = Evaluation::default();
-        let mut tool_m = |newtons: f64| {
-            let mut pushed = *inputs;
-            pushed.wrench_base = Wrench { force: along * newtons, ..Wrench::ZERO };
-            model.evaluate_into(&pushed, self.path.memories(), &mut evaluation);
-            evaluation.beyond.is_none().then_some(evaluation.real.base_from_tool.origin)
-        };
-        let moved_m = tool_m(PROBE_N)? - tool_m(-PROBE_N)?;
-        Some(moved_m.length() / (2.0 * PROBE_N))
+        let memories = self.path.memories();
+        let found = compliance::along(axis, model, &unloaded, memories, &mut evaluation);
+        found.is_valid.then_some(found.per_newton.length())
     }
 
     /// Whether corrections go out: not in shadow mode, not while bypassed.

@@ -12,7 +12,7 @@
 //! stated delays or more the gain margin is 2 or more at every delay up to twice the stated one (small-gain theorem).
 //! The controlled material removal rate of Wang, Zhang and Fuhlbrigge (IROS 2009 and before) does the same by the force per feed.
 //!
-//! A deflection limit is a force limit over the model's compliance along the force. Where the robot stands, force says nothing of the feed: `P` and the override stand too.
+//! A deflection limit is a force limit over the model's compliance along the force. While the robot is at rest the force does not depend on the feed: `P` and the override are held.
 //!
 //! Promises: in every state a number from the floor to 1, that changes by no more than the rates; the same sequence of inputs gives the same bits. Never: a clock.
 
@@ -29,16 +29,16 @@ use libm::{expm1, pow, sqrt};
 /// Time constant of the estimate unless set, in stated delays; the least that keeps the gain margin.
 pub const FEED_DELAYS: f64 = 2.0;
 
-/// What is to be kept.
+/// The limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FeedLimit {
     /// The process force, N.
     Force(f64),
-    /// How far the tool gives way by the model, m.
+    /// Deflection of the tool by the model, m.
     Deflection(f64),
 }
 
-/// What a cell does not set.
+/// Constants that a cell does not set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeedRules {
     /// A cycle that comes later than this counts as that long, s; above the longest cycle. Default 0.1: commands have paused, and nothing is made up for at once.
@@ -58,9 +58,9 @@ impl Default for FeedRules {
 /// What a cell sets of its feed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeedSettings {
-    /// The override goes out; else it is only found and told, and what goes out is 1.
+    /// Whether the override is sent; otherwise it is computed and reported, and 1 is sent.
     pub is_sent: bool,
-    /// What is to be kept.
+    /// The limit.
     pub limit: FeedLimit,
     /// Floor and rates of the override.
     pub bounds: OverrideLimits,
@@ -70,7 +70,7 @@ pub struct FeedSettings {
     pub air: f64,
     /// Forces below this are none: the tool is in the air, N.
     pub air_n: f64,
-    /// Without a force the override holds for so long, s; then it goes to `lost`.
+    /// Without a force the override holds for this time, s; then it goes to `lost`.
     pub hold_s: f64,
     /// A force older than this is unknown, s.
     pub stale_s: f64,
@@ -82,7 +82,7 @@ pub struct FeedSettings {
     pub exponent: f64,
     /// A force beyond so many limits takes the override down at once, as fast as it may; above 1.
     pub relief: f64,
-    /// What a cell does not set.
+    /// Constants that a cell does not set.
     pub rules: FeedRules,
 }
 
@@ -95,22 +95,22 @@ pub struct FeedInput {
     pub wrench: Option<WrenchSample>,
     /// Where the command puts the tool, base frame, m; none where the command was refused.
     pub tool_m: Option<DVec3>,
-    /// How far the tool gives way along the force, by the model, m/N; none where the model does not tell.
+    /// The model's compliance at the tool along the force, m/N; none where it is unknown.
     pub compliance_m_per_n: Option<f64>,
     /// Whether corrections go out.
     pub corrects: bool,
 }
 
-/// How the feed is.
+/// State of the feed override.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeedReport {
-    /// What it does.
+    /// State.
     pub state: FeedState,
     /// Why.
     pub reason: FeedReason,
-    /// What goes out: 1 is the programmed feed.
+    /// The override sent; 1 is the programmed feed.
     pub feed_override: f64,
-    /// What the force asks for.
+    /// The override that keeps the force at its limit.
     pub wanted: f64,
     /// The process force, low-passed, N; NaN where unknown.
     pub force_n: f64,
@@ -124,14 +124,14 @@ pub struct FeedReport {
     pub refused: u64,
 }
 
-/// A force that counts, and its limit.
+/// A valid force, and its limit.
 #[derive(Clone, Copy, Debug)]
 struct Load {
     force_n: DVec3,
     limit_n: f64,
 }
 
-/// What was found of the cut, both low-passed alike.
+/// The estimate of the cut; both values pass the same low-pass.
 #[derive(Clone, Copy, Debug)]
 struct Found {
     force_n: DVec3,
@@ -146,14 +146,14 @@ pub struct Feed {
     sent: History<f64>,
     found: Option<Found>,
     speed: Speed,
-    /// When a force was known last.
+    /// When a force was last known.
     known_ns: Option<u64>,
     stepped_ns: Option<u64>,
     report: FeedReport,
 }
 
 impl Feed {
-    /// Nothing known yet: the override begins where it goes without a force.
+    /// Nothing known yet: the override starts at its value for a missing force.
     #[must_use]
     pub fn new(settings: FeedSettings, corrects: bool) -> Self {
         let begins = if settings.is_sent && corrects { settings.lost } else { 1.0 };
@@ -172,7 +172,7 @@ impl Feed {
         }
     }
 
-    /// The override of the cycle.
+    /// The override of this cycle.
     pub fn step(&mut self, input: &FeedInput) -> f64 {
         let dt_s = self.elapse(input.now_ns);
         let rules = self.settings.rules;
@@ -199,19 +199,19 @@ impl Feed {
         report.feed_override
     }
 
-    /// How it is since the last step.
+    /// State after the last step.
     #[must_use]
     pub fn report(&self) -> &FeedReport {
         &self.report
     }
 
-    /// Where the override goes where nobody steps it any more; `corrects` says whether corrections go out.
+    /// The override without a daemon; `corrects`: whether corrections are sent.
     #[must_use]
     pub fn lost(&self, corrects: bool) -> f64 {
         if self.settings.is_sent && corrects { self.settings.lost } else { 1.0 }
     }
 
-    /// What the cell has set.
+    /// The settings.
     #[must_use]
     pub fn settings(&self) -> &FeedSettings {
         &self.settings
@@ -228,7 +228,7 @@ impl Feed {
         seconds(now_ns.saturating_sub(before_ns)).min(self.settings.rules.pause_s)
     }
 
-    /// The force, where it counts, with its limit.
+    /// The force, if valid, with its limit.
     fn load(&mut self, input: &FeedInput) -> Result<Load, FeedReason> {
         let sample = input.wrench.ok_or(FeedReason::NoWrench)?;
         if !sample.is_possible() {
@@ -259,7 +259,7 @@ impl Feed {
         // An unknown speed is none.
         let moves = report.speed_m_s > rules.rest_m_s * report.feed_override;
         if !moves {
-            // What presses on a tool that stands says nothing of its feed, nor does the force that went with its last motion.
+            // A force on a tool at rest does not depend on its feed, nor does the force of its last motion.
             report.reason = FeedReason::AtRest;
             report.state = FeedState::Adapting;
             report.wanted = report.feed_override;
@@ -271,7 +271,7 @@ impl Feed {
             let asked = pow(load.limit_n / report.programmed_force_n, 1.0 / exponent);
             let is_air = report.force_n < air_n;
             let most = if is_air { air.max(bounds.floor()) } else { 1.0 };
-            // No force at all asks for no number.
+            // No force gives 0/0.
             let asked = if asked.is_nan() { 1.0 } else { asked };
             report.wanted = asked.clamp(bounds.floor(), most);
             report.state = if is_air { FeedState::Air } else { FeedState::Adapting };
@@ -281,7 +281,7 @@ impl Feed {
         }
     }
 
-    /// Takes a force into what is known of the cut.
+    /// Updates the estimate of the cut with a force.
     fn find(&mut self, now_ns: u64, load: &Load, dt_s: f64) -> Found {
         let FeedSettings { delay_s, time_constant_s, exponent, bounds, .. } = self.settings;
         let then_ns = now_ns.saturating_sub((delay_s * 1e9) as u64);
@@ -300,7 +300,7 @@ impl Feed {
         found
     }
 
-    /// No force is known: the override holds for a while, then goes where the cell has set it to.
+    /// No force is known: the override is held, then goes to `lost`.
     fn go_without(&mut self, now_ns: u64, reason: FeedReason) {
         let age_s = |known_ns| seconds(now_ns.saturating_sub(known_ns));
         let holds = self.known_ns.is_some_and(|at_ns| age_s(at_ns) <= self.settings.hold_s);

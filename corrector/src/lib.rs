@@ -13,6 +13,7 @@
 
 mod ageing;
 mod bounded;
+mod compliance;
 mod corrector;
 mod damping;
 mod direction;

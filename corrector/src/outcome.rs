@@ -10,7 +10,7 @@ pub enum Status {
     /// By the model, for this command.
     #[default]
     Corrected,
-    /// The last correction stands.
+    /// The last correction is held.
     Held,
     /// The correction is on its way to another state, or to zero.
     Ramping,
@@ -32,11 +32,11 @@ pub enum TrimState {
     Off,
     /// No measurement is believed yet, or none comes any more: nothing is trimmed.
     Waiting,
-    /// The model's error is found and told; nothing is trimmed.
+    /// The model's error is estimated and reported; nothing is trimmed.
     Observing,
     /// The tool is trimmed.
     Trimming,
-    /// Measurements are missing; the trim stands.
+    /// Measurements are missing; the trim is held.
     Holding,
     /// The trim is on its way to zero.
     Ramping,
@@ -74,13 +74,13 @@ pub enum FeedState {
     Off,
     /// No force is known: the override is at the one that the cell has set for that, or on its way there.
     Lost,
-    /// The force is found and told; the programmed feed goes out.
+    /// The override is computed and reported; the programmed feed is used.
     Observing,
     /// The tool is in the air.
     Air,
     /// The override keeps the limit.
     Adapting,
-    /// The force is missing; the override stands.
+    /// The force is missing; the override is held.
     Holding,
 }
 
@@ -100,7 +100,7 @@ pub enum FeedReason {
     NotFinite,
     /// The model does not tell how far the tool gives way.
     NoDeflection,
-    /// The robot stands: the force says nothing of the feed.
+    /// The robot is at rest: the force does not depend on the feed.
     AtRest,
     /// The floor of the override does not keep the limit.
     AtFloor,
@@ -180,11 +180,11 @@ pub struct Residual {
 pub struct Outcome {
     /// What is to be added to the command, rad or m.
     pub correction: Joints,
-    /// How fast the correction changes, rad/s or m/s: whoever has to take it over goes on from here.
+    /// Rate of the correction, rad/s or m/s, from which another process can continue.
     pub correction_rate: Joints,
     /// How fast that changes, rad/s² or m/s².
     pub correction_acceleration: Joints,
-    /// What the model asks for, before the envelope, rad or m.
+    /// The correction required by the model, before the envelope, rad or m.
     pub wanted: Joints,
     /// How it was made.
     pub status: Status,

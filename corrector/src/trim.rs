@@ -45,7 +45,7 @@ pub struct TrimRules {
     pub far_m: f64,
     /// Noise beyond so many standard deviations is none; no unit, above 0. Default 5: 1.5 in a hundred thousand in three dimensions (chi distribution).
     pub noise_sigmas: f64,
-    /// After so many intervals without a measurement the estimate stands; no unit, 1 or more. Default 2.5: a single dropout does not interrupt it.
+    /// After this many intervals without a measurement the estimate is held; no unit, 1 or more. Default 2.5: a single dropout does not interrupt it.
     pub fresh_intervals: f64,
     /// Which measurements agree.
     pub gate: GateRules,

@@ -9,6 +9,7 @@
 //!
 //! Promises: the share takes at least [`FADE_S`] from zero to one. Never: a clock.
 
+use crate::compliance;
 use crate::loop_gain::{CONTACT_N, LoopGain, Verdict};
 use crate::low_pass::{LowPass, Pace};
 use crate::outcome::Gate;
@@ -21,8 +22,6 @@ use physics::{Evaluation, Inputs, Memories, Model, Wrench};
 const FADE_S: f64 = 0.5;
 /// The share that is stable whatever the contact.
 const SAFE_SHARE: f64 = 0.5;
-/// The force that probes the model's compliance, N.
-const PROBE_N: f64 = 100.0;
 /// How old a column of the compliance gets at least, s: the arm hardly moves in that time.
 const PROBE_EVERY_S: f64 = 1e-3;
 
@@ -172,14 +171,10 @@ impl WrenchPath {
         if self.probed_s < PROBE_EVERY_S {
             return;
         }
-        let mut pushed = Inputs { wrench_base: self.last, ..*inputs };
-        let along = [DVec3::X, DVec3::Y, DVec3::Z][self.column];
-        let [there, back] = [PROBE_N, -PROBE_N].map(|newtons| {
-            pushed.wrench_base.force = self.last.force + along * newtons;
-            model.evaluate_into(&pushed, memories, room);
-            room.real.base_from_tool.origin
-        });
-        self.compliance[self.column] = (there - back) / (2.0 * PROBE_N);
+        let loaded = Inputs { wrench_base: self.last, ..*inputs };
+        let axis = [DVec3::X, DVec3::Y, DVec3::Z][self.column];
+        self.compliance[self.column] =
+            compliance::along(axis, model, &loaded, memories, room).per_newton;
         self.probed_s = 0.0;
         self.column = (self.column + 1) % 3;
         if self.largest.is_some() || self.column == 0 {

@@ -193,7 +193,7 @@ pub struct Counters {
     pub last_block_ns: AtomicU64,
     /// How the trim by measurements is.
     pub trim: TrimCounters,
-    /// How the feed override is.
+    /// State of the feed override.
     pub feed: FeedCounters,
 }
 
@@ -234,7 +234,7 @@ impl TrimCounters {
     }
 }
 
-/// How the feed override is, as of the last cycle, likewise.
+/// State of the feed override as of the last cycle.
 #[derive(Debug)]
 pub struct FeedCounters {
     /// State in the upper half, reason in the lower.
@@ -257,7 +257,7 @@ impl Default for FeedCounters {
 }
 
 impl FeedCounters {
-    /// Keeps a report, its bounds, and where the override goes without a daemon.
+    /// Stores a report, the bounds of the override, and its value without a daemon.
     pub fn show(&self, report: &FeedReport, bounds: &OverrideLimits, hold_s: f64, lost: f64) {
         let (state, reason) = translate::feed(report);
         self.state.store(u64::from(state.code()) << 32 | u64::from(reason.code()), Relaxed);

@@ -1,6 +1,6 @@
-//! The feed of a cell: what the cycle knows of force and path on its way into the feed override, and what that says on its way out.
+//! The feed override of a cell: its inputs from force and path, and its report.
 //!
-//! In the cycle. Promises: no allocation; in a cell without `[feed]` nothing is computed. Never: an equation of the override.
+//! Runs in the cycle. Promises: no allocation; a cell without `[feed]` computes nothing. The equations are in `corrector::Feed`.
 
 use crate::exchange::FeedCounters;
 use corrector::{Corrector, Feed, FeedInput, FeedLimit, FeedSettings, World};
@@ -11,7 +11,7 @@ use physics::Model;
 #[derive(Debug)]
 pub struct CellFeed {
     feed: Feed,
-    /// How far the tool gives way along the force, by the model, m/N; none where it does not tell.
+    /// The model's compliance at the tool along the force, m/N; none where it is unknown.
     compliance_m_per_n: Option<f64>,
     /// The axes of the newest wrench are those of the base.
     is_in_base: bool,
@@ -44,7 +44,7 @@ impl CellFeed {
         })
     }
 
-    /// Asks the model how far the tool gives way, for later cycles; only a limit of the deflection needs it.
+    /// Computes the model's compliance for later cycles; needed for a deflection limit only.
     pub fn prepare(&mut self, corrector: &Corrector, model: &Model) {
         if matches!(self.feed.settings().limit, FeedLimit::Deflection(_)) {
             let force_n = self.feed.force_n().unwrap_or(DVec3::ZERO);
@@ -52,7 +52,7 @@ impl CellFeed {
         }
     }
 
-    /// Shows how the feed is.
+    /// Publishes the state of the feed.
     pub fn show(&self, counters: &FeedCounters, corrects: bool) {
         let FeedSettings { bounds, hold_s, .. } = self.feed.settings();
         counters.show(self.feed.report(), bounds, *hold_s, self.feed.lost(corrects));

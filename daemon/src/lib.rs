@@ -203,7 +203,7 @@ fn serve(
     let model = RobotModel::read(&config.model)?;
     let arm = &model.physics.arm;
     config.check_against(&config_name, &setup::joint_kinds(arm)).map_err(FileError::from)?;
-    if let Some(fault) = setup::feed_fault(&config, &model.physics) {
+    if let Some(fault) = setup::deflection_limit_fault(&config, &model.physics) {
         let mut faults = Faults::of(&config_name);
         faults.push(fault);
         return Err(FileError::from(faults).into());

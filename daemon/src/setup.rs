@@ -168,20 +168,20 @@ fn feed(config: &CellConfig) -> Option<Box<CellFeed>> {
     Some(Box::new(CellFeed::new(settings, config.mode != cell::Mode::Shadow)))
 }
 
-/// What the model lacks for the feed's limit.
+/// The fault of a deflection limit whose model has no compliance.
 #[must_use]
-pub fn feed_fault(config: &CellConfig, model: &Model) -> Option<Fault> {
+pub fn deflection_limit_fault(config: &CellConfig, model: &Model) -> Option<Fault> {
     let feed = config.feed.filter(|feed| feed.mode != cell::FeedMode::Off)?;
-    if !matches!(feed.limit, cell::FeedLimit::Deflection(_)) || gives_way(model) {
+    if !matches!(feed.limit, cell::FeedLimit::Deflection(_)) || has_compliance(model) {
         return None;
     }
-    let message = "limits the deflection, and the tool of this model does not give way to a force";
+    let message = "limits the deflection, but this model has no compliance at the tool";
     let fault = Fault::new("feed.deflection_limit_mm", message);
     Some(fault.expected("a model with compliance, or force_limit_N"))
 }
 
-/// Whether a force displaces the tool, in the middle of the joints' ranges.
-fn gives_way(model: &Model) -> bool {
+/// Whether a force of 100 N displaces the tool, near the middle of the joints' ranges.
+fn has_compliance(model: &Model) -> bool {
     let mut q = [0.0; JOINTS_MAX];
     for (q, joint) in q.iter_mut().zip(model.arm.joints()) {
         let (min, max) = joint.limits;

@@ -15,16 +15,24 @@ use crate::error::Error;
 use crate::page;
 use crate::result::{Report, json};
 
-/// Measured rows from which on a recording can be diagnosed. Range: from 1. Origin: a choice; fewer cannot be split into training and test rows.
-const ROWS_LEAST: usize = 30;
-
-/// How a diagnosis is made.
+/// How a diagnosis is made and reported.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Of the split into training and test rows.
+    /// Of the split into training and test rows. Default 0.
     pub seed: u64,
-    /// Torque and motion are compared below this frequency, Hz; none: 40, or a tenth of the sampling rate.
+    /// Torque and motion are compared below this frequency, Hz; above 0. Default: none, which is 40 or a tenth of the sampling rate.
     pub band_hz: Option<f64>,
+    /// Measured rows from which on positions can be diagnosed; from 1. Default 30. Origin: a choice; fewer cannot be split into training and test rows.
+    pub rows_least: usize,
+    /// Findings that are reported one by one, at most; those with the smallest effects on what was measured are `minor`. From 1. Default 20. Origin: a choice, as
+    /// many as a person can read and act on; no fit depends on it.
+    pub findings_most: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { seed: 0, band_hz: None, rows_least: 30, findings_most: 20 }
+    }
 }
 
 /// What is being computed, for progress.
@@ -39,7 +47,7 @@ pub enum Stage {
 /// What recordings of a robot say of its positions and torques.
 pub struct Diagnosed {
     pub(crate) base: RobotModel,
-    pub(crate) seed: u64,
+    pub(crate) settings: Settings,
     /// Of positions; none where the recordings cannot be judged, or hold no positions.
     pub diagnosis: Option<Diagnosis>,
     /// The model's effects with what was found.
@@ -65,21 +73,21 @@ pub fn diagnose(
     settings: &Settings,
     begins: &mut dyn FnMut(Stage),
 ) -> Result<Diagnosed, Error> {
-    let Settings { seed, band_hz } = *settings;
+    let settings = *settings;
     begins(Stage::Torques);
-    let drives = Drives::where_recorded(&base, &mut recordings, band_hz, seed)?;
+    let drives = Drives::where_recorded(&base, &mut recordings, settings.band_hz, settings.seed)?;
     if drives.is_some() && recordings.is_empty() {
-        return Ok(Diagnosed { drives, has_positions: false, ..Diagnosed::empty(base, seed) });
+        return Ok(Diagnosed { drives, has_positions: false, ..Diagnosed::empty(base, settings) });
     }
     begins(Stage::Positions);
-    Ok(Diagnosed { drives, ..Diagnosed::of_positions(base, recordings, seed)? })
+    Ok(Diagnosed { drives, ..Diagnosed::of_positions(base, recordings, settings)? })
 }
 
 impl Diagnosed {
-    fn empty(base: RobotModel, seed: u64) -> Self {
+    fn empty(base: RobotModel, settings: Settings) -> Self {
         Self {
             base,
-            seed,
+            settings,
             diagnosis: None,
             entries: Vec::new(),
             doubts: Vec::new(),
@@ -93,12 +101,12 @@ impl Diagnosed {
     fn of_positions(
         base: RobotModel,
         mut recordings: Vec<Recording>,
-        seed: u64,
+        settings: Settings,
     ) -> Result<Self, Error> {
         let arm = base.physics.arm;
         let has_positions = crate::drives::positions_are_recorded(&recordings);
         let unjudged = |base, doubts, notes, rows| {
-            Ok(Self { doubts, notes, rows, has_positions, ..Self::empty(base, seed) })
+            Ok(Self { doubts, notes, rows, has_positions, ..Self::empty(base, settings) })
         };
         let Ingested { notes, doubts } = ingest(&arm, &mut recordings);
         if !doubts.is_empty() {
@@ -106,7 +114,7 @@ impl Diagnosed {
         }
         let looked = Thinned::at(&arm, &recordings).map_err(Error::input)?;
         let rows = looked.rows;
-        let doubts = self::doubts(&base, &looked);
+        let doubts = self::doubts(&base, &looked, settings.rows_least);
         if !doubts.is_empty() {
             return unjudged(base, doubts, notes, rows);
         }
@@ -114,7 +122,7 @@ impl Diagnosed {
         let held = recordings.iter().any(is_said);
         let held = held.then(|| from_recording::held_out(&looked.campaign, &recordings));
         drop(recordings);
-        let diagnosis = looked.diagnose(&base.physics, &base.sigma, held, seed);
+        let diagnosis = looked.diagnose(&base.physics, &base.sigma, held, settings.seed);
         if let Some(doubt) = diagnosis.doubt() {
             return unjudged(base, vec![doubt], notes, rows);
         }
@@ -130,7 +138,7 @@ impl Diagnosed {
             .collect();
         let entries = entries(&base, &diagnosis.fit, &chosen, &[])?;
         let diagnosis = Some(diagnosis);
-        let empty = Self::empty(base, seed);
+        let empty = Self::empty(base, settings);
         Ok(Self { diagnosis, entries, notes, rows, has_positions, ..empty })
     }
 
@@ -145,9 +153,10 @@ impl Diagnosed {
         let of_positions = self.has_positions || self.drives.is_none();
         let mut reports: Vec<Report> = of_positions.then(|| Report::of(self)).into_iter().collect();
         if let Some(drives) = &self.drives {
-            reports.push(Report::of_drives(&self.base, drives, &[], self.seed));
+            reports.push(Report::of_drives(&self.base, drives, &[], self.settings.seed));
         }
-        reports
+        let most = self.settings.findings_most;
+        reports.into_iter().map(|report| report.limited_to(most)).collect()
     }
 
     /// The result as `trued.diagnosis/1`.
@@ -193,12 +202,10 @@ impl Diagnosed {
 }
 
 /// Why positions cannot be judged by these recordings.
-fn doubts(base: &RobotModel, looked: &Thinned) -> Vec<String> {
+fn doubts(base: &RobotModel, looked: &Thinned, least: usize) -> Vec<String> {
     let rows = looked.rows;
-    if rows < ROWS_LEAST {
-        return vec![format!(
-            "{rows} rows were measured, expected at least {ROWS_LEAST}: record more"
-        )];
+    if rows < least {
+        return vec![format!("{rows} rows were measured, expected at least {least}: record more")];
     }
     if !looked.moves {
         return vec!["no joint moves in the recording: move the arm".to_owned()];

@@ -17,7 +17,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let model = RobotModel::read(Path::new("arm.toml"))?;
 //! let recording = read(Path::new("measured.csv"), None, Need::Measurement)?;
-//! let found = diagnose(model, vec![recording], &Settings { seed: 1, band_hz: None }, &mut |_| {})?;
+//! let found = diagnose(model, vec![recording], &Settings::default(), &mut |_| {})?;
 //! for report in found.reports() {
 //!     println!("{}: {}", report.verdict, diagnosis_report::lead(&report));
 //!     lines(&report).iter().for_each(|line| println!("{line}"));

@@ -297,7 +297,7 @@ fn made_from(page: Page, found: &Diagnosed, report: &Report) -> Page {
         ("Rows with readings", found.rows.to_string()),
         ("Held out", report.heldout.clone()),
         ("Fitted along", "measuring frames and places of reflectors".to_owned()),
-        ("Seed", found.seed.to_string()),
+        ("Seed", found.settings.seed.to_string()),
     ]);
     page.facts(facts)
 }

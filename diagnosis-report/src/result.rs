@@ -29,9 +29,6 @@ use crate::diagnosed::Diagnosed;
 const NINETY_FIVE: f64 = 1.96;
 /// What is likelier than this and not listed stands as an alternative of its own; less is rounding.
 const LEAST_LISTED: f64 = 1e-6;
-/// Findings that are reported one by one, at most; those with the smallest effects on what was measured are `minor`. Range: from 1. Origin: a choice, as many
-/// as a person can read and act on; no number depends on it.
-const FINDINGS_MOST: usize = 20;
 /// mm per m, mrad per rad.
 const MILLI: f64 = 1e3;
 
@@ -59,7 +56,7 @@ pub struct Report {
     pub heldout_rms_after: Option<f64>,
     /// What was held out, in words.
     pub heldout: String,
-    /// What is claimed: the probability of each is a half or more. At most 20.
+    /// What is claimed: the probability of each is a half or more. At most [`Settings::findings_most`](crate::Settings::findings_most).
     pub findings: Vec<ReportedFinding>,
     /// Claimed as well; each has a smaller effect on what was measured than any of `findings`.
     pub minor: Vec<ReportedFinding>,
@@ -263,9 +260,6 @@ impl Report {
         let Some(diagnosis) = &found.diagnosis else { return Self::nothing(found) };
         let proof = &diagnosis.proof;
         let arm = &found.base.physics.arm;
-        let (findings, minor) = largest(
-            diagnosis.findings.iter().map(|finding| ReportedFinding::of(arm, finding)).collect(),
-        );
         Self {
             verdict: diagnosis.verdict.name(),
             domain: "position",
@@ -277,8 +271,8 @@ impl Report {
             heldout_rms_before: Some(MILLI * proof.before),
             heldout_rms_after: Some(MILLI * proof.after),
             heldout: proof.says.clone(),
-            findings,
-            minor,
+            findings: diagnosis.findings.iter().map(|one| ReportedFinding::of(arm, one)).collect(),
+            minor: Vec::new(),
             candidates: diagnosis
                 .candidates
                 .iter()
@@ -311,13 +305,13 @@ impl Report {
             phases: Vec::new(),
             tones: Vec::new(),
             notes: found.notes.iter().chain(&diagnosis.notes).cloned().collect(),
-            seed: found.seed,
+            seed: found.settings.seed,
         }
     }
 
     /// Positions of which nothing can be said.
     fn nothing(found: &Diagnosed) -> Self {
-        let empty = Self::empty("position", "mm", found.seed);
+        let empty = Self::empty("position", "mm", found.settings.seed);
         let (samples, notes) = (found.rows, found.notes.clone());
         Self { samples, notes, ..empty }.because(found.doubts.join(" Or: "))
     }
@@ -365,13 +359,16 @@ fn name(effect: &str, joint: Option<usize>) -> String {
     format!("{}{whose}", effect.replace('_', " "))
 }
 
-/// The [`FINDINGS_MOST`] findings with the largest effects on what was measured, and the others; both in their order. One without a size counts as large.
-fn largest(findings: Vec<ReportedFinding>) -> (Vec<ReportedFinding>, Vec<ReportedFinding>) {
+/// The `most` findings with the largest effects on what was measured, and the others; both in their order. One without a size counts as large.
+fn largest(
+    findings: Vec<ReportedFinding>,
+    most: usize,
+) -> (Vec<ReportedFinding>, Vec<ReportedFinding>) {
     let size =
         |reported: &ReportedFinding| reported.size.as_ref().map_or(f64::INFINITY, |size| size.rms);
     let mut sizes: Vec<f64> = findings.iter().map(size).collect();
     sizes.sort_by(|a, b| b.total_cmp(a));
-    let beyond = sizes.get(FINDINGS_MOST).copied().unwrap_or(f64::NEG_INFINITY);
+    let beyond = sizes.get(most).copied().unwrap_or(f64::NEG_INFINITY);
     findings.into_iter().partition(|reported| size(reported) > beyond)
 }
 
@@ -474,6 +471,12 @@ impl Place {
 }
 
 impl Report {
+    /// The same with at most so many findings, the largest; the others are minor.
+    pub(crate) fn limited_to(self, findings_most: usize) -> Self {
+        let (findings, minor) = largest(self.findings, findings_most);
+        Self { findings, minor, ..self }
+    }
+
     /// All that is claimed, large and small.
     pub fn claims(&self) -> impl Iterator<Item = &ReportedFinding> {
         self.findings.iter().chain(&self.minor)

@@ -65,7 +65,7 @@ pub struct Feed {
     pub reason: &'static str,
     /// What goes out, percent of the programmed feed.
     pub override_percent: f64,
-    /// What the force asks for, likewise.
+    /// The override that keeps the force at its limit, likewise.
     pub wanted_percent: f64,
     /// The process force, low-passed.
     #[serde(rename = "force_N")]

@@ -104,6 +104,9 @@ pub const UNITS: &[Unit] = &[
     unit("N_per_um", Quantity::Other, 1.0),
 ];
 
+/// Ten to the number of decimals that files have at most.
+const DECIMALS: f64 = 1e9;
+
 impl Unit {
     /// The unit with this spelling.
     #[must_use]
@@ -129,12 +132,13 @@ impl Unit {
         value * self.si
     }
 
-    /// The value in this unit that [`Self::to_si`] brings to `si`, exactly where there is one;
-    /// else the nearest.
+    /// The value in this unit that [`Self::to_si`] brings to `si`, exactly where there is one; else the nearest. Of several the one with at most
+    /// nine decimals, as a file has it.
     #[must_use]
     pub fn from_si(self, si: f64) -> f64 {
         let near = si / self.si;
-        let exact = [near, near.next_up(), near.next_down()];
+        let written = (near * DECIMALS).round() / DECIMALS;
+        let exact = [written, near, near.next_up(), near.next_down()];
         exact.into_iter().find(|value| self.to_si(*value) == si).unwrap_or(near)
     }
 }
@@ -158,6 +162,14 @@ mod tests {
             for unit in UNITS {
                 let si = unit.to_si(value);
                 prop_assert_eq!(unit.to_si(unit.from_si(si)).to_bits(), si.to_bits());
+            }
+        }
+
+        #[test]
+        fn a_number_of_six_decimals_is_written_with_the_same_digits(millionths in -400_000_000..400_000_000_i64) {
+            let value = millionths as f64 / 1e6;
+            for unit in UNITS {
+                prop_assert_eq!(unit.from_si(unit.to_si(value)), value, "{}", unit.name);
             }
         }
     }

@@ -28,13 +28,13 @@ codes! {
         Off = 0 "off",
         /// No force is known: the override is at the one that the cell has set for that, or on its way there.
         Lost = 1 "lost",
-        /// The force is found and told; the programmed feed goes out.
+        /// The override is computed and reported; the programmed feed is used.
         Observing = 2 "observing",
         /// The tool is in the air.
         Air = 3 "air",
         /// The override keeps the limit.
         Adapting = 4 "adapting",
-        /// The force is missing; the override stands.
+        /// The force is missing; the override is held.
         Holding = 5 "holding",
     }
 }
@@ -54,7 +54,7 @@ codes! {
         NotFinite = 4 "not_finite",
         /// The model does not tell how far the tool gives way.
         NoDeflection = 5 "no_deflection",
-        /// The robot stands: the force says nothing of the feed.
+        /// The robot is at rest: the force does not depend on the feed.
         AtRest = 6 "at_rest",
         /// The floor of the override does not keep the limit.
         AtFloor = 7 "at_floor",

@@ -142,7 +142,7 @@ plain_struct! {
         pub feed_reason: u32,
         /// The feed override; 1 is the programmed feed.
         pub feed_override: f64,
-        /// The override that the force asks for.
+        /// The override that keeps the force at its limit.
         pub feed_wanted: f64,
         /// The process force, low-passed, N (NaN where unknown).
         pub feed_force_n: f64,

@@ -60,7 +60,7 @@ fn verdict(target: &Target, bytes: &[u8]) -> Result<u64, String> {
     Ok(heap.bytes_max)
 }
 
-/// All inputs of a target, in a separate thread: an endless loop is told too.
+/// All inputs of a target, in a separate thread: an endless loop is reported too.
 fn hold(name: &'static str) {
     let target = *ALL.iter().find(|target| target.name == name).unwrap();
     let examples = examples(&target);

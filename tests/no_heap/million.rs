@@ -134,7 +134,7 @@ fn a_million_cycles_take_nothing_from_the_heap() {
          [wrench]\nsource = \"command\"\n[feed]\nmode = \"adapt\"\ndeflection_limit_mm = 0.1\n"
     );
     let config = CellConfig::parse("cell.toml", &text).unwrap();
-    assert!(setup::feed_fault(&config, &physics).is_none());
+    assert!(setup::deflection_limit_fault(&config, &physics).is_none());
     let mut cycle = Cycle {
         robot: Robot::over(link),
         corrector: Corrector::new(settings),

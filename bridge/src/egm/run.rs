@@ -20,7 +20,7 @@ const WAIT_NS: u32 = 4_000_000;
 /// A cell's force rate may be this far from the controller's.
 const RATE_SHARE: f64 = 0.1;
 
-/// Runs the bridge until it is told to stop; `ready` is called once it listens.
+/// Runs the bridge until it is stopped; `ready` is called once it listens.
 ///
 /// # Errors
 /// See [`BridgeError`]; none once it listens.

@@ -27,7 +27,7 @@ const SESSION_MS: u32 = 1000;
 /// Answers that are remembered, in case the controller has not used them.
 const KEPT: usize = 32;
 
-/// What a telegram asks for.
+/// The request of a telegram.
 #[derive(Debug, Clone, Copy)]
 pub struct Asked {
     /// Where the program wants the axes, rad; none where the telegram does not say.
@@ -112,7 +112,7 @@ impl<L: Link> Answerer<L> {
         }
     }
 
-    /// Takes a datagram; says what it asks for where it is to be answered.
+    /// Takes a datagram; returns its request if it is to be answered.
     pub fn of_robot(&mut self, datagram: &[u8], from: SocketAddr) -> Option<Asked> {
         if from.ip() != self.robot {
             return self.refuse(Count::Foreign);
@@ -148,7 +148,7 @@ impl<L: Link> Answerer<L> {
 
     fn note(&mut self, telegram: &Telegram<'_>, standing: Standing) {
         let late = telegram.late();
-        // Late answers are counted while RSI is on: a silence in which most cycles were counted is the network's, and the correction goes on.
+        // Late answers are counted while RSI is on: a silence in which most cycles were counted is a network failure, and the correction continues.
         let is_silent = matches!(standing, Standing::Next { lost } if lost >= SESSION_MS);
         let counted = late.unwrap_or(0).saturating_sub(self.late.unwrap_or(0));
         let cycles = match standing {
@@ -181,7 +181,7 @@ impl<L: Link> Answerer<L> {
         self.late = late;
     }
 
-    /// The controller has not used the newest answers: it holds what it was sent before them, and the correction goes on from there.
+    /// The controller has not used the newest answers: it holds the value sent before them, and the correction continues from there.
     fn take_back(&mut self, answers: u64) {
         if answers == 0 {
             return;

@@ -17,7 +17,7 @@ const CYCLE_MAX_S: f64 = 0.012;
 /// How long the loop waits for a telegram before it looks whether a run has ended.
 const WAIT_NS: u32 = 4_000_000;
 
-/// Runs the bridge until it is told to stop; `ready` is called once it listens.
+/// Runs the bridge until it is stopped; `ready` is called once it listens.
 ///
 /// # Errors
 /// See [`BridgeError`]; none once it listens.

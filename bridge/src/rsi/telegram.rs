@@ -62,13 +62,13 @@ fn text(bytes: &[u8]) -> Option<&str> {
     std::str::from_utf8(bytes).ok()
 }
 
-/// What stands before and after the first `mark`.
+/// The text before and after the first `mark`.
 fn split<'a>(bytes: &'a [u8], mark: &[u8]) -> Option<(&'a [u8], &'a [u8])> {
     let at = bytes.windows(mark.len()).position(|window| window == mark)?;
     Some((bytes.get(..at)?, bytes.get(at + mark.len()..)?))
 }
 
-/// What stands between `<tag` and `>`, for the first such element.
+/// The text between `<tag` and `>` of the first such element.
 fn element<'a>(bytes: &'a [u8], tag: &str) -> Option<&'a [u8]> {
     let mut rest = bytes;
     loop {

@@ -427,13 +427,13 @@ enum trued_feed_state
   TRUED_FEED_STATE_OFF = 0,
   // No force is known: the override is at the one that the cell has set for that, or on its way there.
   TRUED_FEED_STATE_LOST = 1,
-  // The force is found and told; the programmed feed goes out.
+  // The override is computed and reported; the programmed feed is used.
   TRUED_FEED_STATE_OBSERVING = 2,
   // The tool is in the air.
   TRUED_FEED_STATE_AIR = 3,
   // The override keeps the limit.
   TRUED_FEED_STATE_ADAPTING = 4,
-  // The force is missing; the override stands.
+  // The force is missing; the override is held.
   TRUED_FEED_STATE_HOLDING = 5,
 };
 #ifndef __cplusplus
@@ -462,7 +462,7 @@ enum trued_feed_reason
   TRUED_FEED_REASON_NOT_FINITE = 4,
   // The model does not tell how far the tool gives way.
   TRUED_FEED_REASON_NO_DEFLECTION = 5,
-  // The robot stands: the force says nothing of the feed.
+  // The robot is at rest: the force does not depend on the feed.
   TRUED_FEED_REASON_AT_REST = 6,
   // The floor of the override does not keep the limit.
   TRUED_FEED_REASON_AT_FLOOR = 7,
@@ -906,7 +906,7 @@ typedef struct trued_status {
   uint32_t feed_reason;
   // The feed override; 1 is the programmed feed.
   double feed_override;
-  // The override that the force asks for.
+  // The override that keeps the force at its limit.
   double feed_wanted;
   // The process force, low-passed, N.
   double feed_force_n;

@@ -196,13 +196,13 @@ pub enum trued_feed_state {
     Off = 0,
     /// No force is known: the override is at the one that the cell has set for that, or on its way there.
     Lost = 1,
-    /// The force is found and told; the programmed feed goes out.
+    /// The override is computed and reported; the programmed feed is used.
     Observing = 2,
     /// The tool is in the air.
     Air = 3,
     /// The override keeps the limit.
     Adapting = 4,
-    /// The force is missing; the override stands.
+    /// The force is missing; the override is held.
     Holding = 5,
 }
 
@@ -222,7 +222,7 @@ pub enum trued_feed_reason {
     NotFinite = 4,
     /// The model does not tell how far the tool gives way.
     NoDeflection = 5,
-    /// The robot stands: the force says nothing of the feed.
+    /// The robot is at rest: the force does not depend on the feed.
     AtRest = 6,
     /// The floor of the override does not keep the limit.
     AtFloor = 7,

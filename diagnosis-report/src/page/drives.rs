@@ -67,7 +67,7 @@ pub(crate) fn domain(
         ("Rows of each joint", report.samples.to_string()),
         ("Held out", report.heldout.clone()),
         ("Band", format!("0 to {} Hz", significant(torques.band_hz, 3))),
-        ("Seed", found.seed.to_string()),
+        ("Seed", found.settings.seed.to_string()),
     ])
 }
 

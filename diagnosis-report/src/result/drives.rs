@@ -11,7 +11,7 @@ use report::significant;
 
 use super::{
     Alternative, JointErrors, NINETY_FIVE, NotTested, Report, ReportedFinding, Size, Unexplained,
-    Value, Where, largest,
+    Value, Where,
 };
 use crate::drives::{Drives, entry};
 
@@ -29,9 +29,7 @@ impl Report {
             Err(doubt) => return empty.because(doubt.to_string()),
         };
         let unit = if diagnosis.slides { "N" } else { "Nm" };
-        let candidates = diagnosis.candidates.iter();
-        let (findings, minor) =
-            largest(diagnosis.findings.iter().map(|one| reported(base, drives, one)).collect());
+        let (findings, candidates) = (diagnosis.findings.iter(), diagnosis.candidates.iter());
         Self {
             verdict: diagnosis.verdict.name(),
             unit,
@@ -42,8 +40,7 @@ impl Report {
             heldout_rms_before: Some(diagnosis.heldout[0]),
             heldout_rms_after: Some(diagnosis.heldout[1]),
             heldout: diagnosis.says.clone(),
-            findings,
-            minor,
+            findings: findings.map(|one| reported(base, drives, one)).collect(),
             candidates: candidates.map(|one| reported(base, drives, one)).collect(),
             next_experiment: next_experiment(diagnosis),
             not_tested: diagnosis

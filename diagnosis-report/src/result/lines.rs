@@ -66,7 +66,7 @@ fn line(report: &Report, reported: &ReportedFinding) -> String {
     });
     let held = report.heldout_rms_after.zip(reported.heldout_rms_without).map(|(with, without)| {
         let [with, without] = [with, without].map(|rms| significant(rms, 3));
-        format!("without it {without} {unit} would be left held out instead of {with}")
+        format!("without it the held-out error would be {without} {unit} instead of {with}")
     });
     let figures: Vec<String> = confidence.into_iter().chain(size).chain(held).collect();
     format!("  {} {}{rivals}{together}", reported.says, figures.join("; ")).trim_end().to_owned()
@@ -129,7 +129,7 @@ fn by_effect(all: &[ReportedFinding]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{FINDINGS_MOST, Report, ReportedFinding, Size, Where, largest};
+    use super::super::{Report, ReportedFinding, Size, Where, largest};
     use super::{by_effect, lines};
     use std::collections::BTreeMap;
 
@@ -164,18 +164,18 @@ mod tests {
 
     #[test]
     fn twenty_findings_are_listed_the_largest_and_all_others_are_minor() {
-        let (findings, minor) = largest(many(43));
-        assert_eq!((findings.len(), minor.len()), (FINDINGS_MOST, 23));
+        let (findings, minor) = largest(many(43), 20);
+        assert_eq!((findings.len(), minor.len()), (20, 23));
         let size = |reported: &ReportedFinding| reported.size.as_ref().map_or(0.0, |size| size.rms);
         let smallest = findings.iter().map(size).fold(f64::INFINITY, f64::min);
         assert!(minor.iter().map(size).all(|size| size < smallest));
-        let (findings, minor) = largest(many(FINDINGS_MOST));
-        assert_eq!((findings.len(), minor.len()), (FINDINGS_MOST, 0), "nothing is cut from twenty");
+        let (findings, minor) = largest(many(20), 20);
+        assert_eq!((findings.len(), minor.len()), (20, 0), "nothing is cut from twenty");
     }
 
     #[test]
     fn a_long_list_ends_with_how_many_are_smaller_and_how_small() {
-        let (findings, minor) = largest(many(43));
+        let (findings, minor) = largest(many(43), 20);
         let empty = Report::empty("position", "mm", 1);
         let report = Report { findings, minor, heldout_rms_after: Some(0.5), ..empty };
         let lines = lines(&report);
@@ -187,7 +187,7 @@ mod tests {
             "{last}"
         );
         assert!(
-            lines[0].contains("without it 0.750 mm would be left held out instead of 0.500"),
+            lines[0].contains("without it the held-out error would be 0.750 mm instead of 0.500"),
             "{}",
             lines[0]
         );

@@ -47,7 +47,7 @@ pub(super) fn set_begun(campaign: &mut Campaign, model: &Model, notes: &mut Vec<
     }
     if open > 0 {
         notes.push(format!(
-            "{open} rows at the beginning of paths were left out: how play and friction stood then is not recorded"
+            "{open} rows at the beginning of paths were excluded: the initial state of backlash and friction is not recorded"
         ));
     }
 }

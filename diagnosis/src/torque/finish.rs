@@ -10,10 +10,11 @@ use super::case::Case;
 use super::library::Form;
 use super::prove::Listed;
 use super::selection::{Search, Selection, others};
+use super::sums::Sums;
 use super::zone::Zone;
 use super::{
-    Diagnosis, Finding, JointProof, Refit, Stated, Weighed, columns, found, prove, refine, smooth,
-    stand, still, table, verdict, view,
+    Diagnosis, Finding, JointProof, Refit, Stated, Weighed, found, prove, refine, smooth, stand,
+    still, verdict, view,
 };
 
 /// Standard share of a span, seen from one end, that a number lies anywhere within.
@@ -282,8 +283,10 @@ fn without_zones(
     }
     let mut table = case.table.clone();
     table.counts.clone_from(&table.moves);
-    let columns: Vec<&columns::Column> = case.library.columns.iter().collect();
-    let products = table::Products::new(&table, &columns, case.library.prior.clone(), seen);
+    // In the memory of the case's sums, which are as large; the next question computes them again.
+    let sums = Sums::taken(case.sums.take(), &table, &case.library.columns, seen);
+    let products = sums.products(case.library.prior.clone());
+    case.sums.replace(Some(sums));
     Some(Search { library: &case.library, products: &products, always }.solve(names))
 }
 

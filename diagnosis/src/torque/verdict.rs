@@ -43,7 +43,7 @@ pub(super) fn verdict(
         if stand { (before - after) / (before - after + left).max(1e-300) } else { 0.0 }
     });
     let named: f64 = findings.iter().map(|one| one.gain).sum();
-    // Of names that explain the same the one with the fewest numbers is preferred (docs/reference/effects.md), told or not: a payload on one slide is its mass.
+    // Of names that explain the same the one with the fewest numbers is preferred (docs/reference/effects.md), claimed or not: a payload on one slide is its mass.
     let takes_more = |one: &Finding, rival: &Rival| {
         let own: usize = one.numbers.iter().map(|number| number.values.len()).sum();
         let others = case.library.families.get(rival.place).map_or(0, Family::count);

@@ -202,7 +202,7 @@ pub struct Measured {
 pub enum FeedMode {
     /// Nothing.
     Off,
-    /// It is found and told; the programmed feed goes out.
+    /// The override is computed and reported; the programmed feed is used.
     #[default]
     Observe,
     /// It goes out.
@@ -214,7 +214,7 @@ pub enum FeedMode {
 pub enum FeedLimit {
     /// The process force, N.
     Force(f64),
-    /// How far the tool gives way by the model, m.
+    /// Deflection of the tool by the model, m.
     Deflection(f64),
 }
 

@@ -112,7 +112,7 @@ impl Diagnose {
         let mut outputs = outputs(console.outputs(), &self.out);
         outputs.check(self.inputs())?;
         let seed = self.seed.settle();
-        let settings = Settings { seed, band_hz: self.band };
+        let settings = Settings { seed, band_hz: self.band, ..Settings::default() };
         let found = diagnose(model, recordings, &settings, &mut |begun| {
             stage.set_message(match begun {
                 Stage::Torques => "drive torques: fit, search, validation",

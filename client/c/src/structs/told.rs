@@ -200,7 +200,7 @@ pub struct trued_status {
     pub feed_reason: u32,
     /// The feed override; 1 is the programmed feed.
     pub feed_override: f64,
-    /// The override that the force asks for.
+    /// The override that keeps the force at its limit.
     pub feed_wanted: f64,
     /// The process force, low-passed, N.
     pub feed_force_n: f64,

@@ -32,7 +32,7 @@ const STANDS: f64 = 0.05;
 const BRINGS: f64 = 1e-8;
 /// An amplifier drifts over a segment by this share of the noise, as a standard deviation.
 pub(super) const DRIFTS: f64 = 0.15;
-/// Noise that is told holds where what no effect explains is no more than so many times as large.
+/// The stated noise is used if the residual is at most this many times as large.
 const HOLDS: f64 = 2.0;
 
 /// What is believed.

@@ -80,7 +80,7 @@ fn misfits(name: &str, config: &CellConfig, model: &RobotModel) -> Vec<Fault> {
     if let Err(error) = setup::ears(config, model) {
         found.push(Fault::new("vibration", error.to_string()));
     }
-    found.extend(setup::feed_fault(config, &model.physics));
+    found.extend(setup::deflection_limit_fault(config, &model.physics));
     if let Err(error) = Cell::new(&config.cell) {
         found.push(Fault::new("cell", error.to_string()));
     }

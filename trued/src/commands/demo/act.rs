@@ -81,7 +81,7 @@ fn found(out: &Path, seed: u64) -> Result<Diagnosed, Failure> {
     let model = RobotModel::read(&out.join(MODEL)).map_err(unusable)?;
     let recording = out.join("measured.csv");
     let recording = series::read(&recording, None, Need::Measurement).map_err(unusable)?;
-    let settings = Settings { seed, band_hz: None };
+    let settings = Settings { seed, ..Settings::default() };
     Ok(diagnosis_report::diagnose(model, vec![recording], &settings, &mut |_| {})?)
 }
 

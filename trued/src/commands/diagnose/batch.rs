@@ -139,7 +139,7 @@ fn rows(manifest: &Manifest, item: &Item<'_>) -> Result<Vec<Row>, Failure> {
         }
         Read::Robot(model, recordings) => {
             let temperatures = Temperatures::of(&recordings);
-            let settings = Settings { seed, band_hz: manifest.band_hz };
+            let settings = Settings { seed, band_hz: manifest.band_hz, ..Settings::default() };
             let found = diagnose(*model, recordings, &settings, &mut |_| {})?;
             Ok(of_reports(&found.reports(), &temperatures))
         }

@@ -1,7 +1,7 @@
 //! `trued plan --for DIR`: the experiment proposed by a diagnosis, as a path to be run and measured.
 //!
 //! Promises: the motion is the one that the diagnosis has judged, inside the limits and speeds of its model; both files are written or none.
-//! Never: use of what stands around the robot; that is said.
+//! Never: use of the robot's surroundings; this is stated.
 
 use std::path::Path;
 
