@@ -122,6 +122,16 @@ mod tests {
         assert_eq!(run(&mut output, &mut now_ns, 10_000, None), 1.0);
     }
 
+    #[test]
+    fn a_daemon_with_a_higher_floor_makes_no_step() {
+        let (mut output, mut now_ns) = (FeedOutput::new(), 1 << 40);
+        output.set_bounds(&BOUNDS);
+        assert_eq!(run(&mut output, &mut now_ns, 10_000, Some(0.1)), 0.1);
+        output.set_bounds(&FeedBounds { floor: 0.5, lost: 0.5, ..BOUNDS });
+        assert!((run(&mut output, &mut now_ns, 1000, Some(0.5)) - 0.3).abs() < 1e-9);
+        assert_eq!(run(&mut output, &mut now_ns, 1001, Some(0.5)), 0.5);
+    }
+
     proptest! {
         #[test]
         fn whatever_daemons_say_it_is_a_number_within_floor_and_rates(

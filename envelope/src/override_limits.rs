@@ -1,8 +1,8 @@
 //! How a feed override may change: between a floor and the programmed feed, at a bounded rate down and up.
 //!
 //! The daemon steps its override with it, and the client library what it hands on, from what it handed on last.
-//! Promises: the output lies between the floor and 1 and changes by no more than its rate times the time, to rounding, whatever the goal is; where the goal is no
-//! number it stays. Never: a clock.
+//! Promises: the output changes by no more than its rate times the time, to rounding, whatever the goal is, and stays between the floor and 1; below a floor that was
+//! raised it rises to the floor at the bounded rate. An invalid goal leaves it unchanged. Never: a clock.
 
 /// Bounds of a feed override; 1 is the programmed feed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +42,7 @@ impl OverrideLimits {
     /// From an override towards `goal` within `dt_s`.
     #[must_use]
     pub fn step(&self, from: f64, goal: f64, dt_s: f64) -> f64 {
-        let from = if from.is_nan() { self.floor } else { from.clamp(self.floor, 1.0) };
+        let from = if from.is_nan() { self.floor } else { from.clamp(0.0, 1.0) };
         if goal.is_nan() || dt_s.is_nan() || dt_s <= 0.0 {
             return from;
         }
@@ -89,6 +89,21 @@ mod tests {
             assert!((from - to).abs() < 1e-12, "{goal} {dt_s}: {from}");
         }
         assert_eq!(limits.step(f64::NAN, 1.0, 0.0), 0.1);
+    }
+
+    #[test]
+    fn below_a_floor_that_was_raised_it_rises_at_the_bounded_rate() {
+        let limits = OverrideLimits::new(0.5, 2.0, 0.2).expect("good ones");
+        for goal in [0.0, 0.5, 1.0] {
+            assert!((limits.step(0.1, goal, 0.1) - 0.12).abs() < 1e-12, "{goal}");
+        }
+        assert_eq!(limits.step(0.1, f64::NAN, 0.1), 0.1);
+        assert_eq!(limits.step(0.1, 0.0, 10.0), 0.5);
+    }
+
+    #[test]
+    fn nothing_is_above_the_programmed_feed() {
+        let limits = OverrideLimits::new(0.1, 2.0, 0.2).expect("good ones");
         assert_eq!(limits.step(9.0, 1.0, 0.0), 1.0);
     }
 }

@@ -128,6 +128,25 @@ fn a_force_far_beyond_the_limit_takes_the_override_down_at_once() {
     assert!((before - after[99] - 0.2).abs() < 5e-3, "as fast as it may: {before} {}", after[99]);
 }
 
+#[test]
+fn relief_acts_at_once_however_slow_the_estimate_is() {
+    let mut bench = Bench::new(FeedSettings { time_constant_s: 2.0, ..settings() }, 60);
+    bench.ticks(30_000, 250.0);
+    let before = bench.before;
+    let after = bench.ticks(30, 400.0);
+    assert!((before - after[29] - 0.06).abs() < 2e-3, "{before} {}", after[29]);
+}
+
+#[test]
+fn a_change_of_the_override_does_not_change_the_estimate_of_the_cut() {
+    let mut bench = Bench::new(settings(), 60);
+    for ms in 0..5000 {
+        bench.tick(250.0);
+        let found_n = bench.feed.report().programmed_force_n;
+        assert!(ms < 100 || (found_n - 250.0).abs() < 0.02 * 250.0, "{ms} ms: {found_n} N");
+    }
+}
+
 /// The largest gain over all frequencies of the loop that a delay closes which is not as stated, in stated delays.
 fn largest_gain(time_constant: f64, delay: f64) -> f64 {
     let gain = |w: f64| {
