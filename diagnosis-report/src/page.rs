@@ -118,7 +118,8 @@ fn words(mut page: Page, report: &Report, joints: usize) -> Page {
         }
     }
     if !report.minor.is_empty() {
-        let title = format!("And {} smaller effects", report.minor.len());
+        let effects = if report.minor.len() == 1 { "effect" } else { "effects" };
+        let title = format!("And {} smaller {effects}", report.minor.len());
         page = page.folded(&title, |page| page.table(&tables::minor(report)));
     }
     if !report.candidates.is_empty() {

@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
+use diagnosis_report::{ReportedFinding, Settings, diagnose, lead, lines};
 use recording::model::presets::preset;
+use recording::series::{self, Need};
 use report::significant;
 use serde_json::Value;
 use shm_schema::Cell;
@@ -89,6 +91,32 @@ fn a_concealed_backlash_is_named_with_its_joint_and_width_and_the_gain_is_proven
     place.succeed(&again);
     let again = place.json("again/diagnosis.json");
     assert_eq!(again["verdict"], "consistent", "{again:#}");
+}
+
+#[test]
+fn the_library_gives_what_the_command_writes_and_lists_the_largest_findings_first() {
+    let tilt = "[[effect]]\nkind = \"axis_tilt\"\njoint = 2\ntilt_mrad = [1.5, 0.0, 0.0]\n";
+    let place = recorded(&format!("{BACKLASH}{tilt}"));
+    let written = diagnosed(&place, "seen.csv");
+    let found = |findings_most| {
+        let model = preset(BASE).expect("preset").model().expect("sound");
+        let seen = series::read(&place.path("seen.csv"), None, Need::Measurement).expect("a file");
+        let settings = Settings { seed: 1, findings_most, ..Settings::default() };
+        diagnose(model, vec![seen], &settings, &mut |_| {}).expect("a diagnosis")
+    };
+    let whole: Value = serde_json::from_str(&found(20).json().expect("json")).expect("json");
+    assert_eq!(whole["findings"], written["findings"]);
+    assert_eq!(whole["findings"].as_array().map(Vec::len), Some(2), "{whole:#}");
+    let short = found(1);
+    let [report] = &short.reports()[..] else { panic!("one domain") };
+    let size = |list: &[ReportedFinding]| list[0].size.as_ref().expect("a size").rms;
+    assert_eq!((report.findings.len(), report.minor.len()), (1, 1));
+    assert!(size(&report.findings) > size(&report.minor));
+    assert!(lines(report).iter().any(|line| line.contains("and 1 smaller effect")));
+    assert!(lead(report).starts_with("2 effects"), "{}", lead(report));
+    assert!(short.page(&place.path("said")).render().contains("And 1 smaller effect"));
+    let model = short.model_toml().expect("a model");
+    assert!(model.contains("\"backlash\"") && model.contains("\"axis_tilt\""), "{model}");
 }
 
 #[test]
