@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 use tests::cell_loop::path;
 use tests::place::Place;
 use tests::process::Process;
-use tests::simulation::feed::{Event, Plan, Run, STIFFNESS_N_M, Sensor, run};
+use tests::simulation::feed::{Event, Plan, STIFFNESS_N_M, Sensor, Tick, run};
+use tests::simulation::run::Run;
 use trued_client::{Client, Health, Setpoint, WrenchFrame, monotonic_ns};
 
 const LIMIT: Duration = Duration::from_secs(20);
@@ -35,12 +36,12 @@ fn plan() -> Plan {
     }
 }
 
-fn said(run: &Run, tick: usize) -> (FeedState, FeedReason) {
+fn said(run: &Run<Tick>, tick: usize) -> (FeedState, FeedReason) {
     (run.ticks[tick].state, run.ticks[tick].reason)
 }
 
 /// The time of a constant slow feed whose largest deviation is that, s.
-fn constant(worst_m: f64, uncontrolled_m: f64) -> Run {
+fn constant(worst_m: f64, uncontrolled_m: f64) -> Run<Tick> {
     run(Plan {
         tables: TABLES.to_owned(),
         constant: worst_m / uncontrolled_m,

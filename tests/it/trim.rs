@@ -11,7 +11,8 @@ use std::time::Duration;
 use tests::cell_loop::{CellLoop, JOINTS};
 use tests::place::Place;
 use tests::process::Process;
-use tests::simulation::instrument::{Event, Run, Tick, Truth, run};
+use tests::simulation::instrument::{Event, Tick, Truth, run};
+use tests::simulation::run::Run;
 use trued_client::{Answer, Health, Instrument, Status, TrimReason, TrimState, monotonic_ns};
 
 const LIMIT: Duration = Duration::from_secs(20);
@@ -24,7 +25,7 @@ fn measured(mode: &str) -> String {
     )
 }
 
-fn said(run: &Run, tick: usize) -> (TrimState, TrimReason) {
+fn said(run: &Run<Tick>, tick: usize) -> (TrimState, TrimReason) {
     (run.ticks[tick].state, run.ticks[tick].reason)
 }
 

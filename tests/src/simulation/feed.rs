@@ -8,6 +8,7 @@
 use crate::cell_loop::{JOINTS, MIDDLE};
 use crate::chance::Chance;
 use crate::place::MODEL;
+use crate::simulation::run::Run;
 use corrector::{Corrector, Mode};
 use daemon::cycle::Cycle;
 use daemon::exchange::{Exchange, LoadedModel};
@@ -128,16 +129,7 @@ pub struct Tick {
     pub limit_n: f64,
 }
 
-/// What a run came to.
-#[derive(Debug, Default)]
-pub struct Run {
-    /// Every tick.
-    pub ticks: Vec<Tick>,
-    /// What broke, in words.
-    pub broken: Option<String>,
-}
-
-impl Run {
+impl Run<Tick> {
     /// The largest deviation, m.
     #[must_use]
     pub fn worst_m(&self) -> f64 {
@@ -216,7 +208,7 @@ struct Wire {
     before: Option<f64>,
     /// A daemon dies, and is away for so many ticks.
     away_ticks: Option<usize>,
-    run: Run,
+    run: Run<Tick>,
 }
 
 /// Runs a plan until the tool is through, or its time is over.
@@ -224,7 +216,7 @@ struct Wire {
 /// # Panics
 /// On a configuration that is none.
 #[must_use]
-pub fn run(plan: Plan) -> Run {
+pub fn run(plan: Plan) -> Run<Tick> {
     let Plan { tables, mode, is_full_model, .. } = &plan;
     let text = format!(
         "schema = \"trued.cell/1\"\ncell = \"cell\"\nmodel = \"{MODEL}\"\nmode = \"{mode}\"\nmode_max = \"full\"\n{tables}"

@@ -8,6 +8,7 @@ use crate::cell_loop::{JOINTS, MIDDLE, TICK_NS};
 use crate::chance::Chance;
 use crate::oracle::Oracle;
 use crate::place::MODEL;
+use crate::simulation::run::Run;
 use corrector::{Corrector, Mode};
 use daemon::cycle::Cycle;
 use daemon::exchange::{Exchange, LoadedModel};
@@ -106,16 +107,7 @@ pub struct Tick {
     pub counts: [u64; 2],
 }
 
-/// What a run came to.
-#[derive(Debug, Default)]
-pub struct Run {
-    /// Every tick.
-    pub ticks: Vec<Tick>,
-    /// What broke, in words.
-    pub broken: Option<String>,
-}
-
-impl Run {
+impl Run<Tick> {
     /// The largest error of a range of ticks, m.
     #[must_use]
     pub fn worst_m(&self, ticks: std::ops::Range<usize>) -> f64 {
@@ -151,7 +143,7 @@ struct Wire {
     measured: u64,
     is_blind: bool,
     shift_m: f64,
-    run: Run,
+    run: Run<Tick>,
 }
 
 /// Runs so many ticks of a cell with these tables of its configuration.
@@ -165,7 +157,7 @@ pub fn run(
     ticks: usize,
     events: Vec<(usize, Event)>,
     seed: u64,
-) -> Run {
+) -> Run<Tick> {
     let text = format!(
         "schema = \"trued.cell/1\"\ncell = \"cell\"\nmodel = \"{MODEL}\"\nmode = \"full\"\n{tables}"
     );

@@ -8,6 +8,7 @@ mod client;
 pub mod feed;
 pub mod instrument;
 mod orders;
+pub mod run;
 mod watch;
 mod wire;
 
