@@ -10,10 +10,7 @@ use trued_client::{
 };
 
 use crate::link::{Correction, Link};
-
-/// How long one try to join may take, and the pause between two.
-const JOIN_WITHIN: Duration = Duration::from_secs(1);
-const JOIN_AGAIN: Duration = Duration::from_millis(200);
+use crate::settings::JoinRules;
 
 /// What the feed has to say, for whoever logs.
 #[derive(Debug)]
@@ -54,7 +51,7 @@ impl Joining {
         let over = Arc::new(AtomicBool::new(false));
         let (cell, say, until) = (cell.to_owned(), news.clone(), Arc::clone(&over));
         std::thread::Builder::new().name("trued-join".to_owned()).spawn(move || {
-            let found = keep_trying(|| Client::connect(&cell, JOIN_WITHIN), &say, &until);
+            let found = keep_trying(|within| Client::connect(&cell, within), &say, &until);
             if let Some(mut client) = found {
                 client.set_fresh(fresh);
                 client.start_feed(lost_feed);
@@ -164,13 +161,14 @@ fn correction(client: &mut Client, q: &[f64]) -> Correction {
 
 /// Tries until it succeeds or the bridge ends; says each obstacle once.
 pub(crate) fn keep_trying<T>(
-    mut connect: impl FnMut() -> Result<T, ConnectError>,
+    mut connect: impl FnMut(Duration) -> Result<T, ConnectError>,
     news: &Sender<News>,
     over: &AtomicBool,
 ) -> Option<T> {
+    let rules = JoinRules::default();
     let mut said = String::new();
     while !over.load(Relaxed) {
-        match connect() {
+        match connect(rules.within) {
             Ok(joined) => return Some(joined),
             Err(why) => {
                 let words = why.to_string();
@@ -180,7 +178,7 @@ pub(crate) fn keep_trying<T>(
                 }
             }
         }
-        std::thread::sleep(JOIN_AGAIN);
+        std::thread::sleep(rules.again_after);
     }
     None
 }

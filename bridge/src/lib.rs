@@ -16,6 +16,7 @@ pub mod joining;
 pub mod link;
 pub mod rsi;
 pub mod sequence;
+pub mod settings;
 mod socket;
 mod start;
 mod teller;

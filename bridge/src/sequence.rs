@@ -1,16 +1,13 @@
 //! Evaluation of sequence numbers: next, repeated, old, or restarted sender.
 //!
 //! A number slightly ahead is the next one, with some lost in between. One far ahead, or lower, can belong to an old datagram,
-//! reordered or replayed, or to another run: it is accepted once five in a row count up from there without any of the old count
+//! reordered or replayed, or to another run: it is accepted once several in a row (five by default) count up from there without any of the old count
 //! in between. Higher ones then follow many lost datagrams; lower ones mean a restarted sender. All datagrams of a sender that does
 //! not count (always the same number, or none) are accepted. No allocation, no clock.
 
 use recording::files::content_hash;
 
-/// A number that does not follow is believed once this many datagrams in a row count up from it. Fewer could be replayed ones.
-const BELIEVED_AFTER: u32 = 5;
-/// Each of them is ahead of the one before by so much at most: RSI counts ms, 12 at a time, and some may be lost.
-const COUNTED_AHEAD: u32 = 100;
+use crate::settings::SequenceRules;
 
 /// A datagram's place in its sender's sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,8 +28,7 @@ pub enum Standing {
 /// The datagrams of one sender.
 #[derive(Debug, Clone, Copy)]
 pub struct Sequence {
-    /// Numbers that may be lost at once without a doubt.
-    lost_max: u32,
+    rules: SequenceRules,
     last: Option<Last>,
     /// The newest number of another count, and how many it has had.
     other: Option<(u32, u32)>,
@@ -45,13 +41,16 @@ struct Last {
 }
 
 impl Sequence {
-    /// Of a sender that counts each datagram, anew in each of its runs: 4 s of EGM may be lost without a doubt.
-    pub const COUNTING: Self = Self::new(1000);
-    /// Of a sender whose number is a clock that goes on from run to run.
-    pub const CLOCK: Self = Self::new(u32::MAX / 2);
+    /// Of a sender that counts each datagram, anew in each of its runs.
+    #[must_use]
+    pub const fn counting(rules: SequenceRules) -> Self {
+        Self { rules, last: None, other: None }
+    }
 
-    const fn new(lost_max: u32) -> Self {
-        Self { lost_max, last: None, other: None }
+    /// Of a sender whose number is a clock that goes on from run to run: however many were lost, a number ahead follows.
+    #[must_use]
+    pub const fn clock(rules: SequenceRules) -> Self {
+        Self::counting(SequenceRules { lost_max: u32::MAX / 2, ..rules })
     }
 
     /// Judges a datagram, and remembers it unless it is old.
@@ -75,12 +74,12 @@ impl Sequence {
         let ahead = number.wrapping_sub(before);
         if ahead == 0 {
             return Standing::Next { lost: 0 };
-        } else if ahead <= self.lost_max {
+        } else if ahead <= self.rules.lost_max {
             return Standing::Next { lost: ahead - 1 };
         }
         let counted = match self.other {
             Some((newest, counted))
-                if (1..=COUNTED_AHEAD).contains(&number.wrapping_sub(newest)) =>
+                if (1..=self.rules.ahead_max).contains(&number.wrapping_sub(newest)) =>
             {
                 counted + 1
             }
@@ -88,7 +87,7 @@ impl Sequence {
         };
         self.other = Some((number, counted));
         match counted {
-            _ if counted < BELIEVED_AFTER => Standing::Old,
+            _ if counted < self.rules.believed_after => Standing::Old,
             _ if ahead <= u32::MAX / 2 => Standing::Next { lost: ahead - 1 },
             _ => Standing::First,
         }
@@ -100,7 +99,7 @@ mod tests {
     use super::*;
 
     fn judged(numbers: &[(Option<u32>, u8)]) -> Vec<Standing> {
-        let mut sequence = Sequence::COUNTING;
+        let mut sequence = Sequence::counting(SequenceRules::default());
         numbers.iter().map(|(number, byte)| sequence.judge(*number, &[*byte])).collect()
     }
 
@@ -125,7 +124,7 @@ mod tests {
 
     #[test]
     fn replayed_datagrams_are_old_however_far_back_and_however_often() {
-        let mut sequence = Sequence::COUNTING;
+        let mut sequence = Sequence::counting(SequenceRules::default());
         for number in 1000..1100 {
             sequence.judge(Some(number), &[0]);
             // Those far ahead are of another run.

@@ -10,6 +10,7 @@ use bridge::egm::middle::{Middle, Settings};
 use bridge::feed::Feed;
 use bridge::joining::Joining;
 use bridge::rsi::answer::Answerer;
+use bridge::settings::RunRules;
 use prost::Message;
 use recording::bridge::{Ethernet, Guidance, RsiConfig};
 use recording::model::presets::preset;
@@ -46,6 +47,7 @@ fn an_egm_cycle_takes_nothing_from_the_heap() {
         order: Order { count: 6, seventh_after: None },
         is_shadow: false,
         path_period_ns: 48 * MS,
+        runs: RunRules::default(),
     };
     let mut middle = Middle::new(settings, arm, feed(), None, Arc::new(Counts::default()));
     let mut robot = EgmRobot::new(at(), &POSE);

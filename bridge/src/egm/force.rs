@@ -5,7 +5,6 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::time::Duration;
 
 use recording::series::Frame;
 use trued_client::{ForceSamples, ForceSource, Samples, WrenchFrame};
@@ -16,7 +15,6 @@ use crate::joining::{News, keep_trying};
 /// Samples that go together: 16 ms.
 const BLOCK: usize = 4;
 const CHANNELS: usize = 6;
-const JOIN_WITHIN: Duration = Duration::from_secs(1);
 
 /// The way to the watch.
 pub struct ForceWay {
@@ -45,7 +43,7 @@ impl ForceWay {
         let over = Arc::new(AtomicBool::new(false));
         let (cell, until) = (cell.to_owned(), Arc::clone(&over));
         std::thread::Builder::new().name("trued-force".to_owned()).spawn(move || {
-            let found = keep_trying(|| ForceSource::connect(&cell, JOIN_WITHIN), &news, &until);
+            let found = keep_trying(|within| ForceSource::connect(&cell, within), &news, &until);
             if let Some(source) = found {
                 // Nobody takes it any more where the bridge has ended.
                 let _ = tell.send(source);

@@ -22,18 +22,7 @@ use crate::feed::Feed;
 use crate::joining::Joining;
 use crate::link::Link;
 use crate::sequence::{Sequence, Standing};
-
-/// A controller that is silent for so long has ended its run, unless it counted on, ns.
-pub const SESSION_NS: u64 = 1_000_000_000;
-
-/// So many missing numbers may be those of another run that began near them: 0.2 s, at the 4 ms of a fast controller.
-const DOUBTFUL: u32 = 50;
-
-/// After so many messages in a row that do not guide the robot it has stopped: fewer may be old ones, replayed.
-const STOPPED_AFTER: u32 = 3;
-
-/// So many datagrams in a row another mechanical unit has to send before it is served instead of one that is silent.
-const TAKEN_AFTER: u32 = 3;
+use crate::settings::RunRules;
 
 /// What the bridge is set to.
 #[derive(Debug, Clone, Copy)]
@@ -52,6 +41,8 @@ pub struct Settings {
     pub is_shadow: bool,
     /// Least time between two path corrections, ns.
     pub path_period_ns: u64,
+    /// When a run has ended, and which datagrams are of it.
+    pub runs: RunRules,
 }
 
 /// The bridge between its two sides.
@@ -106,8 +97,8 @@ impl<L: Link> Middle<L> {
             counts,
             robot: None,
             other_unit: None,
-            robot_sequence: Sequence::COUNTING,
-            application_sequence: Sequence::COUNTING,
+            robot_sequence: Sequence::counting(settings.runs.sequence),
+            application_sequence: Sequence::counting(settings.runs.sequence),
         }
     }
 
@@ -124,7 +115,7 @@ impl<L: Link> Middle<L> {
             return self.drop(Count::Broken);
         };
         if self.robot.is_some_and(|robot| robot.address != from) {
-            self.robot_sequence = Sequence::COUNTING;
+            self.robot_sequence = Sequence::counting(self.settings.runs.sequence);
         }
         let standing = self.robot_sequence.judge(message.header.seqno, datagram);
         let lost = match standing {
@@ -155,20 +146,24 @@ impl<L: Link> Middle<L> {
         }
         let seen = self.other_unit.filter(|(address, _)| *address == from).map_or(0, |(_, n)| n);
         self.other_unit = Some((from, seen + 1));
-        now_ns.saturating_sub(robot.last_ns) >= SESSION_NS && seen + 1 >= TAKEN_AFTER
+        self.is_over(&robot, now_ns) && seen + 1 >= self.settings.runs.unit_taken_after
+    }
+
+    /// Whether the controller has been silent for as long as ends a run.
+    fn is_over(&self, robot: &Robot, now_ns: u64) -> bool {
+        now_ns.saturating_sub(robot.last_ns) >= self.settings.runs.ends_after_ns()
     }
 
     /// What the controller's message says of its run.
     fn note(&mut self, message: &RobotMessage, standing: Standing, from: SocketAddr, now_ns: u64) {
         let lost = if let Standing::Next { lost } = standing { lost } else { 0 };
-        let silent =
-            self.robot.is_some_and(|robot| now_ns.saturating_sub(robot.last_ns) >= SESSION_NS);
+        let silent = self.robot.is_some_and(|robot| self.is_over(&robot, now_ns));
         let before = self.robot.filter(|robot| {
             // A silence in which the controller counted on is the network's.
             standing != Standing::First && robot.address == from && (!silent || lost > 0)
         });
         // It may have begun anew nevertheless: where the robot is shows that.
-        let is_doubtful = silent || lost >= DOUBTFUL;
+        let is_doubtful = silent || lost >= self.settings.runs.doubtful_lost;
         let is_guided = is_guided(self.settings.guidance, message.mci_state);
         let measured = self.settings.order.rad(&message.feedback);
         let planned = self.settings.order.rad(&message.planned);
@@ -230,7 +225,7 @@ impl<L: Link> Middle<L> {
         if Some(from) != self.settings.application {
             return refused(Count::Foreign);
         }
-        if self.robot.is_none_or(|robot| now_ns.saturating_sub(robot.last_ns) >= SESSION_NS) {
+        if self.robot.is_none_or(|robot| self.is_over(&robot, now_ns)) {
             return refused(Count::Early);
         }
         let (header, screened) = match read(self.settings.guidance, datagram) {
@@ -295,7 +290,8 @@ impl<L: Link> Middle<L> {
         let (Some(q), Some(stands)) = (q, stands.filter(|_| self.feed.is_correcting())) else {
             return true;
         };
-        robot.not_guided >= STOPPED_AFTER && self.feed.is_at_target(&q[..self.arm.count()], &stands)
+        robot.not_guided >= self.settings.runs.stopped_after
+            && self.feed.is_at_target(&q[..self.arm.count()], &stands)
     }
 
     fn correct_joints(&mut self, datagram: &mut [u8], planned: &Posture, is_repeated: bool) {

@@ -12,6 +12,7 @@ use super::joints::Order;
 use super::middle::{Middle, Settings};
 use super::screened::Screened;
 use crate::error::BridgeError;
+use crate::settings::RunRules;
 use crate::socket::{DATAGRAM_MAX, DRAIN_MAX, bind, receive, wait};
 use crate::start::{CYCLE_S, Ground, Options};
 
@@ -51,6 +52,7 @@ pub fn run(
         order: Order { count: ground.arm.count(), seventh_after: config.seventh_after },
         is_shadow: config.common.absolute_accuracy,
         path_period_ns: (config.path_period_s * 1e9) as u64,
+        runs: RunRules::of(&config.common),
     };
     let Ground { arm, feed, news, teller, .. } = ground;
     drop(news);

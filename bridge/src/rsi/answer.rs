@@ -20,10 +20,8 @@ use crate::feed::Feed;
 use crate::joining::Joining;
 use crate::link::Link;
 use crate::sequence::{Sequence, Standing};
+use crate::settings::RunRules;
 
-/// So much of the controller's own clock without a telegram, ms, ends a run, unless late answers were counted meanwhile: more than
-/// KUKA's default `Timeout` of 100 packets of 4 ms.
-const SESSION_MS: u32 = 1000;
 /// Answers that are remembered, in case the controller has not used them.
 const KEPT: usize = 32;
 
@@ -67,6 +65,7 @@ pub struct Answerer<L = Joining> {
     arm: Arm,
     feed: Feed<L>,
     counts: Arc<Counts>,
+    runs: RunRules,
     sequence: Sequence,
     /// Smallest step of the controller's clock so far: one cycle.
     step: u32,
@@ -90,6 +89,7 @@ impl<L: Link> Answerer<L> {
     /// A sensor that has heard nothing yet.
     #[must_use]
     pub fn new(config: RsiConfig, arm: Arm, feed: Feed<L>, counts: Arc<Counts>) -> Self {
+        let runs = RunRules::of(&config.common);
         let own = match &config.correction {
             RsiCorrection::Axes(group) | RsiCorrection::Pose(group, _) => group,
         };
@@ -104,7 +104,8 @@ impl<L: Link> Answerer<L> {
             arm,
             feed,
             counts,
-            sequence: Sequence::CLOCK,
+            sequence: Sequence::clock(runs.sequence),
+            runs,
             step: u32::MAX,
             late: None,
             owes_answer: false,
@@ -148,8 +149,9 @@ impl<L: Link> Answerer<L> {
 
     fn note(&mut self, telegram: &Telegram<'_>, standing: Standing) {
         let late = telegram.late();
+        let ends_after_ms = self.runs.ends_after_ms();
         // Late answers are counted while RSI is on: a silence in which most cycles were counted is a network failure, and the correction continues.
-        let is_silent = matches!(standing, Standing::Next { lost } if lost >= SESSION_MS);
+        let is_silent = matches!(standing, Standing::Next { lost } if lost >= ends_after_ms);
         let counted = late.unwrap_or(0).saturating_sub(self.late.unwrap_or(0));
         let cycles = match standing {
             Standing::Next { lost } => u64::from((lost + 1) / self.step.min(lost + 1)),

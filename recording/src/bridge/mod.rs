@@ -47,6 +47,8 @@ pub struct Common {
     pub robot: IpAddr,
     /// How long an answer of the daemon is awaited, s.
     pub answer_within_s: f64,
+    /// Silence of the controller that ends its run, s.
+    pub run_ends_after_s: f64,
 }
 
 /// `trued.bridge-egm/1`.
@@ -173,7 +175,9 @@ fn common(root: &Table<'_, '_>, schema: &str, robot: &Table<'_, '_>) -> Option<C
     robot.require("address", "the controller's address, like \"192.168.125.1\"");
     let address = address(robot, "address", "an address, like \"192.168.125.1\"");
     let timing = root.table("timing");
-    let within = timing.as_ref().and_then(|table| table.number("answer_within_ms", 0.05..=100.0));
+    let number = |key, range| timing.as_ref().and_then(|table| table.number(key, range));
+    let within_ms = number("answer_within_ms", 0.05..=100.0);
+    let run_ends_after_ms = number("run_ends_after_ms", 400.0..=10_000.0);
     if let Some(table) = timing {
         table.close();
     }
@@ -181,7 +185,8 @@ fn common(root: &Table<'_, '_>, schema: &str, robot: &Table<'_, '_>) -> Option<C
         cell: cell?,
         absolute_accuracy: accuracy?,
         robot: address?,
-        answer_within_s: within.unwrap_or(1.0) * 1e-3,
+        answer_within_s: within_ms.unwrap_or(1.0) * 1e-3,
+        run_ends_after_s: run_ends_after_ms.unwrap_or(1000.0) * 1e-3,
     })
 }
 

@@ -25,6 +25,7 @@ fn the_examples_that_are_shipped_load() {
     let egm = EgmConfig::parse("bridge.toml", EGM).unwrap();
     assert_eq!((egm.listen.port(), egm.guidance), (6510, Guidance::Joints));
     assert_eq!((egm.path_period_s, egm.common.answer_within_s), (0.048, 0.001));
+    assert_eq!(egm.common.run_ends_after_s, 1.0);
     assert_eq!((egm.force, egm.common.absolute_accuracy), (Some(Frame::Tool), false));
     let rsi = rsi(RSI, XML).unwrap();
     assert_eq!((rsi.listen.port(), rsi.ethernet.sentype.as_str()), (49152, "Trued"));

@@ -84,6 +84,9 @@ struct Timing {
     /// How long the daemon is waited for, ms; in practice below the cycle.
     #[schemars(range(min = 0.05, max = 100.0), extend("default" = 1.0))]
     answer_within_ms: Option<f64>,
+    /// Silence of the controller that ends its run, ms; longer than the controller itself waits for answers.
+    #[schemars(range(min = 400.0, max = 10_000.0), extend("default" = 1000.0))]
+    run_ends_after_ms: Option<f64>,
 }
 
 #[derive(JsonSchema)]

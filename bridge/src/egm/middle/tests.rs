@@ -1,5 +1,7 @@
 //! Every rule of the EGM bridge, with datagrams built byte by byte; without a daemon, so that targets are forwarded unchanged.
 
+use std::time::Duration;
+
 use super::*;
 use crate::egm::messages::Header;
 use crate::egm::wire::Writer;
@@ -29,6 +31,7 @@ fn middle_over<L: Link>(guidance: Guidance, feed: Feed<L>) -> (Middle<L>, Arc<Co
         order: Order { count: 6, seventh_after: None },
         is_shadow: false,
         path_period_ns: 48 * MS,
+        runs: RunRules::default(),
     };
     (Middle::new(settings, arm, feed, None, Arc::clone(&counts)), counts)
 }
@@ -208,6 +211,17 @@ fn a_controller_that_begins_anew_is_a_new_run() {
     assert_eq!(passed[..6], [true, true, false, false, false, false]);
     assert!(passed[6..].iter().all(|passed| *passed), "{passed:?}");
     assert_eq!(counts.get(Count::Sessions), 3);
+}
+
+#[test]
+fn a_controller_that_waits_longer_keeps_its_run_where_the_configuration_says_so() {
+    for (ends_after_s, sessions) in [(1, 2), (2, 1)] {
+        let (mut middle, counts) = middle(Guidance::Joints);
+        middle.settings.runs.ends_after = Duration::from_secs(ends_after_s);
+        assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+        assert!(middle.of_robot(&feedback(2), at(ROBOT), 1500 * MS));
+        assert_eq!(counts.get(Count::Sessions), sessions, "{ends_after_s} s");
+    }
 }
 
 #[test]

@@ -9,6 +9,7 @@ use bridge::Counts;
 use bridge::egm::joints::Order;
 use bridge::egm::middle::{Middle, Settings};
 use bridge::feed::Feed;
+use bridge::settings::RunRules;
 use prost::Message;
 use recording::bridge::Guidance;
 use std::net::SocketAddr;
@@ -55,6 +56,7 @@ impl EgmCell {
             order: Order { count: JOINTS, seventh_after: None },
             is_shadow: false,
             path_period_ns: 48_000_000,
+            runs: RunRules::default(),
         };
         let feed = Feed::over(VirtualDaemon::new(chance.bits()));
         let now_ns = 1 << 40;

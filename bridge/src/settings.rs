@@ -1,0 +1,89 @@
+//! The settings by which a bridge decides what a datagram belongs to: the same run, another one, an old datagram.
+
+use std::time::Duration;
+
+use recording::bridge::Common;
+
+/// When a run of the controller has ended, and which datagrams are of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RunRules {
+    /// Silence of the controller after which its run has ended, unless its count went on meanwhile. 0.4 to 10 s, default 1 s. Origin: RSI tolerates
+    /// `Timeout` = 100 late packets of 4 ms by default; a controller that is set to wait longer needs a larger value (`[timing] run_ends_after_ms`).
+    pub ends_after: Duration,
+    /// From this many lost datagrams on, the controller may have started another run near the old count: where the robot stands decides. 10 to 1000,
+    /// default 50. Origin: 0.2 s of EGM's 4 ms, less than a program needs to start `EGMRunJoint` again.
+    pub doubtful_lost: u32,
+    /// The robot has stopped after this many messages in a row that do not guide it; fewer may be old ones, replayed. 1 to 50, default 3.
+    /// Origin: a burst that a network repeats or reorders is of one or two datagrams.
+    pub stopped_after: u32,
+    /// Another mechanical unit is served after this many datagrams in a row once the present one is silent. 1 to 50, default 3. Origin: as `stopped_after`.
+    pub unit_taken_after: u32,
+    /// How numbers of datagrams are judged.
+    pub sequence: SequenceRules,
+}
+
+impl Default for RunRules {
+    fn default() -> Self {
+        Self {
+            ends_after: Duration::from_secs(1),
+            doubtful_lost: 50,
+            stopped_after: 3,
+            unit_taken_after: 3,
+            sequence: SequenceRules::default(),
+        }
+    }
+}
+
+impl RunRules {
+    /// The rules of a bridge with this configuration.
+    #[must_use]
+    pub fn of(common: &Common) -> Self {
+        Self { ends_after: Duration::from_secs_f64(common.run_ends_after_s), ..Self::default() }
+    }
+
+    /// [`Self::ends_after`] in ns.
+    #[must_use]
+    pub fn ends_after_ns(&self) -> u64 {
+        u64::try_from(self.ends_after.as_nanos()).unwrap_or(u64::MAX)
+    }
+
+    /// [`Self::ends_after`] in ms of the controller's clock.
+    #[must_use]
+    pub fn ends_after_ms(&self) -> u32 {
+        u32::try_from(self.ends_after.as_millis()).unwrap_or(u32::MAX)
+    }
+}
+
+/// How the number of a datagram is judged against the count before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SequenceRules {
+    /// Numbers that may be lost at once without a doubt, of a sender that counts its datagrams. 10 to 100 000, default 1000.
+    /// Origin: 4 s of EGM, longer than any network outage in which a run goes on.
+    pub lost_max: u32,
+    /// A number that does not follow is believed once this many datagrams in a row count up from it; fewer may be replayed ones. 2 to 50, default 5.
+    /// Origin: as a run's `stopped_after`, and two more, because the price of a mistake is a new run.
+    pub believed_after: u32,
+    /// Each of those is ahead of the one before by at most this. 1 to 10 000, default 100. Origin: RSI counts ms, 12 in a cycle; up to seven in a row may be lost.
+    pub ahead_max: u32,
+}
+
+impl Default for SequenceRules {
+    fn default() -> Self {
+        Self { lost_max: 1000, believed_after: 5, ahead_max: 100 }
+    }
+}
+
+/// How the daemon is joined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct JoinRules {
+    /// How long one attempt may take. 0.1 to 10 s, default 1 s. Origin: forty times what the first answer after a daemon's start took at worst (docs/figures.md).
+    pub within: Duration,
+    /// Pause between two attempts. 10 ms to 10 s, default 0.2 s. Origin: a restart is noticed at once to a person, at a negligible load.
+    pub again_after: Duration,
+}
+
+impl Default for JoinRules {
+    fn default() -> Self {
+        Self { within: Duration::from_secs(1), again_after: Duration::from_millis(200) }
+    }
+}
