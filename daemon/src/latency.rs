@@ -1,9 +1,11 @@
 //! Latency of the cycle, counted by the cycle and read by the supervisor.
 //!
-//! Promises: recording is two relaxed atomic operations; a quantile is accurate to 1/16 of its value (log-linear buckets).
+//! Promises: recording is relaxed loads and stores; a quantile is accurate to 1/16 of its value (log-linear buckets).
 //! Never: a lock or an allocation after [`Latency::default`].
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use shm_schema::{LATENCY_BUCKETS, latency_below_ns};
 
 /// Buckets in each doubling of the value.
 const PER_OCTAVE: u64 = 16;
@@ -14,6 +16,7 @@ const OCTAVES: u64 = 40;
 #[derive(Debug)]
 pub struct Latency {
     buckets: Box<[AtomicU64]>,
+    sum_ns: AtomicU64,
     worst_ns: AtomicU64,
 }
 
@@ -30,22 +33,29 @@ pub struct Quantiles {
     pub max_ns: u64,
     /// How many were counted.
     pub count: u64,
+    /// Their sum.
+    pub sum_ns: u64,
+    /// How many each bucket of a status holds, see [`latency_below_ns`].
+    pub counts: [u64; LATENCY_BUCKETS],
 }
 
 impl Default for Latency {
     fn default() -> Self {
         let buckets = (0..PER_OCTAVE * OCTAVES).map(|_| AtomicU64::new(0)).collect();
-        Self { buckets, worst_ns: AtomicU64::new(0) }
+        Self { buckets, sum_ns: AtomicU64::new(0), worst_ns: AtomicU64::new(0) }
     }
 }
 
 impl Latency {
-    /// Counts one duration. One thread records.
+    /// Counts one duration. One thread records: nothing is lost between a load and its store.
     pub fn record(&self, duration_ns: u64) {
         if let Some(bucket) = self.buckets.get(index_of(duration_ns)) {
-            bucket.fetch_add(1, Relaxed);
+            bucket.store(bucket.load(Relaxed) + 1, Relaxed);
         }
-        self.worst_ns.fetch_max(duration_ns, Relaxed);
+        self.sum_ns.store(self.sum_ns.load(Relaxed).saturating_add(duration_ns), Relaxed);
+        if duration_ns > self.worst_ns.load(Relaxed) {
+            self.worst_ns.store(duration_ns, Relaxed);
+        }
     }
 
     /// The quantiles so far; zeros where nothing was counted.
@@ -62,8 +72,29 @@ impl Latency {
             });
             found.map_or(0, |index| upper_edge_ns(index as u64).min(max_ns))
         };
-        Quantiles { p50_ns: at(0.5), p99_ns: at(0.99), p999_ns: at(0.999), max_ns, count }
+        Quantiles {
+            p50_ns: at(0.5),
+            p99_ns: at(0.99),
+            p999_ns: at(0.999),
+            max_ns,
+            count,
+            sum_ns: self.sum_ns.load(Relaxed),
+            counts: coarse(&counts),
+        }
     }
+}
+
+/// The buckets of a status: each is a doubling, so that it holds whole buckets of ours.
+fn coarse(counts: &[u64]) -> [u64; LATENCY_BUCKETS] {
+    let mut sums = [0; LATENCY_BUCKETS];
+    let mut bucket = 0;
+    for (index, count) in counts.iter().enumerate() {
+        while latency_below_ns(bucket).is_some_and(|below| upper_edge_ns(index as u64) >= below) {
+            bucket += 1;
+        }
+        sums[bucket] += count;
+    }
+    sums
 }
 
 /// Values below 16 have a bucket each; above, 16 buckets to a doubling.
@@ -98,6 +129,21 @@ mod tests {
         for (found, truth) in [(q.p50_ns, 50_000.0), (q.p99_ns, 99_000.0), (q.p999_ns, 99_900.0)] {
             let found = found as f64;
             assert!(found >= truth && found <= truth * (1.0 + 1.0 / 16.0), "{found} for {truth}");
+        }
+    }
+
+    #[test]
+    fn each_duration_is_in_the_bucket_of_the_status_that_its_bounds_say() {
+        for duration in [0, 1023, 1024, 1500, 2047, 2048, 999_999, (1 << 25) - 1, 1 << 25, u64::MAX]
+        {
+            let latency = Latency::default();
+            latency.record(duration);
+            let q = latency.quantiles();
+            let bucket = q.counts.iter().position(|count| *count == 1).expect("one bucket");
+            assert!(latency_below_ns(bucket).is_none_or(|below| duration < below), "{duration}");
+            let begins = bucket.checked_sub(1).and_then(latency_below_ns).unwrap_or(0);
+            assert!(duration >= begins, "{duration} in the bucket from {begins}");
+            assert_eq!((q.counts.iter().sum::<u64>(), q.sum_ns), (1, duration));
         }
     }
 

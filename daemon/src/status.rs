@@ -141,6 +141,8 @@ impl Constants {
             latency_p99_ns: latency.p99_ns,
             latency_p999_ns: latency.p999_ns,
             latency_max_ns: latency.max_ns,
+            latency_sum_ns: latency.sum_ns,
+            latency_counts: latency.counts,
             wrench_loop_gain: f64::from_bits(read(&counters.loop_gain_bits)),
             pid: std::process::id(),
             mode: mode(exchange.mode()).code(),

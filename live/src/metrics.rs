@@ -7,7 +7,8 @@ use std::fmt;
 
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::text::encode;
-use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric};
+use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, NoLabelSet};
+use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Registry;
@@ -159,7 +160,21 @@ impl Metrics<'_, '_> {
             ("100", latency.max),
         ];
         let values = values.map(|(percentile, us)| (Some(("percentile", percentile)), 1e-6 * us));
-        self.put("latency_seconds", "From a command's sending to its answer", &values)
+        let help = "Percentiles since the start of the time from a command's sending to its answer";
+        self.put("latency_percentile_seconds", help, &values)?;
+        let help = "Time from a command's sending to its answer";
+        let kind = MetricType::Histogram;
+        let mut metric = self.encoder.encode_descriptor("latency_seconds", help, None, kind)?;
+        let buckets: Vec<(f64, u64)> = latency
+            .histogram
+            .iter()
+            .map(|bucket| (bucket.below.map_or(f64::MAX, |us| us / 1e6), bucket.count))
+            .collect();
+        let count = buckets.iter().map(|(_, count)| count).sum::<u64>();
+        let sum = 1e-6 * latency.mean * count as f64;
+        metric
+            .encode_family(&[("cell", self.cell)])?
+            .encode_histogram::<NoLabelSet>(sum, count, &buckets, None)
     }
 
     fn counts(&mut self, report: &Report) -> fmt::Result {
@@ -238,8 +253,8 @@ impl Metrics<'_, '_> {
         }
         let trim_m = 1e-3 * report.trim.length_mm();
         let found_m = 1e-3 * report.trim.found_length_mm();
-        self.gauge("trim_metres", "What the tool's target is displaced by", trim_m)?;
-        self.gauge("trim_found_metres", "What the instrument finds of the model's error", found_m)
+        self.gauge("trim_meters", "What the tool's target is displaced by", trim_m)?;
+        self.gauge("trim_found_meters", "What the instrument finds of the model's error", found_m)
     }
 }
 
@@ -255,6 +270,8 @@ mod tests {
         status.correction[..2].copy_from_slice(&[1e-3, -2e-3]);
         status.bounds.angle[..2].copy_from_slice(&[2e-3, 4e-3]);
         status.latency_p99_ns = 25_000;
+        (status.latency_counts[6], status.latency_counts[16]) = (2, 1);
+        status.latency_sum_ns = 40_100_000;
         Report::of("line 4 \"east\"", &status, away.map(str::to_owned))
     }
 
@@ -272,8 +289,16 @@ mod tests {
         assert_eq!(sample(&format!("trued_mode{cell},state=\"full\"")), 1.0);
         assert_eq!(sample(&format!("trued_mode{cell},state=\"shadow\"")), 0.0);
         assert_eq!(sample(&format!("trued_correction_ratio{cell},joint=\"2\"")), -0.5);
-        let latency = sample(&format!("trued_latency_seconds{cell},percentile=\"99\""));
+        let latency = sample(&format!("trued_latency_percentile_seconds{cell},percentile=\"99\""));
         assert!((latency - 25e-6).abs() < 1e-12, "{latency}");
+        let at_most = |le: &str| {
+            sample(&format!(
+                "trued_latency_seconds_bucket{{le=\"{le}\",cell=\"line 4 \\\"east\\\"\"}}"
+            ))
+        };
+        assert_eq!([at_most("1.024e-6"), at_most("+Inf")], [0.0, 3.0]);
+        let seconds = sample(&format!("trued_latency_seconds_sum{cell}"));
+        assert!((seconds - 0.0401).abs() < 1e-12, "{seconds}");
         assert!(text.ends_with("# EOF\n"));
     }
 

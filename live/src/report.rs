@@ -1,7 +1,7 @@
 //! A status as JSON (schema `trued.status/1`): codes as words, units in the keys.
 
 use serde::Serialize;
-use shm_schema::{RecorderState, WrenchGate};
+use shm_schema::{RecorderState, WrenchGate, latency_below_ns};
 use trued_client::{
     FeedReason, FeedState, Health, InCut, JOINTS_MAX, Mode, Status, TrimReason, TrimState,
     VibrationState, WatchState, monotonic_ns,
@@ -185,6 +185,20 @@ pub struct Latency {
     pub p999: f64,
     /// The largest.
     pub max: f64,
+    /// The mean; 0 before the first.
+    pub mean: f64,
+    /// How many there were since the start, by their size.
+    pub histogram: Vec<LatencyBucket>,
+}
+
+/// One bucket of the latency histogram. It begins where the one before it ends.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct LatencyBucket {
+    /// Its upper bound, µs; `null` for the last one.
+    pub below: Option<f64>,
+    /// How many it holds.
+    pub count: u64,
 }
 
 /// The force stream.
@@ -347,11 +361,18 @@ fn counts(status: &Status) -> Counts {
 
 fn latency(status: &Status) -> Latency {
     let us = |ns: u64| ns as f64 * 1e-3;
+    let count: u64 = status.latency_counts.iter().sum();
+    let bucket = |(bucket, &count): (usize, &u64)| LatencyBucket {
+        below: latency_below_ns(bucket).map(|ns| ns as f64 / 1e3),
+        count,
+    };
     Latency {
         p50: us(status.latency_p50_ns),
         p99: us(status.latency_p99_ns),
         p999: us(status.latency_p999_ns),
         max: us(status.latency_max_ns),
+        mean: us(status.latency_sum_ns) / count.max(1) as f64,
+        histogram: status.latency_counts.iter().enumerate().map(bucket).collect(),
     }
 }
 

@@ -52,7 +52,10 @@ pub use port::{
 pub use robot::RobotState;
 pub use sensor::{CHANNEL_NAMES, ForceFault, SensorFault, channel_name};
 pub use services::{CONTRACT_HASH, CONTRACT_VERSION, Topic};
-pub use status::{Health, JointBounds, Mode, ROBOT_BYTES_MAX, RecorderState, Status, WatchState};
+pub use status::{
+    Health, JointBounds, LATENCY_BUCKETS, Mode, ROBOT_BYTES_MAX, RecorderState, Status, WatchState,
+    latency_below_ns,
+};
 pub use text::Text;
 pub use vibration::{Advice, Verdict, VibrationClass, VibrationState};
 

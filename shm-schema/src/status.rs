@@ -12,6 +12,16 @@ use crate::sensor::ForceFault;
 use crate::text::Text;
 use crate::vibration::Verdict;
 
+/// Buckets of the latency histogram in a status.
+pub const LATENCY_BUCKETS: usize = 17;
+
+/// Upper bound of a bucket of the latency histogram, ns: powers of two from 2¹⁰ (1.024 µs) to 2²⁵ (33.6 ms); none for the last bucket. A bucket begins where
+/// the one before it ends.
+#[must_use]
+pub const fn latency_below_ns(bucket: usize) -> Option<u64> {
+    if bucket + 1 < LATENCY_BUCKETS { Some(1 << (10 + bucket)) } else { None }
+}
+
 /// Most bytes of each name of a robot in a status.
 pub const ROBOT_BYTES_MAX: usize = 64;
 
@@ -156,6 +166,10 @@ plain_struct! {
         pub feed_refused: u64,
         /// Bounds of the override.
         pub feed_bounds: FeedBounds,
+        /// Sum of all latencies since the start, ns.
+        pub latency_sum_ns: u64,
+        /// How many latencies each bucket holds, see [`latency_below_ns`].
+        pub latency_counts: [u64; LATENCY_BUCKETS],
         /// Limits of joints and correction.
         pub bounds: JointBounds,
         /// The last command, rad or m; 0 before the first.

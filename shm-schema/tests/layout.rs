@@ -16,7 +16,7 @@ macro_rules! pinned {
 
 #[test]
 fn the_layout_of_status_stands() {
-    pinned!(Status: 2248 bytes, hash 0xfef8_996e_1258_d062,
+    pinned!(Status: 2392 bytes, hash 0xfef8_996e_1258_d062,
         seq at 0, t_ns at 8, started_ns at 16, model_epoch at 24, model_hash at 32,
         geometry_hash at 40, cycles at 48, missed_cycles at 56, commands at 64, rejected
         at 72, held at 80, stale at 88, commands_lost at 96, corrected_lost at 104,
@@ -32,8 +32,9 @@ fn the_layout_of_status_stands() {
         trim_found_m at 504, trim_measurements at 528, trim_refused at 536,
         feed_state at 544, feed_reason at 548, feed_override at 552, feed_wanted at 560, feed_force_n at
         568, feed_programmed_force_n at 576, feed_limit_n at 584, feed_speed_m_s at 592, feed_refused
-        at 600, feed_bounds at 608, bounds at 648, q_command at 1288, correction at 1416,
-        robot_maker at 1544, robot_type at 1608, robot_serial at 1672, message at 1736);
+        at 600, feed_bounds at 608, latency_sum_ns at 648, latency_counts at 656, bounds at 792,
+        q_command at 1432, correction at 1560, robot_maker at 1688, robot_type at 1752,
+        robot_serial at 1816, message at 1880);
 }
 
 #[test]

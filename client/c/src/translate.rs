@@ -207,7 +207,7 @@ pub(crate) fn status(from: &Status) -> trued_status {
             stale_temperatures, q_command, correction, trim_state, trim_reason, trim_m,
             trim_found_m, trim_measurements, trim_refused, feed_state, feed_reason,
             feed_override, feed_wanted, feed_force_n, feed_programmed_force_n, feed_limit_n,
-            feed_speed_m_s, feed_refused,
+            feed_speed_m_s, feed_refused, latency_sum_ns, latency_counts,
         }
         struct_size: 0,
         q_min: from.bounds.min,

@@ -167,6 +167,8 @@ pub(crate) struct Status {
     feed_limit_n: f64,
     feed_speed_m_s: f64,
     feed_refused: u64,
+    latency_sum_ns: u64,
+    latency_counts: Vec<u64>,
 }
 
 /// A struct of fields that the message has by the same name, and of others.
@@ -188,7 +190,7 @@ impl Status {
                 model_measurements, model_residual_m, wrench_loop_gain, spindle_rpm, feed_mm_s,
                 joints, uncompensated_effects, geometry_hash, stale_temperatures,
                 trim_measurements, trim_refused, feed_override, feed_wanted, feed_force_n,
-                feed_programmed_force_n, feed_limit_n, feed_speed_m_s, feed_refused,
+                feed_programmed_force_n, feed_limit_n, feed_speed_m_s, feed_refused, latency_sum_ns,
             }
             health: word::<trued_client::Health>(from.health),
             mode: word::<trued_client::Mode>(from.mode),
@@ -215,6 +217,7 @@ impl Status {
             trim_found_m: from.trim_found_m.into(),
             feed_state: word::<trued_client::FeedState>(from.feed_state),
             feed_reason: word::<trued_client::FeedReason>(from.feed_reason),
+            latency_counts: from.latency_counts.to_vec(),
         )
     }
 }

@@ -133,6 +133,10 @@ class Status:
     feed_limit_n: Final[float]
     feed_speed_m_s: Final[float]
     feed_refused: Final[int]
+    latency_sum_ns: Final[int]
+    latency_counts: Final[list[int]]
+    """Histogram of latencies since the start: the first entry counts those below 2**10 ns, entry n those from 2**(9 + n) to
+    below 2**(10 + n) ns, the last one all longer ones."""
 
 @final
 class Vibration:

@@ -17,6 +17,8 @@ pub const TRUED_TEMPERATURES_MAX: usize = 17;
 pub const TRUED_WORDS_MAX: usize = 520;
 /// Size of a name of the robot, including the terminating zero.
 pub const TRUED_NAME_MAX: usize = 72;
+/// Buckets of the latency histogram in a status.
+pub const TRUED_LATENCY_BUCKETS: usize = 17;
 
 /// Which struct, of what size when it was first released, of which types in turn: checked to have no padding.
 macro_rules! grows {

@@ -4,7 +4,7 @@
 
 use core::ffi::c_char;
 
-use super::{TRUED_JOINTS_MAX, TRUED_NAME_MAX, TRUED_WORDS_MAX, grows};
+use super::{TRUED_JOINTS_MAX, TRUED_LATENCY_BUCKETS, TRUED_NAME_MAX, TRUED_WORDS_MAX, grows};
 
 /// A joint target, to be sent to the robot.
 #[derive(Clone, Copy)]
@@ -212,6 +212,11 @@ pub struct trued_status {
     pub feed_speed_m_s: f64,
     /// Wrenches that were refused: no numbers.
     pub feed_refused: u64,
+    /// Sum of all latencies since the start.
+    pub latency_sum_ns: u64,
+    /// Histogram of latencies since the start: the first entry counts those below 2^10 ns, entry n those from 2^(9+n) to below 2^(10+n) ns, the
+    /// last one all longer ones.
+    pub latency_counts: [u64; TRUED_LATENCY_BUCKETS],
 }
 
 /// One verdict on one line of the force spectrum. Unknown values are NaN.
@@ -313,7 +318,7 @@ type Name = [c_char; TRUED_NAME_MAX];
 grows! {
     trued_target 144 = [u32; 4], Joints, f64;
     trued_corrected 600 = [u32; 6], [u64; 6], [Joints; 4], [f64; 3];
-    trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words, u64, [u32; 2], [Name; 3], [Joints; 2], [u32; 2], [[f64; 3]; 2], [u64; 2], [u32; 2], [f64; 6], u64;
+    trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words, u64, [u32; 2], [Name; 3], [Joints; 2], [u32; 2], [[f64; 3]; 2], [u64; 2], [u32; 2], [f64; 6], [u64; 2], [u64; TRUED_LATENCY_BUCKETS];
     trued_vibration 680 = [u32; 12], [u64; 4], [f64; 10], Words;
     trued_connection 544 = [u32; 4], u64, Words;
     trued_answer 536 = [u32; 2], u64, Words;
