@@ -21,7 +21,7 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Input, Reading};
 use crate::lockstep::Cycle;
 use crate::output::Console;
-use crate::setpoints::Setpoints;
+use crate::setpoints::{Setpoints, Timed};
 use crate::table::Table;
 use crate::{interrupt, progress};
 
@@ -29,6 +29,8 @@ use crate::{interrupt, progress};
 const NAP: Duration = Duration::from_millis(50);
 /// Above what one row may take, ns.
 const LATENCY_NS_MAX: u64 = 60_000_000_000;
+/// Answers that are judged together, so that the round trips between are timed with warm caches; it takes about a millisecond.
+const JUDGED_AT_ONCE: usize = 128;
 /// Digits that the latency histogram keeps.
 const DIGITS: u8 = 3;
 
@@ -106,7 +108,7 @@ impl Replay {
         daemon: &mut OwnDaemon,
         stop: &AtomicBool,
     ) -> Result<Driven, Failure> {
-        let mut answers = Vec::with_capacity(input.recording.len());
+        let mut judge = Judge::of(input)?;
         let mut latency =
             Histogram::new_with_max(LATENCY_NS_MAX, DIGITS).map_err(Failure::system)?;
         let bar = progress::bar(console, input.recording.len() as u64, "replaying");
@@ -121,15 +123,12 @@ impl Replay {
             let sent = Instant::now();
             let answer = daemon.ask(&row, stop)?;
             latency.saturating_record(u64::try_from(sent.elapsed().as_nanos()).unwrap_or(u64::MAX));
-            answers.push(answer);
+            judge.take(row, answer)?;
             bar.inc(1);
         }
-        let seconds = start.elapsed().as_secs_f64();
-        Ok(Driven {
-            corrections: judged(input, &answers)?,
-            latency: Latency::of(&latency),
-            seconds,
-        })
+        let seconds = start.elapsed().saturating_sub(judge.spent).as_secs_f64();
+        let corrections = judge.end()?;
+        Ok(Driven { corrections, latency: Latency::of(&latency), seconds })
     }
 
     fn say(
@@ -193,15 +192,46 @@ fn wait(start: Instant, due: Duration, stop: &AtomicBool) -> Result<(), Failure>
 
 /// The answers with what is left of the tool error. The daemon states the error left at the correction it solved for; the same cycle here gives the
 /// error left at the one it published.
-fn judged(input: &Input, answers: &[Corrected]) -> Result<Corrections, Failure> {
-    let mut corrections = Corrections::of(&input.model);
-    let mut cycle = Cycle::of_cell(&input.model, &input.recording)?;
-    for (row, answer) in Setpoints::of(&input.recording, input.joint_kinds.len()).zip(answers) {
-        cycle.answer(&row)?;
-        let left = cycle.left_with(answer);
-        corrections.take(row.setpoint.joints(), answer, left).map_err(Failure::system)?;
+struct Judge<'m> {
+    corrections: Corrections,
+    cycle: Cycle<'m>,
+    /// Rows and their answers that are not judged yet: an answer is four times the size of what is kept of it.
+    waiting: Vec<(Timed, Corrected)>,
+    /// What judging took: no time of the daemon's.
+    spent: Duration,
+}
+
+impl<'m> Judge<'m> {
+    fn of(input: &'m Input) -> Result<Self, Failure> {
+        Ok(Self {
+            corrections: Corrections::of(&input.model),
+            cycle: Cycle::of_cell(&input.model, &input.recording)?,
+            waiting: Vec::with_capacity(JUDGED_AT_ONCE),
+            spent: Duration::ZERO,
+        })
     }
-    Ok(corrections)
+
+    fn take(&mut self, row: Timed, answer: Corrected) -> Result<(), Failure> {
+        self.waiting.push((row, answer));
+        if self.waiting.len() == JUDGED_AT_ONCE { self.judge() } else { Ok(()) }
+    }
+
+    fn judge(&mut self) -> Result<(), Failure> {
+        let start = Instant::now();
+        for (row, answer) in self.waiting.drain(..) {
+            self.cycle.answer(&row)?;
+            let left = self.cycle.left_with(&answer);
+            let taken = self.corrections.take(row.setpoint.joints(), &answer, left);
+            taken.map_err(Failure::system)?;
+        }
+        self.spent += start.elapsed();
+        Ok(())
+    }
+
+    fn end(mut self) -> Result<Corrections, Failure> {
+        self.judge()?;
+        Ok(self.corrections)
+    }
 }
 
 /// The schema of the result.
