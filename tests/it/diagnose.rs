@@ -95,7 +95,7 @@ fn a_concealed_backlash_is_named_with_its_joint_and_width_and_the_gain_is_proven
 
 #[test]
 fn the_library_gives_what_the_command_writes_and_lists_the_largest_findings_first() {
-    let tilt = "[[effect]]\nkind = \"axis_tilt\"\njoint = 2\ntilt_mrad = [1.5, 0.0, 0.0]\n";
+    let tilt = "[[effect]]\nkind = \"axis_tilt\"\njoint = 2\ntilt_mrad = [1.5, 0.0]\n";
     let place = recorded(&format!("{BACKLASH}{tilt}"));
     let written = diagnosed(&place, "seen.csv");
     let found = |findings_most| {
