@@ -45,6 +45,9 @@
 // Size of a name of the robot, including the terminating zero.
 #define TRUED_NAME_MAX 72
 
+// Buckets of the latency histogram in a status.
+#define TRUED_LATENCY_BUCKETS 17
+
 // trued_setpoint: `wrench` is set; in tool axes unless TRUED_WRENCH_IN_BASE is set too.
 #define TRUED_HAS_WRENCH 1
 
@@ -918,6 +921,11 @@ typedef struct trued_status {
   double feed_speed_m_s;
   // Wrenches that were refused: no numbers.
   uint64_t feed_refused;
+  // Sum of all latencies since the start.
+  uint64_t latency_sum_ns;
+  // Histogram of latencies since the start: the first entry counts those below 2^10 ns, entry n those from 2^(9+n) to below 2^(10+n) ns, the
+  // last one all longer ones.
+  uint64_t latency_counts[TRUED_LATENCY_BUCKETS];
 } trued_status;
 
 // One verdict on one line of the force spectrum. Unknown values are NaN.
