@@ -16,6 +16,7 @@ pub mod mapping;
 pub mod model;
 pub mod program;
 pub mod programs;
+pub mod ros2;
 #[cfg(feature = "schema")]
 pub mod schema;
 pub mod series;

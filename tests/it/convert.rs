@@ -2,9 +2,15 @@
 
 use crate::program::Place;
 use physics::JointKind;
-use recording::blackbox::{BlackBox, Clocks, CycleRecord, Few, ForceRecord, Header};
+use recording::blackbox::{
+    BlackBox, Clocks, CycleRecord, Few, ForceRecord, Header, LogRecord, StatusRecord,
+};
 use recording::model::presets::preset;
 use recording::series::{Channel, Need, read};
+use std::path::Path;
+use std::process::Command;
+use tests::clients::{root, skipped};
+use tests::python::environment;
 
 const CYCLES: u64 = 50;
 
@@ -112,4 +118,97 @@ fn another_programs_table_becomes_a_recording_by_its_mapping() {
     let made = read(&place.path("new/log.csv"), None, Need::Path).expect("a recording");
     assert_eq!(made.t_s, [0.0, 0.01]);
     assert_eq!(made.column(Channel::Command(0)).expect("there")[1], (-45.5_f64).to_radians());
+}
+
+/// The messages of a file as the public package mcap-ros2-support decodes them; none, loudly, where it cannot be had.
+fn decoded(place: &Place, name: &str) -> Option<Vec<serde_json::Value>> {
+    let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let python = match environment(&scratch.join("mcap-ros2"), &["mcap-ros2-support>=0.5,<1"]) {
+        Ok(python) => python,
+        Err(why) => {
+            skipped(scratch, "ROS 2 messages in the Python package mcap-ros2-support", &why);
+            return None;
+        }
+    };
+    let mut command = Command::new(python);
+    command.arg(root().join("recording/tests/ros2/read.py")).arg(place.path(name));
+    let done = command.output().expect("an interpreter");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let lines = String::from_utf8(done.stdout).expect("text").replace("NaN", "null");
+    Some(lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect())
+}
+
+#[test]
+fn a_box_becomes_standard_ros_2_messages_that_the_public_decoder_reads() {
+    let place = Place::new();
+    let mut black_box = boxed(&place, "run.mcap");
+    let measured = CycleRecord {
+        received_ns: 2_000_000_000,
+        q_measured: Few::of(&[0.5; 6]),
+        tau: Few::of(&[10.0; 6]),
+        temperature_c: Few::of(&[21.0, 30.0]),
+        wrench_used: Few::of(&[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]),
+        wrench_in_base: 1,
+        measured_m: Few::of(&[1.0, 0.2, 0.7]),
+        measured_ns: 1_990_000_000,
+        ..cycle(CYCLES)
+    };
+    black_box.write_cycle(&measured).expect("room");
+    let data = vec![1.5, 2.5, 7.0, 8.0, 9.0, 10.0];
+    let block = ForceRecord { rate_hz: 1000.0, channels: 3, data, ..ForceRecord::default() };
+    black_box.write_force(&block).expect("room");
+    let status = StatusRecord { health: "degraded".to_owned(), ..StatusRecord::default() };
+    black_box.write_status(&StatusRecord { says: "no forces".to_owned(), ..status }).expect("room");
+    let line = LogRecord { level: "mark".to_owned(), says: "part 7".to_owned(), t_ns: 0 };
+    black_box.write_log(&line).expect("room");
+    black_box.finish().expect("room");
+    let done = place.succeed(&["convert", "--out", "bag.mcap", "--json", "said.json", "run.mcap"]);
+    assert!(done.out.contains("/trued/joint_corrected"), "{}", done.out);
+    assert_eq!(place.json("said.json")["topics"]["/trued/joint_command"], CYCLES + 1);
+    let Some(messages) = decoded(&place, "bag.mcap") else { return };
+    let of = |topic: &str| {
+        let found = messages.iter().filter(|message| message["topic"] == topic);
+        found.map(|found| &found["message"]).collect::<Vec<_>>()
+    };
+    let commands = of("/trued/joint_command");
+    assert_eq!(commands.len() as u64, CYCLES + 1);
+    assert_eq!(commands[3]["position"][5].as_f64(), Some(joint(3)));
+    assert_eq!(commands[3]["name"][5], "joint_6");
+    let state = of("/joint_states")[0];
+    assert_eq!((&state["effort"][1], &state["velocity"]), (&10.0.into(), &serde_json::json!([])));
+    assert_eq!(state["header"]["stamp"], serde_json::json!({ "sec": 2, "nanosec": 0 }));
+    let wrench = of("/trued/wrench")[0];
+    assert_eq!(
+        (&wrench["wrench"]["torque"]["z"], &wrench["header"]["frame_id"]),
+        (&0.3.into(), &"base".into())
+    );
+    let forces = of("/trued/force");
+    assert_eq!((forces.len(), &forces[1]["wrench"]["force"]["x"]), (2, &2.5.into()));
+    assert!(forces[1]["wrench"]["torque"]["x"].is_null(), "not measured: NaN");
+    assert_eq!(of("/trued/temperature/joint_1")[0]["temperature"], 30.0);
+    assert_eq!(of("/trued/measured_point")[0]["point"]["y"], 0.2);
+    let diagnostic = &of("/diagnostics")[0]["status"][0];
+    assert_eq!(
+        (&diagnostic["message"], &diagnostic["hardware_id"]),
+        (&"no forces".into(), &"demo".into())
+    );
+    assert_eq!(of("/rosout")[0]["msg"], "mark: part 7");
+}
+
+#[test]
+fn a_table_becomes_standard_ros_2_messages_and_columns_without_one_are_named() {
+    let place = Place::new();
+    place.file("log.csv", "t_s,q1_deg,q2_deg,x_mm,y_mm,z_mm,ow,ox,oy,oz,spindle_rpm\n5,90,0,1000,0,0,1,0,0,0,600\n6,90,0,,,,,,,,600\n");
+    let done = place.succeed(&["convert", "--out", "bag.mcap", "log.csv"]);
+    assert!(done.err.contains("spindle_rpm"), "{}", done.err);
+    let Some(messages) = decoded(&place, "bag.mcap") else { return };
+    let types: Vec<_> = messages.iter().map(|message| message["type"].as_str().unwrap()).collect();
+    let joints = "sensor_msgs/msg/JointState";
+    assert_eq!(types, [joints, "geometry_msgs/msg/PoseStamped", joints]);
+    assert_eq!(messages[1]["message"]["pose"]["orientation"]["w"], 1.0);
+    assert_eq!(messages[2]["log_time_ns"], 1_000_000_000);
+    place.file("spectrum.csv", "t_s,spindle_rpm\n0,600\n1,600\n");
+    let refused = place.run(&["convert", "--out", "none.mcap", "spectrum.csv"]);
+    assert_eq!(refused.code, Some(2), "{refused:?}");
+    assert!(!place.path("none.mcap").exists());
 }

@@ -80,7 +80,7 @@ macro_rules! plain {
     )+};
 }
 
-plain!(u8 = "uint8", u32 = "uint32", u64 = "uint64", f64 = "float64");
+plain!(u8 = "uint8", i32 = "int32", u32 = "uint32", u64 = "uint64", f64 = "float64");
 
 impl Field for String {
     const TYPE: &'static str = "string";

@@ -6,7 +6,7 @@
 //! also contain monotonic times. No threads here; called by the daemon's recorder thread. Unlike all other
 //! files, a recording is written directly under its final name, because it must survive its writer.
 
-mod cdr;
+pub(crate) mod cdr;
 mod clock;
 mod convert;
 mod info;

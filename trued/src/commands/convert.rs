@@ -1,12 +1,14 @@
-//! `trued convert`: converts a recording of the daemon (MCAP), or a table, to a table (CSV or Parquet).
+//! `trued convert`: converts a recording of the daemon (MCAP), or a table, to a table (CSV or Parquet) or to ROS 2 messages (MCAP).
 //!
 //! Promises: nothing of a row is lost; an MCAP file that was cut off is read as far as it goes, and that is said. Never: a file over the input.
 
+use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use recording::blackbox::{self, Contents, Run};
+use recording::blackbox::{self, Contents, Record, Run};
+use recording::ros2;
 use recording::series::{self, Need, Recording};
 use serde::Serialize;
 use tracing::warn;
@@ -16,15 +18,16 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::input::count;
 use crate::output::Console;
 
-/// Convert a recording: the daemon's MCAP file or a table (CSV, Parquet) into a table (CSV, Parquet)
+/// Convert a recording: the daemon's MCAP file or a table (CSV, Parquet) into a table (CSV, Parquet) or into ROS 2 messages (MCAP)
 ///
 /// Of an MCAP file, one row per cycle: commands, measured joints, wrench, temperatures, process state, and what became of each command (`c1_rad` …,
 /// `status`, `reason`). Force samples go to NAME-forces, the model that made the rows to NAME-model.toml, which NAME.toml names. Where another model was
 /// loaded meanwhile its rows are a recording of their own, NAME-2 with NAME-2-model.toml, and so on. Of another program's table, by its mapping, the columns
-/// get the names of `trued.recording/1`.
+/// get the names of `trued.recording/1`. With `--out NAME.mcap` standard ROS 2 messages are written instead: `sensor_msgs/JointState`,
+/// `geometry_msgs/WrenchStamped`, `diagnostic_msgs/DiagnosticArray` and others, for `ros2 bag`, RViz, Foxglove and PlotJuggler.
 #[derive(Debug, Args)]
 pub(crate) struct Convert {
-    /// Where the recording goes: NAME.csv and NAME.toml; NAME.parquet and NAME.toml where NAME ends so
+    /// Where the recording goes: NAME.csv and NAME.toml; NAME.parquet and NAME.toml, or NAME.mcap of ROS 2 messages, where NAME ends so
     #[arg(long, value_name = "NAME")]
     out: PathBuf,
     /// How another program's table becomes a recording; if not given, `NAME.mapping.toml` beside it
@@ -50,6 +53,10 @@ struct Report {
     cut: Option<String>,
     /// Messages that this version does not know.
     unknown: usize,
+    /// ROS 2 messages that were written, by topic; none where the output is a table.
+    topics: BTreeMap<String, usize>,
+    /// Columns of a table that no standard ROS 2 message carries.
+    left_out: Vec<String>,
     files: Vec<String>,
 }
 
@@ -72,10 +79,13 @@ impl Convert {
         let target = Target::of(&self.out);
         let mut outputs = console.outputs();
         let mut written = Vec::new();
-        let report = if has_ending(&self.input, "mcap") {
-            if self.mapping.is_some() {
-                return Err(Failure::input("an MCAP file of the daemon needs no --mapping"));
-            }
+        let is_of_daemon = has_ending(&self.input, "mcap");
+        if is_of_daemon && self.mapping.is_some() {
+            return Err(Failure::input("an MCAP file of the daemon needs no --mapping"));
+        }
+        let report = if has_ending(&self.out, "mcap") {
+            self.to_ros2(is_of_daemon, &mut outputs, &mut written)?
+        } else if is_of_daemon {
             self.of_daemon(&target, &mut outputs, &mut written)?
         } else {
             self.of_table(&target, &mut outputs, &mut written)?
@@ -117,8 +127,49 @@ impl Convert {
             recordings: made.runs.len(),
             cut,
             unknown,
-            files: Vec::new(),
+            ..Report::default()
         })
+    }
+
+    fn table(&self) -> Result<Recording, Failure> {
+        let read = series::read(&self.input, self.mapping.as_deref(), Need::Samples);
+        let recording = read.map_err(Failure::input)?;
+        for note in &recording.notes {
+            warn!("{}: {note}", self.input.display());
+        }
+        Ok(recording)
+    }
+
+    fn to_ros2(
+        &self,
+        is_of_daemon: bool,
+        outputs: &mut Outputs,
+        written: &mut Vec<PathBuf>,
+    ) -> Result<Report, Failure> {
+        let (bag, report) = if is_of_daemon {
+            let contents = blackbox::read(&self.input).map_err(Failure::input)?;
+            let bag = ros2::of_daemon(&contents).map_err(Failure::system)?;
+            let Contents { header, cut, unknown, records, .. } = contents;
+            let rows = records.iter().filter(|record| matches!(record, Record::Cycle(_))).count();
+            let (cell, version) = (Some(header.cell), Some(header.version));
+            (bag, Report { cell, version, rows, cut, unknown, ..Report::default() })
+        } else {
+            let recording = self.table()?;
+            let bag = ros2::of_table(&recording).map_err(Failure::system)?;
+            (bag, Report { rows: recording.len(), ..Report::default() })
+        };
+        if bag.topics.is_empty() {
+            let what = format!(
+                "{}: holds nothing that a standard ROS 2 message carries",
+                self.input.display()
+            );
+            return Err(Failure::input(format!("{what}; write a table instead (--out NAME.csv)")));
+        }
+        outputs.put(&self.out, bag.bytes);
+        written.push(self.out.clone());
+        let force_samples = bag.topics.get(ros2::FORCE_TOPIC).copied().unwrap_or(0);
+        let (topics, left_out) = (bag.topics, bag.left_out);
+        Ok(Report { recordings: 1, force_samples, topics, left_out, ..report })
     }
 
     fn of_table(
@@ -127,11 +178,7 @@ impl Convert {
         outputs: &mut Outputs,
         written: &mut Vec<PathBuf>,
     ) -> Result<Report, Failure> {
-        let read = series::read(&self.input, self.mapping.as_deref(), Need::Samples);
-        let mut recording = read.map_err(Failure::input)?;
-        for note in &recording.notes {
-            warn!("{}: {note}", self.input.display());
-        }
+        let mut recording = self.table()?;
         recording.about.model =
             recording.about.model.take().map(|name| seen_from(target, &self.input, name));
         target.put(outputs, "", &recording, written)?;
@@ -235,6 +282,12 @@ fn say(console: &mut Console, report: &Report) -> Outcome {
     if report.recordings > 1 {
         let models = count(report.recordings, "time");
         console.say(format!("a model was in use {models}: each has a recording of its own"))?;
+    }
+    for (topic, messages) in &report.topics {
+        console.say(format!("{topic:<28}{messages:>10} messages"))?;
+    }
+    if !report.left_out.is_empty() {
+        warn!("no standard ROS 2 message carries these columns: {}", report.left_out.join(", "));
     }
     for file in &report.files {
         console.say(format!("written             {file}"))?;
