@@ -24,7 +24,7 @@ use crate::output::Console;
 /// `status`, `reason`). Force samples go to NAME-forces, the model that made the rows to NAME-model.toml, which NAME.toml names. Where another model was
 /// loaded meanwhile its rows are a recording of their own, NAME-2 with NAME-2-model.toml, and so on. Of another program's table, by its mapping, the columns
 /// get the names of `trued.recording/1`. With `--out NAME.mcap` standard ROS 2 messages are written instead: `sensor_msgs/JointState`,
-/// `geometry_msgs/WrenchStamped`, `diagnostic_msgs/DiagnosticArray` and others, for `ros2 bag`, RViz, Foxglove and PlotJuggler.
+/// `geometry_msgs/WrenchStamped`, `diagnostic_msgs/DiagnosticArray` and others, for `ros2 bag`, Foxglove and plotting tools.
 #[derive(Debug, Args)]
 pub(crate) struct Convert {
     /// Where the recording goes: NAME.csv and NAME.toml; NAME.parquet and NAME.toml, or NAME.mcap of ROS 2 messages, where NAME ends so
