@@ -296,7 +296,7 @@ mod tests {
                 "trued_latency_seconds_bucket{{le=\"{le}\",cell=\"line 4 \\\"east\\\"\"}}"
             ))
         };
-        assert_eq!([at_most("1.024e-6"), at_most("+Inf")], [0.0, 3.0]);
+        assert_eq!([at_most("0.000001024"), at_most("+Inf")], [0.0, 3.0]);
         let seconds = sample(&format!("trued_latency_seconds_sum{cell}"));
         assert!((seconds - 0.0401).abs() < 1e-12, "{seconds}");
         assert!(text.ends_with("# EOF\n"));
