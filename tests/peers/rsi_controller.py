@@ -5,6 +5,7 @@ The server waits for an answer as long as it takes (the machine is shared); what
 last part runs in real time, with faults. Says on standard output `name value` lines.
 """
 
+import errno
 import os
 import signal
 import socket
@@ -56,8 +57,20 @@ def cycle_of(server):
     return accepted
 
 
+def controller(config):
+    """The emulator. Its port is fixed (50000) and in the range that sockets of others get by chance, so another program may have it for a while."""
+    for _ in range(100):
+        try:
+            return EchoServer(config, delay_ms=4, mode="absolute", timeout_packets=1000)
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise
+            time.sleep(0.2)
+    sys.exit("port 50000 stays in use")
+
+
 def main(config, cycles, bridge):
-    server = EchoServer(config, delay_ms=4, mode="absolute", timeout_packets=1000)
+    server = controller(config)
     for name in ("AIPos", "ASPos"):
         for axis, start in zip(AXES, START):
             server.state[name][axis] = server.base_pose[name][axis] = start
