@@ -258,7 +258,7 @@ fn the_doctor_says_each_check_once_with_the_fix_where_it_does_not_pass() {
     let told = place.json("doctor.json");
     let checks = told["checks"].as_array().unwrap();
     assert_eq!((told["schema"].as_str(), checks.len()), (Some("trued.doctor/1"), 11));
-    assert_eq!(done.out.lines().count(), 11, "{}", done.out);
+    assert_eq!(done.out.lines().count(), 13, "one line each, and the summary: {}", done.out);
     for (line, check) in done.out.lines().zip(checks) {
         let passes = check["state"] == "pass";
         assert!(line.starts_with(check["state"].as_str().unwrap()), "{line}");
@@ -268,4 +268,8 @@ fn the_doctor_says_each_check_once_with_the_fix_where_it_does_not_pass() {
     let wants_a_fix = checks.iter().any(|check| check["state"] == "fix");
     assert_eq!(done.code, Some(i32::from(wants_a_fix)));
     assert_eq!(told["ok"], !wants_a_fix);
+    let summary = done.out.lines().last().unwrap();
+    for check in checks.iter().filter(|check| check["state"] != "pass") {
+        assert!(summary.contains(check["name"].as_str().unwrap()), "{summary}");
+    }
 }

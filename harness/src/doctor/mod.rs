@@ -1,16 +1,18 @@
 //! `trued doctor`: checks whether a machine is suitable for a robot's cycle, with the fix if not.
 //!
 //! Promises: every judgement is a pure function of texts that the kernel gave, read once by [`Texts::read`]; a text that is missing or
-//! makes no sense is said to be unknown, never taken for good or bad. Never: a change of the machine.
+//! makes no sense is said to be unknown, never taken for good or bad. Never: a change of the machine. On request the kernel's own tool measures wake-up latency.
 
 mod checks;
 pub(crate) mod parse;
 mod texts;
+mod timerlat;
 
 use serde::Serialize;
 
 pub use checks::examine;
 pub use texts::{Core, IdleState, Texts};
+pub use timerlat::TimerlatSettings;
 
 /// What a check came to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -63,10 +65,11 @@ pub struct Diagnosis {
     pub ok: bool,
 }
 
-/// Looks at this machine.
+/// Looks at this machine; with settings, wake-up latency is measured as well.
 #[must_use]
-pub fn diagnose() -> Diagnosis {
-    let checks = examine(&Texts::read(std::path::Path::new("/")));
+pub fn diagnose(timerlat: Option<TimerlatSettings>) -> Diagnosis {
+    let mut checks = examine(&Texts::read(std::path::Path::new("/")));
+    checks.extend(timerlat.map(timerlat::measure));
     let ok = checks.iter().all(|check| check.state != State::Fix);
     Diagnosis { checks, ok }
 }
