@@ -108,7 +108,9 @@ impl Client {
     /// [`NotSent`]; the loop continues with [`target_for`](Self::target_for) in any case.
     pub fn send(&mut self, setpoint: &Setpoint) -> Result<u64, NotSent> {
         let now_ns = monotonic_ns();
-        let command = setpoint.command(self.seq + 1, self.session, now_ns)?;
+        let mut command = setpoint.command(self.seq + 1, self.session, now_ns)?;
+        command.feed_override = self.output.feed_override();
+        command.flags |= Command::HAS_FEED_OVERRIDE;
         self.mind_silence(now_ns);
         let ports = self.link.ports_to_tell()?;
         self.seq += 1;

@@ -14,7 +14,7 @@
 //!
 //! A deflection limit is a force limit over the model's compliance along the force. While the robot is at rest the force does not depend on the feed: `P` and the override are held.
 //!
-//! Promises: in every state a number from the floor to 1, that changes by no more than the rates; the same sequence of inputs gives the same bits. Never: a clock.
+//! Promises: in every state a number from the floor to 1, that changes by no more than the rates, from what the client handed on where it says so; the same sequence of inputs gives the same bits. Never: a clock.
 
 #[cfg(test)]
 mod tests;
@@ -47,11 +47,14 @@ pub struct FeedRules {
     pub speed_over_s: f64,
     /// A programmed feed below this counts as a stop, m/s; above 0. Default 1e-4: slower than any machining feed, faster than what setpoints of a robot at rest differ by.
     pub rest_m_s: f64,
+    /// The override that the client handed on may differ from the one sent by as much as it changes in this time, s; 0.01 to 1. Beyond that the client's holds: it has started anew,
+    /// or was without answers. Default 0.05: answers that are a few cycles of a slow controller late.
+    pub behind_s: f64,
 }
 
 impl Default for FeedRules {
     fn default() -> Self {
-        Self { pause_s: 0.1, speed_over_s: 0.01, rest_m_s: 1e-4 }
+        Self { pause_s: 0.1, speed_over_s: 0.01, rest_m_s: 1e-4, behind_s: 0.05 }
     }
 }
 
@@ -99,6 +102,8 @@ pub struct FeedInput {
     pub compliance_m_per_n: Option<f64>,
     /// Whether corrections go out.
     pub corrects: bool,
+    /// The override that the client handed on last; none where it does not say.
+    pub handed_on: Option<f64>,
 }
 
 /// State of the feed override.
@@ -120,7 +125,7 @@ pub struct FeedReport {
     pub limit_n: f64,
     /// Speed of the commanded tool, m/s; NaN where unknown.
     pub speed_m_s: f64,
-    /// Forces that were refused: no numbers.
+    /// Wrenches that were refused: no numbers.
     pub refused: u64,
 }
 
@@ -149,6 +154,8 @@ pub struct Feed {
     /// When a force was last known.
     known_ns: Option<u64>,
     stepped_ns: Option<u64>,
+    /// When the wrench was measured that was refused last.
+    refused_ns: Option<u64>,
     report: FeedReport,
 }
 
@@ -164,6 +171,7 @@ impl Feed {
             speed: Speed::new(),
             known_ns: None,
             stepped_ns: None,
+            refused_ns: None,
             report: FeedReport {
                 feed_override: begins,
                 wanted: settings.lost,
@@ -176,6 +184,7 @@ impl Feed {
     pub fn step(&mut self, input: &FeedInput) -> f64 {
         let dt_s = self.elapse(input.now_ns);
         let rules = self.settings.rules;
+        self.follow_client(input);
         self.report.speed_m_s = self.speed.follow(&rules, input.now_ns, input.tool_m);
         let load = self.load(input);
         match &load {
@@ -187,7 +196,8 @@ impl Feed {
             self.report.state = FeedState::Observing;
         }
         let relief = self.settings.relief;
-        let is_far = load.is_ok_and(|load| length(load.force_n) > relief * load.limit_n);
+        let is_far =
+            self.moves() && load.is_ok_and(|load| length(load.force_n) > relief * load.limit_n);
         let report = &mut self.report;
         let goal = match (is_sent, is_far) {
             (false, _) => 1.0,
@@ -228,18 +238,40 @@ impl Feed {
         seconds(now_ns.saturating_sub(before_ns)).min(self.settings.rules.pause_s)
     }
 
+    /// The client limits the override again and owns what the controller gets: where it is elsewhere than the override that was sent here, that one was not in force.
+    fn follow_client(&mut self, input: &FeedInput) {
+        let FeedSettings { bounds, rules, .. } = self.settings;
+        let behind = rules.behind_s * f64::max(bounds.down_per_s(), bounds.up_per_s());
+        let handed_on = input.handed_on.filter(|o| (0.0..=1.0).contains(o));
+        if let Some(o) = handed_on
+            && (o - self.report.feed_override).abs() > behind
+        {
+            self.report.feed_override = o;
+            self.sent.clear();
+        }
+    }
+
+    /// Whether the tool moves. An unknown speed is none.
+    fn moves(&self) -> bool {
+        let FeedReport { speed_m_s, feed_override, .. } = self.report;
+        speed_m_s > self.settings.rules.rest_m_s * feed_override
+    }
+
     /// The force, if valid, with its limit.
     fn load(&mut self, input: &FeedInput) -> Result<Load, FeedReason> {
         let sample = input.wrench.ok_or(FeedReason::NoWrench)?;
+        if seconds(sample.age_ns) > self.settings.stale_s {
+            return Err(FeedReason::Stale);
+        }
         if !sample.is_possible() {
-            self.report.refused += 1;
+            let measured_ns = input.now_ns.saturating_sub(sample.age_ns);
+            if self.refused_ns.replace(measured_ns) != Some(measured_ns) {
+                self.report.refused += 1;
+            }
             return Err(FeedReason::NotFinite);
         }
         if sample.faulty {
             return Err(FeedReason::SensorFault);
-        }
-        if seconds(sample.age_ns) > self.settings.stale_s {
-            return Err(FeedReason::Stale);
         }
         let limit_n = match self.settings.limit {
             FeedLimit::Force(n) => n,
@@ -252,12 +284,11 @@ impl Feed {
     }
 
     fn adapt(&mut self, now_ns: u64, load: &Load, dt_s: f64) {
-        let FeedSettings { bounds, air, air_n, exponent, rules, .. } = self.settings;
+        let FeedSettings { bounds, air, air_n, exponent, .. } = self.settings;
         self.known_ns = Some(now_ns);
+        let moves = self.moves();
         let report = &mut self.report;
         (report.reason, report.limit_n) = (FeedReason::None, load.limit_n);
-        // An unknown speed is none.
-        let moves = report.speed_m_s > rules.rest_m_s * report.feed_override;
         if !moves {
             // A force on a tool at rest does not depend on its feed, nor does the force of its last motion.
             report.reason = FeedReason::AtRest;

@@ -114,7 +114,7 @@ impl<L: Link> Cycle<L> {
         let Some(feed) = &mut self.senses.feed else { return 1.0 };
         let accepted = made.status != Status::Rejected;
         let tool = accepted.then(|| Chain::tool_at(&self.model.physics.arm, &command.q).origin);
-        feed.step(world, tool, now_ns, self.corrector.corrects())
+        feed.step(world, command, tool, now_ns, self.corrector.corrects())
     }
 
     /// What the feed of later cycles needs.

@@ -6,6 +6,7 @@ use crate::exchange::FeedCounters;
 use corrector::{Corrector, Feed, FeedInput, FeedLimit, FeedSettings, World};
 use glam::DVec3;
 use physics::Model;
+use shm_schema::Command;
 
 /// The feed of a cell.
 #[derive(Debug)]
@@ -28,6 +29,7 @@ impl CellFeed {
     pub fn step(
         &mut self,
         world: &World,
+        command: &Command,
         tool_m: Option<DVec3>,
         now_ns: u64,
         corrects: bool,
@@ -41,6 +43,7 @@ impl CellFeed {
             tool_m,
             compliance_m_per_n: self.compliance_m_per_n,
             corrects,
+            handed_on: command.has(Command::HAS_FEED_OVERRIDE).then_some(command.feed_override),
         })
     }
 

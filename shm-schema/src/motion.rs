@@ -11,7 +11,7 @@ use crate::layout::{payload, plain_struct, within};
 
 plain_struct! {
     /// One commanded joint target, from the robot's side to the daemon (`/command`).
-    pub struct Command = "trued.Command/1" {
+    pub struct Command = "trued.Command/2" {
         /// From 1, plus 1 with each message of this sender.
         pub seq: u64,
         /// Names this run of the sender: another number means that `seq` starts again.
@@ -36,9 +36,11 @@ plain_struct! {
         pub wrench: [f64; 6],
         /// Ambient, then one per joint, °C, where `HAS_TEMPERATURE` is set; NaN where unknown.
         pub temperature_c: [f64; JOINTS_MAX + 1],
+        /// The feed override that was handed on last, where `HAS_FEED_OVERRIDE` is set; 1 is the programmed feed.
+        pub feed_override: f64,
     }
 }
-payload!(Command = "trued.Command/1", layout 1, check |c| {
+payload!(Command = "trued.Command/2", layout 2, check |c| {
     within::<Command>("joints", u64::from(c.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
 });
 
@@ -53,6 +55,8 @@ impl Command {
     pub const HAS_DIRECTION: u32 = 1 << 3;
     /// `temperature_c` holds.
     pub const HAS_TEMPERATURE: u32 = 1 << 4;
+    /// `feed_override` holds.
+    pub const HAS_FEED_OVERRIDE: u32 = 1 << 5;
 
     /// Whether all bits of `flag` are set.
     #[must_use]

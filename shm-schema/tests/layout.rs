@@ -39,10 +39,10 @@ fn the_layout_of_status_stands() {
 
 #[test]
 fn the_layout_of_command_stands() {
-    pinned!(Command: 376 bytes, hash 0x2ca4_ff5e_09bc_5c22,
+    pinned!(Command: 384 bytes, hash 0x28f9_4d6f_2b01_8dba,
         seq at 0, session at 8, t_ns at 16, sent_ns at 24, layout at 32, joints at 36,
         flags at 40, direction at 44, reserved at 60, q at 64, wrench at 192,
-        temperature_c at 240);
+        temperature_c at 240, feed_override at 376);
 }
 
 #[test]
@@ -139,5 +139,5 @@ fn a_message_is_read_from_bytes_in_the_order_of_its_offsets() {
 #[test]
 fn the_contract_stands() {
     assert_eq!(CONTRACT_VERSION, 6);
-    assert_eq!(CONTRACT_HASH, 0xdf42_98a0_ea33_2df9, "{CONTRACT_HASH:#018x}");
+    assert_eq!(CONTRACT_HASH, 0x7861_6826_7d20_bf67, "{CONTRACT_HASH:#018x}");
 }

@@ -33,12 +33,14 @@ impl ResultSchema {
     /// Of an object that is written under this name of its format.
     pub(crate) fn of<T: JsonSchema>(file: &'static str, format: &str) -> Self {
         let mut one = Self::without_format::<T>(file);
+        for key in ["schema", "version"] {
+            assert!(one.schema["properties"].get(key).is_none(), "{format} has `{key}` twice");
+        }
         let version =
             "Which program wrote it: name, version, and commit where the build stated it.";
         one.schema["properties"]["schema"] = json!({ "const": format });
         one.schema["properties"]["version"] = json!({ "type": "string", "description": version });
-        let required = one.schema["required"].as_array().cloned().unwrap_or_default();
-        let own = required.into_iter().filter(|key| key != "schema" && key != "version");
+        let own = one.schema["required"].as_array().cloned().unwrap_or_default();
         one.schema["required"] =
             [json!("schema"), json!("version")].into_iter().chain(own).collect();
         one.schema["title"] = json!(format);

@@ -77,6 +77,7 @@ impl Bench {
             tool_m: Some(DVec3::X * self.at_m),
             compliance_m_per_n: None,
             corrects: true,
+            handed_on: None,
         };
         self.cycle(&input, ms)
     }
@@ -268,6 +269,7 @@ fn a_deflection_limit_is_a_force_limit_by_the_compliance_and_none_without_one() 
             tool_m: Some(DVec3::ZERO),
             compliance_m_per_n,
             corrects: true,
+            handed_on: None,
         };
         bench.cycle(&input, 1);
         let report = bench.feed.report();
@@ -285,6 +287,74 @@ fn what_is_not_sent_is_found_and_told_and_the_programmed_feed_goes_out() {
     let report = bench.feed.report();
     assert_eq!(report.state, FeedState::Observing);
     assert!((report.wanted - 0.4).abs() < 1e-3, "{report:?}");
+}
+
+#[test]
+fn a_client_that_starts_anew_below_what_was_sent_gets_no_more_force_than_the_limit() {
+    const LIMIT_N: f64 = 100.0;
+    let mut bench = Bench::new(FeedSettings { limit: FeedLimit::Force(LIMIT_N), ..settings() }, 60);
+    bench.ticks(20_000, 250.0);
+    assert!((bench.before - 0.4).abs() < 1e-3, "settled at {}", bench.before);
+    // The controller gets what the client hands on: from 0.1 on, at its rate.
+    let mut handed_on = 0.1;
+    let mut in_force = VecDeque::from(vec![handed_on; 61]);
+    let mut most_n: f64 = 0.0;
+    for _ in 0..20_000 {
+        let o = in_force.pop_front().expect("61 of them");
+        bench.now_ns += MS;
+        bench.at_m += 1e-3 * bench.programmed_m_s * o;
+        let wrench = Wrench { force: DVec3::X * 250.0 * o, ..Wrench::ZERO };
+        most_n = most_n.max(250.0 * o);
+        let asked = bench.feed.step(&FeedInput {
+            now_ns: bench.now_ns,
+            wrench: Some(WrenchSample { wrench, in_base: true, age_ns: 0, faulty: false }),
+            tool_m: Some(DVec3::X * bench.at_m),
+            compliance_m_per_n: None,
+            corrects: true,
+            handed_on: Some(handed_on),
+        });
+        handed_on = asked.clamp(handed_on - 2e-3, handed_on + 2e-4);
+        in_force.push_back(handed_on);
+    }
+    assert!(most_n < 1.02 * LIMIT_N, "{most_n} N");
+    assert!((handed_on - 0.4).abs() < 1e-3, "settles at {handed_on}");
+}
+
+#[test]
+fn a_large_force_on_a_robot_at_rest_leaves_the_override_as_it_is() {
+    let mut bench = Bench::new(settings(), 60);
+    bench.ticks(20_000, 250.0);
+    let held = bench.before;
+    let force = DVec3::X * 5000.0;
+    let wrench = WrenchSample {
+        wrench: Wrench { force, ..Wrench::ZERO },
+        in_base: true,
+        age_ns: 0,
+        faulty: false,
+    };
+    // The speed is measured over 10 ms.
+    for _ in 0..20 {
+        bench.step(Some(WrenchSample { wrench: Wrench::ZERO, ..wrench }), 1);
+    }
+    let before = bench.before;
+    for _ in 0..1000 {
+        assert_eq!(bench.step(Some(wrench), 1), before, "held at {held}");
+    }
+    assert_eq!(bench.feed.report().reason, FeedReason::AtRest);
+}
+
+#[test]
+fn each_wrench_that_is_no_number_counts_once_and_is_stale_later() {
+    let mut bench = Bench::new(settings(), 60);
+    bench.ticks(100, 250.0);
+    let wrench = Wrench { force: DVec3::X * f64::NAN, ..Wrench::ZERO };
+    let stale_ms = (1e3 * settings().stale_s) as u64;
+    for age_ms in 0..stale_ms + 50 {
+        let sample = WrenchSample { wrench, in_base: true, age_ns: age_ms * MS, faulty: false };
+        bench.step(Some(sample), 1);
+    }
+    let report = bench.feed.report();
+    assert_eq!((report.refused, report.reason), (1, FeedReason::Stale));
 }
 
 fn any_force() -> impl Strategy<Value = f64> {
@@ -316,6 +386,7 @@ proptest! {
                 tool_m: Some(DVec3::Y * at_m),
                 compliance_m_per_n: Some(force * 1e-9),
                 corrects: true,
+            handed_on: None,
             };
             bench.cycle(&input, ms);
         }

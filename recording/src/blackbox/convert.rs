@@ -26,6 +26,8 @@ pub struct Conversion {
     pub runs: Vec<Run>,
     /// One row per force sample; none without force blocks.
     pub forces: Option<Recording>,
+    /// Infinite values, which a table cannot hold: they are missing there.
+    pub not_finite: usize,
 }
 
 /// Converts the contents of a black box.
@@ -43,10 +45,30 @@ pub fn convert(contents: &Contents) -> Conversion {
         header: cycles.first().and_then(|cycle| models(cycle)).cloned(),
         cycles: cycles_of(contents, cycles, start_ns),
     };
-    Conversion {
+    let mut made = Conversion {
         runs: runs.map(run).collect(),
         forces: (!forces.is_empty()).then(|| forces_of(&forces)),
+        not_finite: 0,
+    };
+    let tables = made.runs.iter_mut().map(|run| &mut run.cycles).chain(&mut made.forces);
+    made.not_finite = tables.map(drop_infinite).sum();
+    made
+}
+
+/// Makes infinite values missing ones; how many.
+fn drop_infinite(recording: &mut Recording) -> usize {
+    let mut dropped = 0;
+    for channel in recording.channels().collect::<Vec<_>>() {
+        let Some(column) = recording.column(channel) else { continue };
+        let infinite = column.iter().filter(|value| value.is_infinite()).count();
+        if infinite > 0 {
+            let known = |value: &f64| if value.is_infinite() { f64::NAN } else { *value };
+            let column = column.iter().map(known).collect();
+            recording.set(channel, column);
+            dropped += infinite;
+        }
     }
+    dropped
 }
 
 fn cycle(record: &Record) -> Option<&CycleRecord> {

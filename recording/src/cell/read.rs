@@ -339,6 +339,12 @@ fn feed(table: &Table<'_, '_>) -> Option<Feed> {
         );
         table.fault("time_constant_ms", message, expected);
     }
+    if let Some(FeedLimit::Force(limit_n)) = limit
+        && feed.air_n >= limit_n
+    {
+        let message = format!("is {}, not below force_limit_N = {limit_n}", feed.air_n);
+        table.fault("air_N", message, "a force below the limit: below air_N nothing is cut");
+    }
     table.close();
     Some(Feed { limit: limit?, ..feed })
 }

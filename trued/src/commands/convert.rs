@@ -43,8 +43,8 @@ pub(crate) struct Convert {
 struct Report {
     /// The daemon's cell; none where the input is a table.
     cell: Option<String>,
-    /// The daemon's version; none where the input is a table.
-    version: Option<String>,
+    /// The version of the daemon that recorded; none where the input is a table.
+    recorded_by: Option<String>,
     rows: usize,
     force_samples: usize,
     /// Recordings that the rows are in: one for each model in turn.
@@ -76,7 +76,7 @@ struct Target {
 
 impl Convert {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        let target = Target::of(&self.out);
+        let target = Target::of(&self.out)?;
         let mut outputs = console.outputs();
         let mut written = Vec::new();
         let is_of_daemon = has_ending(&self.input, "mcap");
@@ -108,8 +108,13 @@ impl Convert {
         // Of a long run the records are most of what is held.
         contents.records = Vec::new();
         if made.runs.is_empty() && made.forces.is_none() {
-            let what = format!("{}: holds no cycle and no force sample", self.input.display());
-            return Err(Failure::input(format!("{what}; was the daemon sent any command?")));
+            return Err(Failure::input(nothing_in(&self.input, contents.cut.as_deref())));
+        }
+        if made.not_finite > 0 {
+            let values = count(made.not_finite, "value");
+            warn!(
+                "{values} of forces, joints or temperatures were infinite: they are written as missing"
+            );
         }
         for (place, run) in made.runs.iter_mut().enumerate() {
             let more = if place == 0 { String::new() } else { format!("-{}", place + 1) };
@@ -121,7 +126,7 @@ impl Convert {
         let Contents { header, cut, unknown, .. } = contents;
         Ok(Report {
             cell: Some(header.cell),
-            version: Some(header.version),
+            recorded_by: Some(header.version),
             rows: made.runs.iter().map(|run| run.cycles.len()).sum(),
             force_samples: made.forces.as_ref().map_or(0, Recording::len),
             recordings: made.runs.len(),
@@ -151,8 +156,8 @@ impl Convert {
             let bag = ros2::of_daemon(&contents).map_err(Failure::system)?;
             let Contents { header, cut, unknown, records, .. } = contents;
             let rows = records.iter().filter(|record| matches!(record, Record::Cycle(_))).count();
-            let (cell, version) = (Some(header.cell), Some(header.version));
-            (bag, Report { cell, version, rows, cut, unknown, ..Report::default() })
+            let (cell, recorded_by) = (Some(header.cell), Some(header.version));
+            (bag, Report { cell, recorded_by, rows, cut, unknown, ..Report::default() })
         } else {
             let recording = self.table()?;
             let bag = ros2::of_table(&recording).map_err(Failure::system)?;
@@ -186,6 +191,15 @@ impl Convert {
     }
 }
 
+/// Why there is nothing to convert in a file of the daemon.
+fn nothing_in(input: &Path, cut: Option<&str>) -> String {
+    let what = format!("{}: holds no cycle and no force sample", input.display());
+    match cut {
+        Some(why) => format!("{what}; the file ends before its first part is complete: {why}"),
+        None => format!("{what}; was the daemon sent any command?"),
+    }
+}
+
 /// The model's file that a recording names, as a recording in the target's folder has to name it; a preset keeps its name.
 fn seen_from(target: &Target, input: &Path, name: String) -> String {
     let folder = |path: &Path| {
@@ -204,11 +218,16 @@ fn has_ending(path: &Path, ending: &str) -> bool {
 }
 
 impl Target {
-    fn of(out: &Path) -> Self {
+    fn of(out: &Path) -> Result<Self, Failure> {
+        // `.`, `/`, a device: the files' names begin with NAME.
+        if out.file_name().is_none() || out.metadata().is_ok_and(|there| !there.is_file()) {
+            let what = format!("--out {}: is no name for files", out.display());
+            return Err(Failure::input(format!("{what}; give one such as --out run.csv")));
+        }
         let format = if has_ending(out, "parquet") { Format::Parquet } else { Format::Csv };
         let is_known = ["csv", "toml", "parquet"].iter().any(|ending| has_ending(out, ending));
         let stem = if is_known { out.with_extension("") } else { out.to_owned() };
-        Self { stem, format }
+        Ok(Self { stem, format })
     }
 
     /// The path with more behind it.
@@ -271,7 +290,7 @@ fn say(console: &mut Console, report: &Report) -> Outcome {
     if report.unknown > 0 {
         warn!("{} that this version does not know left out", count(report.unknown, "message"));
     }
-    match report.cell.as_ref().zip(report.version.as_ref()) {
+    match report.cell.as_ref().zip(report.recorded_by.as_ref()) {
         Some((cell, version)) => {
             let rows = count(report.rows, "cycle");
             let forces = count(report.force_samples, "force sample");

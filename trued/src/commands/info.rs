@@ -31,7 +31,7 @@ pub(crate) struct InfoOf {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report<'a> {
     cell: &'a str,
-    version: &'a str,
+    recorded_by: &'a str,
     robot: Robot<'a>,
     bytes: u64,
     /// `closed`, `being_written`, `cut`, `wrong_index`.
@@ -150,7 +150,7 @@ fn report(info: &Info) -> Report<'_> {
     });
     Report {
         cell: &header.cell,
-        version: &header.version,
+        recorded_by: &header.version,
         robot: Robot {
             maker: &header.robot_maker,
             kind: &header.robot_type,
