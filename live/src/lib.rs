@@ -1,6 +1,6 @@
 //! Live view of a cell: its status as JSON, metrics for Prometheus, a page for a browser, a stream for Foxglove and PlotJuggler.
 //!
-//! A separate process that connects to the cell as a [`Monitor`], like `trued status`: the daemon opens no socket, and is not affected
+//! A separate process that connects to the cell as a [`trued_client::Monitor`], like `trued status`: the daemon opens no socket, and is not affected
 //! if this process hangs or dies. Nothing received over the network reaches the daemon. [`top`] shows the same on a terminal, with keys for
 //! requests to the daemon.
 //!
@@ -12,117 +12,25 @@
 //! | `/metrics` | [`metrics_text`] | OpenMetrics text |
 //! | WebSocket | `foxglove` | topics and schemas of the recordings, protocol `foxglove.sdk.v1` |
 
+#[cfg(feature = "views")]
 mod access;
+#[cfg(feature = "views")]
 mod foxglove;
+#[cfg(feature = "views")]
 mod metrics;
 pub mod report;
+#[cfg(feature = "views")]
+mod serve;
+#[cfg(feature = "views")]
 pub mod top;
+#[cfg(feature = "views")]
 mod watch;
+#[cfg(feature = "views")]
 mod web;
 
-use std::net::SocketAddr;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::thread;
-
-use trued_client::Monitor;
-
+#[cfg(feature = "views")]
 pub use access::Access;
+#[cfg(feature = "views")]
 pub use metrics::text as metrics_text;
-use watch::Watch;
-
-/// Where it is served.
-#[derive(Clone, Debug)]
-pub struct Settings {
-    /// The address of page, status and metrics. Port 0: a free one.
-    pub http: SocketAddr,
-    /// The address of the stream for Foxglove; none: no stream.
-    pub foxglove: Option<SocketAddr>,
-    /// Who may look.
-    pub access: Access,
-}
-
-/// Why nothing is served.
-#[derive(Debug, thiserror::Error)]
-pub enum LiveError {
-    /// The address is taken or not of this machine.
-    #[error("cannot listen on {address}: {why}; choose another address or port")]
-    Listen {
-        /// The address.
-        address: SocketAddr,
-        /// What the system said.
-        why: String,
-    },
-    /// Anybody in the network could look.
-    #[error(
-        "{0} can be reached from other machines: give a token (TRUED_LIVE_TOKEN), or listen on 127.0.0.1"
-    )]
-    Open(SocketAddr),
-    /// The system refuses a thread.
-    #[error("cannot start a thread: {0}")]
-    Thread(std::io::Error),
-}
-
-/// A live view that is served.
-#[derive(Debug)]
-pub struct Live {
-    /// Where page, status and metrics are.
-    pub http: SocketAddr,
-    /// Where the stream is.
-    pub foxglove: Option<SocketAddr>,
-    stop: Arc<AtomicBool>,
-    threads: Vec<thread::JoinHandle<()>>,
-}
-
-impl Live {
-    /// Begins to serve what `monitor` sees of the cell.
-    ///
-    /// # Errors
-    /// See [`LiveError`].
-    pub fn start(cell: &str, monitor: Monitor, settings: &Settings) -> Result<Self, LiveError> {
-        for address in settings.foxglove.iter().chain([&settings.http]) {
-            if !address.ip().is_loopback() && settings.access == Access::ThisMachine {
-                return Err(LiveError::Open(*address));
-            }
-        }
-        let stop = Arc::new(AtomicBool::new(false));
-        let watch = Arc::new(Watch::default());
-        let web = web::Server::listen(settings.http, settings.access.clone())?;
-        let foxglove = settings
-            .foxglove
-            .map(|address| foxglove::Server::listen(address, cell, settings.access.clone()));
-        let foxglove = foxglove.transpose()?;
-        let (http, stream) = (web.address(), foxglove.as_ref().map(foxglove::Server::address));
-        let mut live = Self { http, foxglove: stream, stop, threads: Vec::new() };
-        let (name, seen) = (cell.to_owned(), Arc::clone(&watch));
-        live.spawn("watch", move |stop| watch::run(&name, monitor, &seen, stop))?;
-        let seen = Arc::clone(&watch);
-        live.spawn("web", move |stop| web.run(&seen, stop))?;
-        if let Some(server) = foxglove {
-            live.spawn("foxglove", move |stop| server.run(&watch, stop))?;
-        }
-        Ok(live)
-    }
-
-    fn spawn(
-        &mut self,
-        name: &str,
-        run: impl FnOnce(&Arc<AtomicBool>) + Send + 'static,
-    ) -> Result<(), LiveError> {
-        let stop = Arc::clone(&self.stop);
-        let thread = thread::Builder::new().name(name.to_owned());
-        let thread = thread.spawn(move || run(&stop)).map_err(LiveError::Thread)?;
-        self.threads.push(thread);
-        Ok(())
-    }
-}
-
-impl Drop for Live {
-    fn drop(&mut self) {
-        self.stop.store(true, Relaxed);
-        for thread in self.threads.drain(..) {
-            // A thread that panicked has said so.
-            let _ = thread.join();
-        }
-    }
-}
+#[cfg(feature = "views")]
+pub use serve::{Live, LiveError, Settings};

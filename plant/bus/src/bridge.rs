@@ -1,0 +1,255 @@
+//! The bridge of one cell: looks at its daemon as a [`Monitor`], keeps every message in the spool, then sends it.
+//!
+//! The daemon does not wait for a monitor, so nothing here (a full disk, a network that stalls, this process dying) delays its cycle. A message is on disk before it is sent:
+//! what a subscriber missed it finds in the history, also after a restart of the bridge.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use live::report::Report;
+use shm_schema::{Cell, Current};
+use trued_client::{ConnectionEvent, Monitor, Status};
+
+use crate::keys::{Keys, NotAName};
+use crate::message::{Content, Event, Message, SCHEMA, SpoolState, Summary};
+use crate::model_age::ModelSince;
+use crate::settings::Settings;
+use crate::spool::{Found, Spool, SpoolError};
+use crate::summary::{Accumulator, Changes, alarms, health};
+use crate::zenoh_bus::{Bus, BusError, Endpoints, Kept};
+
+/// Why the bridge does not start, or ends.
+#[derive(Debug, thiserror::Error)]
+pub enum BridgeError {
+    /// Group or cell cannot be part of a key.
+    #[error(transparent)]
+    Name(#[from] NotAName),
+    /// The cell's name is none.
+    #[error("cell: {0}")]
+    Cell(String),
+    /// Summaries per second are out of range.
+    #[error("{0} summaries per second; expected 0.1 to 10")]
+    Rate(f64),
+    /// Messages cannot be kept.
+    #[error(transparent)]
+    Spool(#[from] SpoolError),
+    /// The bus cannot be used.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The age of the model cannot be noted.
+    #[error("the spool's folder: cannot write the file `model`: {0}")]
+    ModelSince(std::io::Error),
+    /// A message is not JSON.
+    #[error("a message cannot be written as JSON: {0}; please report it")]
+    Json(serde_json::Error),
+}
+
+impl BridgeError {
+    /// Whether what was given is wrong, rather than the system.
+    #[must_use]
+    pub fn is_input(&self) -> bool {
+        let endpoint = matches!(self, Self::Bus(BusError::Endpoint(_) | BusError::NoEndpoint));
+        let budget = matches!(self, Self::Spool(SpoolError::Budget(_)));
+        endpoint || budget || matches!(self, Self::Name(_) | Self::Cell(_) | Self::Rate(_))
+    }
+}
+
+/// The bridge of one cell.
+pub struct Bridge {
+    settings: Settings,
+    keys: Keys,
+    cell: Cell,
+    bus: Bus,
+    kept: Arc<Kept>,
+    model_since: ModelSince,
+    monitor: Option<Monitor>,
+    /// Why there is no monitor.
+    absent: String,
+    /// Time stamp of the last status of a daemon that went away: it says nothing of the next one.
+    former_t_ns: u64,
+    status: Option<Status>,
+    daemon_version: Option<String>,
+    sums: Accumulator,
+    changes: Changes,
+    summarised: Instant,
+    found: Found,
+}
+
+fn now_unix_ms() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as u64)
+}
+
+impl Bridge {
+    /// Opens the spool in `folder` and puts the cell on the bus; its daemon need not be there.
+    ///
+    /// # Errors
+    /// See [`BridgeError`].
+    pub fn open(
+        keys: Keys,
+        endpoints: &Endpoints,
+        folder: &Path,
+        settings: Settings,
+    ) -> Result<Self, BridgeError> {
+        if !(0.1..=10.0).contains(&settings.summaries_hz) {
+            return Err(BridgeError::Rate(settings.summaries_hz));
+        }
+        let cell = Cell::new(&keys.cell).map_err(|why| BridgeError::Cell(why.to_string()))?;
+        let (spool, found) = Spool::open(folder, settings.spool_bytes, now_unix_ms())?;
+        let kept = Kept::new(spool, settings.page_bytes);
+        let bus = Bus::open(endpoints, keys.clone(), Arc::clone(&kept))?;
+        Ok(Self {
+            settings,
+            keys,
+            cell,
+            bus,
+            kept,
+            model_since: ModelSince::read(folder),
+            monitor: None,
+            absent: "not looked for yet".to_owned(),
+            former_t_ns: 0,
+            status: None,
+            daemon_version: None,
+            sums: Accumulator::default(),
+            changes: Changes::default(),
+            summarised: Instant::now(),
+            found,
+        })
+    }
+
+    /// What was in the spool.
+    #[must_use]
+    pub fn found(&self) -> Found {
+        self.found
+    }
+
+    /// Runs until `stop` is set.
+    ///
+    /// # Errors
+    /// See [`BridgeError`].
+    pub fn run(&mut self, stop: &AtomicBool) -> Result<(), BridgeError> {
+        let version = env!("CARGO_PKG_VERSION").to_owned();
+        let torn_bytes = self.found.torn_bytes;
+        self.tell(Content::Event(Event::BridgeStarted { version, torn_bytes }))?;
+        let period = Duration::from_secs_f64(1.0 / self.settings.summaries_hz);
+        while !stop.load(Relaxed) {
+            self.look()?;
+            if self.summarised.elapsed() >= period {
+                self.summarise()?;
+            }
+            std::thread::sleep(self.settings.look_every);
+        }
+        Ok(())
+    }
+
+    /// Keeps a message, then sends it.
+    fn tell(&mut self, content: Content) -> Result<(), BridgeError> {
+        let kind = content.kind();
+        let mut spool = self.kept.spool();
+        let message = Message {
+            schema: SCHEMA,
+            stream: spool.stream(),
+            number: spool.next(),
+            unix_ms: now_unix_ms(),
+            group: self.keys.group.clone(),
+            cell: self.keys.cell.clone(),
+            content,
+        };
+        let bytes = serde_json::to_vec(&message).map_err(BridgeError::Json)?;
+        spool.append(&bytes)?;
+        drop(spool);
+        Ok(self.bus.send(kind, bytes)?)
+    }
+
+    /// Takes what the daemon said, and tells what changed.
+    fn look(&mut self) -> Result<(), BridgeError> {
+        self.connect();
+        let mut events = Vec::new();
+        if let Some(monitor) = &mut self.monitor {
+            while let Some(event) = monitor.next_event() {
+                if matches!(event, ConnectionEvent::Connected { .. }) {
+                    let current = Current::read(&self.cell);
+                    self.daemon_version = current.ok().map(|current| current.contract.program);
+                }
+                events.push(match event {
+                    ConnectionEvent::Connected { pid, .. } => Event::DaemonConnected { pid },
+                    ConnectionEvent::Lost { why, .. } => Event::DaemonLost { why },
+                });
+            }
+            while let Some(verdict) = monitor.vibration() {
+                events.extend(self.changes.vibration(&verdict));
+            }
+        }
+        let away = self.take_status();
+        let alarms = alarms(self.status.as_ref(), away.is_some());
+        let report = self.report(away.clone());
+        let hash = report.as_ref().map(|report| report.model.hash.as_str());
+        events.extend(self.changes.events(&alarms, hash));
+        for event in events {
+            self.tell(Content::Event(event))?;
+        }
+        let health = health(report.as_ref(), away.as_deref());
+        match self.changes.health(health) {
+            Some(health) => self.tell(Content::Health(health)),
+            None => Ok(()),
+        }
+    }
+
+    fn connect(&mut self) {
+        if self.monitor.is_none() {
+            match Monitor::connect_to(&self.cell, self.settings.connect_within) {
+                Ok(monitor) => self.monitor = Some(monitor),
+                Err(why) => self.absent = why.to_string(),
+            }
+        }
+    }
+
+    /// Takes the newest status; returns why the daemon does not answer, none where it does.
+    fn take_status(&mut self) -> Option<String> {
+        let Some(monitor) = &mut self.monitor else { return Some(self.absent.clone()) };
+        let status = monitor.status();
+        if let Some(away) = monitor.away() {
+            self.former_t_ns = status.map_or(0, |status| status.t_ns);
+            return Some(away.to_string());
+        }
+        let Some(status) = status.filter(|status| status.t_ns != self.former_t_ns) else {
+            return Some("its first status has not come yet".to_owned());
+        };
+        if self.status.is_none_or(|last| last.t_ns != status.t_ns) {
+            self.sums.add(&status);
+            self.status = Some(status);
+        }
+        None
+    }
+
+    fn report(&self, away: Option<String>) -> Option<Report> {
+        self.status.as_ref().map(|status| Report::of(&self.keys.cell, status, away))
+    }
+
+    fn summarise(&mut self) -> Result<(), BridgeError> {
+        let away = self.take_status();
+        let status = self.report(away.clone());
+        let model_since = &mut self.model_since;
+        let since = status.as_ref().map(|report| model_since.of(&report.model.hash, now_unix_ms()));
+        let model_since_unix_ms = since.transpose().map_err(BridgeError::ModelSince)?;
+        let spool = {
+            let (kept, budget_bytes) = (self.kept.spool(), self.settings.spool_bytes);
+            SpoolState { first: kept.first(), bytes: kept.bytes(), budget_bytes }
+        };
+        let period_s = self.summarised.elapsed().as_secs_f64();
+        self.summarised = Instant::now();
+        let summary = Summary {
+            period_s,
+            bridge_version: env!("CARGO_PKG_VERSION").to_owned(),
+            daemon_version: self.daemon_version.clone(),
+            alarms: alarms(self.status.as_ref(), away.is_some()),
+            away,
+            model_since_unix_ms,
+            correction: self.sums.take(),
+            spool,
+            status,
+        };
+        self.tell(Content::Summary(Box::new(summary)))
+    }
+}

@@ -1,0 +1,22 @@
+//! Cells on the plant's bus: summaries, events and health of a cell over Zenoh, and the cells of a plant as one table.
+//!
+//! Read in this order: [`message`] (what is sent), [`summary`] (how it is made of a daemon's statuses), [`spool`] (what is kept for those who missed it), [`zenoh_bus`] (how it is sent
+//! and answered), [`bridge`] (the loop of one cell), then [`fleet`] and [`text`] (all cells). Promises: a process of its own that only looks; a message is on disk before it is
+//! sent, numbered without gaps, and can be asked for until it falls out of the byte budget. Never: a request to a daemon, an equation, a message that waits for the network.
+
+pub mod bridge;
+pub mod fleet;
+pub mod keys;
+pub mod message;
+mod model_age;
+pub mod settings;
+pub mod spool;
+pub mod summary;
+pub mod text;
+pub mod zenoh_bus;
+
+pub use bridge::{Bridge, BridgeError};
+pub use fleet::{Fleet, FleetError};
+pub use keys::Keys;
+pub use settings::Settings;
+pub use zenoh_bus::Endpoints;

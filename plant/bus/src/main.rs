@@ -1,0 +1,172 @@
+//! `trued-plant`: the command line. All logic is in the library.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use bus::fleet::{Question, ask};
+use bus::zenoh_bus::BusError;
+use bus::{Bridge, BridgeError, Endpoints, FleetError, Keys, Settings, text};
+use clap::{Args, Parser, Subcommand};
+
+/// Cells on the plant's bus (Zenoh)
+///
+/// Exit codes: 0 done; 1 a cell is missing or has an alarm (fleet); 2 bad input; 3 the system failed, or no cell answers.
+#[derive(Debug, Parser)]
+#[command(name = "trued-plant", version)]
+struct Options {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Bridge(BridgeOf),
+    Fleet(FleetOf),
+}
+
+/// Where the bus is.
+#[derive(Debug, Args)]
+struct Where {
+    /// Zenoh router or peer to connect to; repeat for several
+    #[arg(long, value_name = "tcp/HOST:PORT")]
+    connect: Vec<String>,
+}
+
+/// Put a cell on the bus: summaries, events, health, and what others missed of them
+///
+/// A process of its own that only looks at the daemon: nothing from the network reaches it, and it does not wait for this process. Runs until interrupted, goes on when daemon
+/// or router go and come back.
+#[derive(Debug, Args)]
+struct BridgeOf {
+    /// The cell
+    #[arg(value_name = "CELL")]
+    cell: String,
+    /// Group of cells, for example the line
+    #[arg(long, value_name = "NAME", default_value = "plant")]
+    group: String,
+    /// Folder where messages are kept; one for each cell
+    #[arg(long, value_name = "DIR")]
+    spool: PathBuf,
+    /// Size of the kept messages, MiB; the oldest fall out
+    #[arg(long, value_name = "MIB", default_value_t = Settings::default().spool_bytes >> 20, value_parser = clap::value_parser!(u64).range(1..=1 << 20))]
+    spool_mib: u64,
+    /// Summaries per second, 0.1 to 10
+    #[arg(long, value_name = "HZ", default_value_t = Settings::default().summaries_hz)]
+    rate_hz: f64,
+    #[command(flatten)]
+    bus: Where,
+    /// Address to listen at, for a plant without a router; repeat for several
+    #[arg(long, value_name = "tcp/HOST:PORT")]
+    listen: Vec<String>,
+}
+
+/// Show all cells: state, versions, models, corrections, alarms
+///
+/// Asks the bus alone. LARGEST: largest correction of a joint in the last period over its limit. AGE: for how long the cell has had this model. HEARD: age of the daemon's last status.
+#[derive(Debug, Args)]
+struct FleetOf {
+    /// One group alone
+    #[arg(long, value_name = "NAME")]
+    group: Option<String>,
+    /// A cell that has to be there; repeat for several
+    #[arg(long, value_name = "GROUP/CELL")]
+    expect: Vec<String>,
+    /// How long answers are waited for, s
+    #[arg(long, value_name = "S", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=60))]
+    within_s: u64,
+    /// Print JSON (`trued.plant-fleet/1`)
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    bus: Where,
+}
+
+/// Why the program ends without an answer.
+#[derive(Debug, thiserror::Error)]
+enum Failure {
+    #[error(transparent)]
+    Bridge(#[from] BridgeError),
+    #[error(transparent)]
+    Fleet(#[from] FleetError),
+    #[error("cannot be printed: {0}")]
+    Print(#[from] std::io::Error),
+    #[error("the system refuses a signal handler: {0}")]
+    Signal(std::io::Error),
+}
+
+impl Failure {
+    fn is_input(&self) -> bool {
+        match self {
+            Self::Bridge(why) => why.is_input(),
+            Self::Fleet(FleetError::Name(_) | FleetError::Expected(_)) => true,
+            Self::Fleet(FleetError::Bus(why)) => {
+                matches!(why, BusError::Endpoint(_) | BusError::NoEndpoint)
+            }
+            _ => false,
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    let done = match Options::parse().command {
+        Command::Bridge(options) => bridge(options),
+        Command::Fleet(options) => fleet(options),
+    };
+    match done {
+        Ok(code) => ExitCode::from(code),
+        Err(failure) => {
+            let _ = writeln!(std::io::stderr(), "error: {failure}");
+            ExitCode::from(if failure.is_input() { 2 } else { 3 })
+        }
+    }
+}
+
+fn bridge(options: BridgeOf) -> Result<u8, Failure> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(Failure::Signal)?;
+    }
+    let settings = Settings {
+        summaries_hz: options.rate_hz,
+        spool_bytes: options.spool_mib << 20,
+        ..Settings::default()
+    };
+    let keys = Keys::new(&options.group, &options.cell).map_err(BridgeError::Name)?;
+    let endpoints = Endpoints { connect: options.bus.connect, listen: options.listen };
+    let mut bridge = Bridge::open(keys, &endpoints, &options.spool, settings)?;
+    let found = bridge.found();
+    let mut out = std::io::stdout();
+    writeln!(
+        out,
+        "cell `{}`: ready as trued/{}/{}, {} messages kept from before",
+        options.cell, options.group, options.cell, found.records
+    )?;
+    if found.torn_bytes > 0 {
+        writeln!(
+            out,
+            "spool: {} bytes were not written whole or damaged, and were removed",
+            found.torn_bytes
+        )?;
+    }
+    bridge.run(&stop)?;
+    Ok(0)
+}
+
+fn fleet(options: FleetOf) -> Result<u8, Failure> {
+    let endpoints = Endpoints { connect: options.bus.connect, listen: Vec::new() };
+    let within = Duration::from_secs(options.within_s);
+    let question = Question { group: options.group, expected: options.expect, within };
+    let fleet = ask(&endpoints, &question)?;
+    let mut out = std::io::stdout().lock();
+    if options.json {
+        serde_json::to_writer_pretty(&mut out, &fleet).map_err(std::io::Error::from)?;
+        writeln!(out)?;
+    } else {
+        write!(out, "{}", text::text(&fleet))?;
+    }
+    Ok(u8::from(fleet.needs_attention()))
+}

@@ -1,0 +1,31 @@
+//! What decides how often and how much is sent and kept, with unit, range, default and origin.
+
+use std::time::Duration;
+
+/// Settings of a bridge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Summaries per second. 0.1 to 10; default 1. Origin: the daemon states its status 25 times a second; dashboards and historians of plants store once a second.
+    pub summaries_hz: f64,
+    /// Size of the kept messages on disk, bytes. 1 MiB and more; default 256 MiB. Origin: about a day of summaries of six joints at 1 Hz (3 kB each).
+    pub spool_bytes: u64,
+    /// Size of the messages in one answer to a query of the history, bytes. Above 0; default 512 KiB. Origin: below the buffers of Zenoh's links, and read from disk
+    /// within milliseconds.
+    pub page_bytes: usize,
+    /// How often the daemon is looked at. Default 20 ms. Origin: half the time between two statuses.
+    pub look_every: Duration,
+    /// How long a daemon that is not there is waited for before its absence is told and tried again. Default 500 ms. Origin: a daemon starts within it.
+    pub connect_within: Duration,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            summaries_hz: 1.0,
+            spool_bytes: 256 << 20,
+            page_bytes: 512 << 10,
+            look_every: Duration::from_millis(20),
+            connect_within: Duration::from_millis(500),
+        }
+    }
+}

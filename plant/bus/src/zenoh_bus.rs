@@ -1,0 +1,203 @@
+//! The cell on Zenoh: messages are published, the last of each kind and the kept ones are answered, a token says that the bridge is there.
+//!
+//! A message that cannot be sent at once (no route, a slow or stalled subscriber) is dropped by Zenoh, never waited for: it is in the spool, and whoever sees a gap in
+//! the numbers asks for it at the key `history`. Nothing that arrives from the network reaches the daemon: queries of these keys are all that is answered.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use serde_json::value::RawValue;
+use zenoh::bytes::Encoding;
+use zenoh::key_expr::KeyExpr;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::query::{Query, Queryable};
+use zenoh::{Session, Wait};
+
+use crate::keys::Keys;
+use crate::message::{History, Kind};
+use crate::spool::Spool;
+
+/// Why the bus cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum BusError {
+    /// An endpoint that is none.
+    #[error("endpoint `{0}`: expected tcp/HOST:PORT")]
+    Endpoint(String),
+    /// Neither an address to connect to nor one to listen at.
+    #[error("no endpoint: give --connect tcp/HOST:PORT (a Zenoh router) or --listen tcp/HOST:PORT")]
+    NoEndpoint,
+    /// Zenoh refuses.
+    #[error("Zenoh: cannot {what}: {why}")]
+    Zenoh {
+        /// What was tried.
+        what: &'static str,
+        /// What it said.
+        why: String,
+    },
+}
+
+pub(crate) fn zenoh_error(what: &'static str) -> impl FnOnce(zenoh::Error) -> BusError {
+    // It appends the place in its own source.
+    move |why| {
+        let why = why.to_string();
+        let words = why.split(" at /").next().unwrap_or_default().trim_end().to_owned();
+        BusError::Zenoh { what, why: words }
+    }
+}
+
+/// Where the bus is: Zenoh endpoints, `tcp/HOST:PORT`.
+#[derive(Debug, Clone, Default)]
+pub struct Endpoints {
+    /// Routers or peers to connect to.
+    pub connect: Vec<String>,
+    /// Addresses to listen at.
+    pub listen: Vec<String>,
+}
+
+/// How a program takes part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// It goes on, and connects again, whenever the others come and go.
+    Peer,
+    /// It asks once, and fails where nobody is there.
+    Client,
+}
+
+impl Endpoints {
+    /// A session with these endpoints and no others: no multicast, no gossip.
+    ///
+    /// # Errors
+    /// See [`BusError`].
+    pub fn open(&self, part: Part) -> Result<Session, BusError> {
+        if self.connect.is_empty() && self.listen.is_empty() {
+            return Err(BusError::NoEndpoint);
+        }
+        for endpoint in self.connect.iter().chain(&self.listen) {
+            let address = endpoint.strip_prefix("tcp/").and_then(|rest| rest.rsplit_once(':'));
+            address
+                .filter(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok())
+                .ok_or_else(|| BusError::Endpoint(endpoint.clone()))?;
+        }
+        let words = |list: &[String]| serde_json::to_string(list).unwrap_or_default();
+        let mode = if part == Part::Peer { "\"peer\"" } else { "\"client\"" };
+        let mut config = zenoh::Config::default();
+        let values = [
+            ("mode", mode),
+            ("connect/endpoints", &words(&self.connect)),
+            ("listen/endpoints", &words(&self.listen)),
+            ("scouting/multicast/enabled", "false"),
+            ("scouting/gossip/enabled", "false"),
+            ("adminspace/enabled", "false"),
+        ];
+        for (key, value) in values {
+            config.insert_json5(key, value).map_err(zenoh_error("be configured"))?;
+        }
+        zenoh::open(config).wait().map_err(zenoh_error("open a session"))
+    }
+}
+
+/// What queries are answered from.
+#[derive(Debug)]
+pub struct Kept {
+    spool: Mutex<Spool>,
+    last: Mutex<[Option<Vec<u8>>; 3]>,
+    page_bytes: usize,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Kept {
+    /// Answers from `spool`, up to `page_bytes` at once.
+    #[must_use]
+    pub fn new(spool: Spool, page_bytes: usize) -> Arc<Self> {
+        Arc::new(Self { spool: Mutex::new(spool), last: Mutex::default(), page_bytes })
+    }
+
+    /// The spool.
+    pub fn spool(&self) -> MutexGuard<'_, Spool> {
+        lock(&self.spool)
+    }
+
+    fn last(&self, kind: Kind) -> Option<Vec<u8>> {
+        lock(&self.last)[kind as usize].clone()
+    }
+
+    /// The kept messages from a number on, as JSON; an error in words.
+    fn history(&self, from: Option<&str>) -> Result<Vec<u8>, String> {
+        let from = from.map_or(Ok(0), str::parse);
+        let from = from.map_err(|_| "from: expected the number of a message".to_owned())?;
+        let spool = self.spool();
+        let page = spool.page(from, self.page_bytes).map_err(|why| why.to_string())?;
+        let (stream, first, next) = (spool.stream(), spool.first(), spool.next());
+        drop(spool);
+        let raw = |bytes| RawValue::from_string(String::from_utf8(bytes).ok()?).ok();
+        let messages = page.records.into_iter().map_while(raw).collect();
+        let history = History { stream, first, from: page.from, next, messages };
+        serde_json::to_vec(&history).map_err(|why| why.to_string())
+    }
+}
+
+/// A cell on the bus; it is off when this is dropped.
+#[derive(Debug)]
+pub struct Bus {
+    session: Session,
+    keys: Keys,
+    kept: Arc<Kept>,
+    _answers: Queryable<()>,
+    _alive: LivelinessToken,
+}
+
+impl Bus {
+    /// Puts a cell on the bus.
+    ///
+    /// # Errors
+    /// See [`BusError`].
+    pub fn open(endpoints: &Endpoints, keys: Keys, kept: Arc<Kept>) -> Result<Self, BusError> {
+        let session = endpoints.open(Part::Peer)?;
+        let (asked, answered_by) = (keys.clone(), Arc::clone(&kept));
+        let answers = session
+            .declare_queryable(format!("{}/{}/{}/*", crate::keys::ROOT, keys.group, keys.cell))
+            .callback(move |query| answer(&query, &asked, &answered_by))
+            .wait()
+            .map_err(zenoh_error("declare what it answers"))?;
+        let alive = session.liveliness().declare_token(keys.alive()).wait();
+        let alive = alive.map_err(zenoh_error("declare that it is there"))?;
+        Ok(Self { session, keys, kept, _answers: answers, _alive: alive })
+    }
+
+    /// Sends a message, and answers with it from now on.
+    ///
+    /// # Errors
+    /// Only where the session was closed: a message without a way out is no error.
+    pub fn send(&self, kind: Kind, message: Vec<u8>) -> Result<(), BusError> {
+        lock(&self.kept.last)[kind as usize] = Some(message.clone());
+        let put = self.session.put(self.keys.of(kind), message);
+        put.encoding(Encoding::APPLICATION_JSON).wait().map_err(zenoh_error("send"))
+    }
+}
+
+/// Answers a query of any of the cell's keys.
+fn answer(query: &Query, keys: &Keys, kept: &Kept) {
+    let is_asked =
+        |key: &str| KeyExpr::try_from(key).is_ok_and(|key| query.key_expr().intersects(&key));
+    let json = |key: String, bytes: Vec<u8>| {
+        // Who asked may be gone: nobody is left to tell.
+        let _ = query.reply(key, bytes).encoding(Encoding::APPLICATION_JSON).wait();
+    };
+    for kind in Kind::ALL {
+        let key = keys.of(kind);
+        if let Some(last) = kept.last(kind).filter(|_| is_asked(&key)) {
+            json(key, last);
+        }
+    }
+    let key = keys.history();
+    if is_asked(&key) {
+        match kept.history(query.parameters().get("from")) {
+            Ok(history) => json(key, history),
+            Err(why) => {
+                let _ = query.reply_err(why).encoding(Encoding::TEXT_PLAIN).wait();
+            }
+        }
+    }
+}
