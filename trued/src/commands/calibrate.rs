@@ -21,13 +21,14 @@ use diagnosis::proof::Split;
 use diagnosis::{Campaign, from_recording};
 use indicatif::ProgressBar;
 use recording::series::{Heldout, Recording};
+use report::count;
 use serde::Serialize;
 use tracing::warn;
 
 use self::alone::Alone;
 use self::found::Found;
 use crate::exit::{Answer, Failure, Outcome};
-use crate::input::{Reading, count};
+use crate::input::Reading;
 use crate::options::{Seed, tolerance_mm};
 use crate::output::{Console, Paint};
 use crate::progress;

@@ -9,11 +9,10 @@ use diagnosis::{Campaign, Effort, Fit, Free, Influence, Settings, Undetermined, 
 use physics::{Arm, Chain};
 use recording::model::RobotModel;
 use recording::series::{Approach, Kind, Recording};
-use report::{ToolError, fixed};
+use report::{ToolError, count, fixed};
 
 use super::Parts;
 use crate::exit::Failure;
-use crate::input::count;
 use diagnosis_report::drawings::tool_errors;
 use diagnosis_report::entries::{ALONG, Entry, barred, entries};
 

@@ -1,14 +1,13 @@
 //! The page of `trued calibrate`: validation, results of each joint, undetermined parameters.
 
 use diagnosis::proof::Errors;
-use report::{Axis, Cell, Column, Histogram, Number, Page, Role, Table, Tone, significant};
+use report::{Axis, Cell, Column, Histogram, Number, Page, Role, Table, Tone, count, significant};
 
 use super::Calibrate;
 use super::alone::Alone;
 use super::found::{Approached, Found, MODELS, OfRecording};
 use super::things::{lines, things};
 use super::told::{check, in_tolerance, mm, moves_in, words};
-use crate::input::count;
 use diagnosis_report::drawings::{OfJoint, Ranked, arm_with_errors, by_joint, guilty, ranking};
 use diagnosis_report::entries::Entry;
 

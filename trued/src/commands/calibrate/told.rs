@@ -1,15 +1,14 @@
 //! Output of `trued calibrate`: text and JSON.
 
 use diagnosis::proof::Errors;
-use report::{fixed, significant};
+use report::{TextTable, count, fixed, significant};
 use serde::Serialize;
 
 use super::Calibrate;
 use super::alone::Alone;
 use super::found::{Found, MODELS, Stationed};
 use super::things::{Thing, lines, things};
-use crate::input::count;
-use crate::table::Table;
+use crate::table::on_stdout;
 use diagnosis_report::entries::Entry;
 
 /// Effects that move the tool by less than this share of what the largest does are not told on the console.
@@ -305,13 +304,13 @@ pub(super) fn moves_in(planar: bool) -> &'static str {
 
 /// The lines on the console.
 pub(super) fn told(command: &Calibrate, found: &Found, alone: &Alone) -> String {
-    let mut table = Table::new(["held out, mm", "mean", "median", "95 %", "largest"]);
+    let mut table = TextTable::new(["held out, mm", "mean", "median", "95 %", "largest"]);
     for (name, errors) in MODELS.iter().zip(&found.errors) {
         let of = [errors.mean(), errors.quantile(0.5), errors.quantile(0.95), errors.max()];
         let cells = of.map(|error| fixed(mm(error), 3));
         table = table.row(std::iter::once((*name).to_owned()).chain(cells));
     }
-    let mut text = format!("{}: {}\n{}", found.base.file.name, found.split.says, table.render());
+    let mut text = format!("{}: {}\n{}", found.base.file.name, found.split.says, on_stdout(&table));
     text += "found, by how much it moves the tool (root mean square, mm)\n";
     for line in per_joint(found) {
         text += &format!("  {line}\n");

@@ -9,6 +9,7 @@ use clap::Args;
 use diagnosis_report::{DiagnosedForces, Settings, diagnose};
 use recording::files::FileError;
 use recording::manifest::Manifest;
+use report::count;
 use serde::Serialize;
 use tracing::info;
 use tracing::subscriber::{NoSubscriber, with_default};
@@ -18,7 +19,7 @@ use super::rows::{Temperatures, of_reports};
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::fleet::{self, Unusable};
-use crate::input::{Reading, count, unusable};
+use crate::input::{Reading, unusable};
 use crate::output::{Console, Paint};
 use crate::progress;
 

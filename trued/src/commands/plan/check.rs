@@ -6,7 +6,7 @@ use diagnosis::plan::check::{
 };
 use physics::Model;
 use recording::model::RobotModel;
-use report::{fixed, significant};
+use report::{TextTable, count, fixed, significant};
 use serde::Serialize;
 use serde_json::{Map, Value};
 use tracing::warn;
@@ -16,9 +16,8 @@ use super::told::{joints, not_checked, shown, written};
 use super::{Input, Plan};
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
-use crate::input::count;
 use crate::output::{Console, Paint};
-use crate::table::Table;
+use crate::table::on_stdout;
 
 /// How surely the damage that is said to show is seen.
 const POWER: f64 = 0.9;
@@ -135,11 +134,11 @@ fn chosen(
     console.write(outputs, "trued.plan/1", &report)?;
     let head = console.paint(Paint::Strong, &count(found.poses.len(), "pose"));
     console.say(format!("{head} for a check (seed {seed})"))?;
-    let mut table = Table::new(["pose", "joints, deg (mm)"]);
+    let mut table = TextTable::new(["pose", "joints, deg (mm)"]);
     for (place, q) in found.poses.iter().enumerate() {
         table = table.row([(place + 1).to_string(), shown(model, q)]);
     }
-    console.say(table.render())?;
+    console.say(on_stdout(&table))?;
     console.say(format!(
         "seen in {} of 100 cases where it is at least this large, {} false alarms in 1000 sound robots:",
         fixed(100.0 * terms.power, 0),
@@ -199,11 +198,11 @@ fn overstated(scatter: f64) -> String {
 }
 
 fn shows(model: &Model, detectable: &[Detectable]) -> String {
-    let mut table = Table::new(["damage", "minimum detectable change"]);
+    let mut table = TextTable::new(["damage", "minimum detectable change"]);
     for found in detectable {
         table = table.row([found.damage.says(), least(model, found)]);
     }
-    table.render()
+    on_stdout(&table)
 }
 
 /// The minimum detectable change in words.

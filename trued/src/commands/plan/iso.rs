@@ -5,7 +5,7 @@ use diagnosis::iso9283::{self, DistanceFigures, Placement, PoseFigures};
 use diagnosis::plan::iso::{Cube, Visits, cube, largest_cube, visits};
 use glam::DVec3;
 use physics::Joints;
-use report::{Number, fixed};
+use report::{Number, TextTable, count, fixed};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -16,9 +16,8 @@ use super::told::{joints, not_checked, shown, written};
 use super::{Input, Plan};
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
-use crate::input::count;
 use crate::output::{Console, Paint};
-use crate::table::Table;
+use crate::table::on_stdout;
 
 /// Cycles that the standard asks for.
 const CYCLES: usize = 30;
@@ -136,11 +135,11 @@ fn planned(command: &Plan, console: &mut Console, mut outputs: Outputs, input: &
         fixed(middle.z, 0),
         count(cycles, "cycle")
     ))?;
-    let mut table = Table::new(["pose", "joints, deg (mm)"]);
+    let mut table = TextTable::new(["pose", "joints, deg (mm)"]);
     for (place, q) in found.poses.iter().enumerate() {
         table = table.row([format!("P{}", place + 1), shown(model, q)]);
     }
-    console.say(table.render())?;
+    console.say(on_stdout(&table))?;
     console.say(
         "the standard asks for rated load, rated speed, a warm robot: set them on the controller",
     )?;
@@ -240,7 +239,7 @@ fn told(
         String::new()
     };
     console.say(format!("{head}{beside} (worst of {})", count(rows.len(), "pose")))?;
-    let mut table = Table::new(["joints, deg (mm)", "visits", "AP, mm", "RP, mm"]);
+    let mut table = TextTable::new(["joints, deg (mm)", "visits", "AP, mm", "RP, mm"]);
     for (pose, figures) in rows {
         let accuracy =
             if with_accuracy { fixed(1e3 * figures.accuracy_m, 3) } else { "–".to_owned() };
@@ -251,7 +250,7 @@ fn told(
             fixed(1e3 * figures.repeatability_m, 3),
         ]);
     }
-    console.say(table.render())
+    console.say(on_stdout(&table))
 }
 
 fn row(input: &Input, pose: &Visits, figures: &PoseFigures, with_accuracy: bool) -> PoseReport {

@@ -6,7 +6,7 @@ use diagnosis::plan::next::AHEAD;
 use diagnosis::plan::{Added, Criterion, Falls, Next, Plan as Planned, Sees};
 use physics::{JointKind, Joints};
 use recording::model::RobotModel;
-use report::{Number, Table, fixed, significant};
+use report::{Number, Table, TextTable, count, fixed, significant};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -15,8 +15,8 @@ use super::page::{Sheet, numbered};
 use super::{Input, Plan};
 use crate::atomic::Outputs;
 use crate::exit::Failure;
-use crate::input::count;
 use crate::output::{Console, Paint};
+use crate::table::on_stdout;
 
 /// Sentences on what stays open that are told on the console.
 const OPEN: usize = 3;
@@ -251,12 +251,12 @@ pub(super) fn plan(
 
 /// Each pose in a line, and what becomes surer by it in the next.
 fn table_of_poses(model: &RobotModel, planned: &Planned) -> String {
-    let start = crate::table::Table::new(["pose", "joints, deg (mm)", "tool, mm"]);
+    let start = TextTable::new(["pose", "joints, deg (mm)", "tool, mm"]);
     let table = planned.poses.iter().enumerate().fold(start, |table, (place, pose)| {
         let tool = format!("{} → {}", mm(pose.tool_m[0]), mm(pose.tool_m[1]));
         table.row([(place + 1).to_string(), shown(model, &pose.q), tool])
     });
-    let table = table.render();
+    let table = on_stdout(&table);
     let surer = planned.poses.iter().map(|pose| pose.falls.first().map(surer));
     let lines = table.lines().zip(std::iter::once(None).chain(surer));
     lines.fold(String::new(), |text, (line, surer)| match surer {

@@ -1,6 +1,6 @@
 //! From hits or response functions to modes, with warnings.
 
-use report::{fixed, significant};
+use report::{count, fixed, significant};
 use spectrum::Complex;
 use spectrum::frf::{COHERENCE_HITS, Estimator, Frf, Response};
 use spectrum::modal::{FittedMode, Measured, Merged, Unresolved, merged, modes, unresolved};
@@ -9,7 +9,6 @@ use spectrum::tap::{TapConfig, TapRecord, tap};
 use super::input::{Hits, Source};
 use super::{Tap, Windowing};
 use crate::exit::Failure;
-use crate::input::count;
 
 /// Modes are looked for as far as the hammer's force stays within so many dB of its strongest.
 const EXCITED_DB: f64 = 40.0;

@@ -1,7 +1,8 @@
 //! The page of `trued tap`: modes, their three signs, and the hits used.
 
 use report::{
-    Axis, Cell, Column, Multiples, Number, Page, Plot, Series, Table, Tone, fixed, significant,
+    Axis, Cell, Column, Multiples, Number, Page, Plot, Series, Table, Tone, count, fixed,
+    significant,
 };
 use spectrum::frf::Response;
 use spectrum::modal::Merged;
@@ -10,7 +11,6 @@ use super::Tap;
 use super::analysis::{Analysis, Function, Test};
 use super::model::Renewed;
 use super::told::{decimals, verdict};
-use crate::input::count;
 
 /// Modes named in the verdict.
 const NAMED: usize = 3;

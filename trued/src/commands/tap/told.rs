@@ -3,15 +3,14 @@
 use std::f64::consts::TAU;
 
 use recording::model::ModeChange;
-use report::{fixed, significant};
+use report::{TextTable, count, fixed, significant};
 use serde::Serialize;
 use spectrum::modal::{FittedMode, Merged};
 
 use super::Tap;
 use super::analysis::{Analysis, Function, Test};
 use super::model::Renewed;
-use crate::input::count;
-use crate::table::Table;
+use crate::table::on_stdout;
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -278,7 +277,7 @@ pub(super) fn told(analysis: &Analysis, renewed: Option<&Renewed>) -> String {
     if analysis.modes.is_empty() {
         text += "no mode found\n";
     } else {
-        text += &table(analysis).render();
+        text += &on_stdout(&table(analysis));
     }
     if let Some(renewed) = renewed {
         text += &format!("{}\n", renewed.told(analysis));
@@ -312,10 +311,10 @@ fn hits_told(test: &Test) -> String {
     text
 }
 
-fn table(analysis: &Analysis) -> Table {
+fn table(analysis: &Analysis) -> TextTable {
     let heads =
         ["mode, Hz", "±", "damping, %", "±", "half power, %", "N/µm", "kg", "coherence", ""];
-    analysis.modes.iter().fold(Table::new(heads), |table, mode| {
+    analysis.modes.iter().fold(TextTable::new(heads), |table, mode| {
         let clearest = analysis.clearest(mode);
         let of = |value: &dyn Fn(&FittedMode) -> Option<f64>, digits: usize| {
             clearest.and_then(value).map_or_else(|| "–".to_owned(), |v| significant(v, digits))
