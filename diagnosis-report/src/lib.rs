@@ -1,6 +1,6 @@
-//! Results of a diagnosis for people and programs: `trued.diagnosis/1` as JSON, lines of text, an HTML page, and the model with what was found.
+//! Results of a diagnosis and of a calibration for people and programs: JSON, lines of text, an HTML page, and the model with what was found.
 //!
-//! [`diagnose`] reads what recordings of one robot say of positions and of drive torques, [`DiagnosedForces`] what forces alone say. Modules in the order in
+//! [`calibration`] makes a calibrated model from measurements of the tool. [`diagnose`] reads what recordings of one robot say of positions and of drive torques, [`DiagnosedForces`] what forces alone say. Modules in the order in
 //! which to read them: `diagnosed` and `forces` (which engine runs on which recordings), `result` (numbers and words), `page` (the same as a page),
 //! `entries` and `drives` (the same as effects of a model file), `drawings` (pictures that several pages share).
 //!
@@ -29,6 +29,7 @@
 //! # }
 //! ```
 
+pub mod calibration;
 mod diagnosed;
 pub mod drawings;
 mod drives;
@@ -37,6 +38,7 @@ mod error;
 mod forces;
 mod page;
 mod result;
+mod tolerance;
 
 /// File name of the model with what was found, beside `diagnosis.json`.
 pub const MODEL: &str = "model.toml";
@@ -45,3 +47,4 @@ pub use diagnosed::{Diagnosed, Settings, Stage, diagnose};
 pub use error::Error;
 pub use forces::DiagnosedForces;
 pub use result::{Interval, Report, ReportedFinding, Size, Value, Whole, lead, lines};
+pub use tolerance::{HeldOut, Tolerance};

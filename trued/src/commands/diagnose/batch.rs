@@ -30,7 +30,7 @@ const LISTED_MAX: usize = 10;
 pub(super) struct Batch {
     /// Diagnose each recording of this manifest for itself; DIR gets one Parquet file for each (docs/batch.md)
     #[arg(long, value_name = "MANIFEST", help_heading = "Batches")]
-    #[arg(conflicts_with_all = ["recordings", "model", "mapping", "seed", "band", "apply"])]
+    #[arg(conflicts_with_all = ["recordings", "model", "mapping", "seed", "band", "tolerance_mm", "apply"])]
     pub(super) batch: Option<PathBuf>,
     /// Only the I-th of N parts of the manifest: its recordings I, I + N, I + 2 N …
     #[arg(long, value_name = "I/N", help_heading = "Batches")]
