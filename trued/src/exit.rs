@@ -44,6 +44,16 @@ impl From<diagnosis_report::Error> for Failure {
     }
 }
 
+impl From<spectrum_report::Error> for Failure {
+    fn from(error: spectrum_report::Error) -> Self {
+        match error {
+            spectrum_report::Error::File(error) => crate::input::unusable(error),
+            spectrum_report::Error::Input(error) => Self::Input(error),
+            spectrum_report::Error::Internal(error) => Self::System(error),
+        }
+    }
+}
+
 /// How a command ends.
 pub type Outcome = Result<Answer, Failure>;
 

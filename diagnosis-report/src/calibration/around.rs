@@ -13,7 +13,7 @@ const MILLI: f64 = 1e3;
 /// A fitted number of a fixed point, plane or sphere.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Number {
+pub(super) struct Number {
     thing: &'static str,
     /// From 1.
     number: usize,
