@@ -1,18 +1,20 @@
 //! `trued plan --check`: poses that reveal damage, and whether a model still holds for measurements there.
 
+use std::collections::BTreeMap;
+
 use diagnosis::from_recording;
 use diagnosis::plan::check::{
     Checkup, Damage, Detectable, Judgement, Suspect, Terms, judge, poses,
 };
+use diagnosis_report::positions::{columns, shown};
 use physics::Model;
 use recording::model::RobotModel;
 use report::{TextTable, count, fixed, significant};
 use serde::Serialize;
-use serde_json::{Map, Value};
 use tracing::warn;
 
 use super::page::{Sheet, numbered};
-use super::told::{joints, not_checked, shown, written};
+use super::told::{not_checked, written};
 use super::{Input, Plan};
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
@@ -32,7 +34,7 @@ struct Planned<'a> {
     seed: u64,
     alarm: f64,
     power: f64,
-    poses: Vec<Map<String, Value>>,
+    poses: Vec<BTreeMap<String, f64>>,
     detectable: Vec<DetectableReport>,
     not_checked: Vec<&'static str>,
 }
@@ -121,7 +123,7 @@ fn chosen(
         seed,
         alarm: terms.alarm,
         power: terms.power,
-        poses: found.poses.iter().map(|q| joints(model, q)).collect(),
+        poses: found.poses.iter().map(|q| columns(&model.physics.arm, q)).collect(),
         detectable: found
             .detectable
             .iter()
@@ -136,7 +138,7 @@ fn chosen(
     console.say(format!("{head} for a check (seed {seed})"))?;
     let mut table = TextTable::new(["pose", "joints, deg (mm)"]);
     for (place, q) in found.poses.iter().enumerate() {
-        table = table.row([(place + 1).to_string(), shown(model, q)]);
+        table = table.row([(place + 1).to_string(), shown(&model.physics.arm, q)]);
     }
     console.say(on_stdout(&table))?;
     console.say(format!(
