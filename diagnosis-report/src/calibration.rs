@@ -4,7 +4,7 @@
 //! [`calibrate`] fits three models to the training poses: the model as it is (nominal), with the geometry of every joint (calibrated), and with the effects
 //! that the data ask for (advanced). It compares them on held-out poses, which took part in no fit; the advanced one is the result. Modules in the order in
 //! which to read them: `split` (which poses are held out), `calibrated` (fits and held-out errors), `objections` (what speaks against the result),
-//! `separately` (single joints and loads by themselves), `result`, `text` and `page` (numbers and words), `model_file`.
+//! `sweeps_and_loads` (single joints and loads by themselves), `result`, `text` and `page` (numbers and words), `model_file`.
 //!
 //! The same model, recordings and seed give the same bytes. Writes no file.
 //!
@@ -38,16 +38,16 @@ mod model_file;
 mod objections;
 mod page;
 mod result;
-mod separately;
 mod split;
+mod sweeps_and_loads;
 mod text;
 mod undetermined;
 
 pub use calibrated::{Approached, Calibrated, OfRecording, Outlier, Stationed, calibrate};
 pub use diagnosis::single_joint::Sag;
 pub use result::{Refused, Report};
-pub use separately::Separately;
 use serde::Serialize;
+pub use sweeps_and_loads::SweepsAndLoads;
 
 /// Names of the three models, in the order of every list of three.
 pub const MODELS: [&str; 3] = ["nominal", "calibrated", "advanced"];

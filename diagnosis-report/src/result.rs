@@ -57,7 +57,7 @@ pub struct Report {
     pub heldout_rms_after: Option<f64>,
     /// What was held out, in words.
     pub heldout: String,
-    /// The tool's held-out errors against [`Settings::tolerance_mm`](crate::Settings::tolerance_mm); none where none was stated, and for torques and forces.
+    /// The tool's held-out errors against the tolerance; none where none was stated, and for torques and forces.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<Tolerance>,
     /// What is claimed: the probability of each is a half or more. At most [`Settings::findings_most`](crate::Settings::findings_most).

@@ -13,7 +13,7 @@ use report::ToolError;
 
 use super::objections::{checks, contradictions, doubts, is_along_axis, refused};
 use super::split::Parts;
-use super::{Separately, Settings, Tolerance, mm, undetermined};
+use super::{Settings, SweepsAndLoads, Tolerance, mm, undetermined};
 use crate::drawings::tool_errors;
 use crate::entries::{ALONG, Entry, entries};
 use crate::error::Error;
@@ -85,7 +85,7 @@ pub struct Calibrated {
     /// Of the stations of the instrument; empty where there is one.
     pub stationed: Vec<Stationed>,
     /// Single joints and loads by themselves.
-    pub separately: Separately,
+    pub sweeps_and_loads: SweepsAndLoads,
     /// What is to be looked at, in words.
     pub warnings: Vec<String>,
     /// Why the model is not to be used, in words; empty where its proof holds.
@@ -181,7 +181,7 @@ impl Calibrated {
             tool_errors: tool_errors(&campaign, arm, [nominal, advanced], is_held),
             of_recordings: of_recordings(&campaign, &calibration, &held, settings.still),
             stationed: stationed(&campaign, fits(&calibration), &held),
-            separately: Separately::of(&campaign, recordings, &fit, settings.sag),
+            sweeps_and_loads: SweepsAndLoads::of(&campaign, recordings, &fit, settings.sag),
             poses: used.iter().filter(|used| **used).count(),
             tolerance_mm: settings.tolerance_mm,
             base,

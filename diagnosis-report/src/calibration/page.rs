@@ -54,7 +54,7 @@ fn render(found: &Calibrated, written: Option<&Path>) -> Page {
         });
     }
     page = what_was_found(page, found);
-    let by_themselves = found.separately.lines();
+    let by_themselves = found.sweeps_and_loads.lines();
     if !by_themselves.is_empty() {
         page = page
             .section("Joints and loads by themselves")

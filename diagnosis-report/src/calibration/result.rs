@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::around::{Number, numbers};
 use super::calibrated::{Approached, Calibrated, OfRecording, Outlier, Stationed};
-use super::{Tolerance, mm, separately};
+use super::{Tolerance, mm, sweeps_and_loads};
 use crate::entries::Entry;
 use crate::error::Error;
 
@@ -66,7 +66,7 @@ pub struct Report {
     targets_tool_mm: Vec<[f64; 3]>,
     things: Vec<Number>,
     #[serde(flatten)]
-    alone: separately::Report,
+    alone: sweeps_and_loads::Report,
     warnings: Vec<String>,
 }
 
@@ -220,7 +220,7 @@ impl Calibrated {
             left_open: self.left_open(),
             approach: approach(self),
             things: numbers(&self.fit),
-            alone: self.separately.report(),
+            alone: self.sweeps_and_loads.report(),
             stations: self.stationed.iter().map(|one| station(self, one)).collect(),
             residuals: residuals(self),
             conditioning: conditioning(self),

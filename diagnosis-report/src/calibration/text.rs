@@ -34,7 +34,7 @@ impl Calibrated {
         for line in per_joint(self) {
             text += &format!("  {line}\n");
         }
-        for line in lines(&numbers(&self.fit)).into_iter().chain(self.separately.lines()) {
+        for line in lines(&numbers(&self.fit)).into_iter().chain(self.sweeps_and_loads.lines()) {
             text += &format!("  {line}\n");
         }
         for sentence in self.nests() {

@@ -8,7 +8,7 @@ use diagnosis::plan::{Added, Criterion, Falls, Next, Plan as Planned, Sees};
 use diagnosis_report::positions::{columns, shown};
 use physics::Joints;
 use recording::model::RobotModel;
-use report::{Number, Table, TextTable, count, fixed, significant};
+use report::{Number, Table, TextTable, count, significant};
 use serde::Serialize;
 
 use super::going::Going;

@@ -22,7 +22,7 @@ const MICRO: f64 = 1e6;
 const COMPLIANCE: f64 = 1e6;
 
 /// What sweeps of single joints and poses with and without load say by themselves.
-pub struct Separately {
+pub struct SweepsAndLoads {
     said: Vec<Said>,
     joints: Vec<OfJoint>,
     axes: Vec<Relative>,
@@ -145,7 +145,7 @@ struct Bending {
     negligible_rows: Vec<usize>,
 }
 
-impl Separately {
+impl SweepsAndLoads {
     /// `fit` tells where instruments stand and what gives way.
     pub(super) fn of(campaign: &Campaign, recordings: &[Recording], fit: &Fit, sag: Sag) -> Self {
         let (model, around) = (&fit.hypothesis.model, &fit.surroundings);
