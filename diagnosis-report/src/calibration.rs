@@ -64,7 +64,7 @@ pub struct Settings {
     pub sag: Sag,
     /// Error of the tool that is allowed, mm; above 0. Default: none, which judges nothing.
     pub tolerance_mm: Option<f64>,
-    /// Training poses with a measured length from which on there is a fit; from 1. Default 6. Origin: a choice; six free places of a measuring frame.
+    /// Training poses with a measured length from which on there is a fit; from 1. Default 6. Origin: a choice; as many as a measuring frame has degrees of freedom.
     pub training_poses_least: usize,
     /// Readings in training poses that place a station of the instrument; from 3. Default 3. Origin: three points determine a frame.
     pub station_readings_least: usize,

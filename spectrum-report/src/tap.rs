@@ -64,11 +64,13 @@ pub struct Settings {
     pub weak_db: f64,
     /// Bins of the spectrum that are left out below the band, unless it is given. Default 5. Origin: a choice; the first bins hold the drift of the sensor.
     pub bins_below: usize,
-    /// Fit and width at half power disagree in damping beyond this part of it and two standard uncertainties; no unit, above 0. Default 0.25.
+    /// Fit and width at half power disagree in damping beyond this part of it and two standard uncertainties; no unit, above 0. Default 0.25. Origin: a choice.
     pub damping_disagrees: f64,
-    /// A mode that still rings with more than this part when the next hit comes is reported; no unit, 0 to 1. Default 0.05.
+    /// A mode that still rings with more than this part when the next hit comes is reported; no unit, 0 to 1. Default 0.05. Origin: a choice; its modal mass is
+    /// off by as much.
     pub carried_most: f64,
-    /// The pause that is proposed between hits lets a mode decay to this part; no unit, 0 to 1. Default 0.01.
+    /// The pause that is proposed between hits lets a mode decay to this part; no unit, 0 to 1. Default 0.01. Origin: a choice; a fifth of what is
+    /// reported.
     pub rung_down: f64,
     /// A fit that leaves more than this part of a peak may hide a second mode; no unit, 0 to 1. Default 0.06. Origin: two modes 3 Hz apart at 67 Hz with 3 %
     /// damping and 2 % noise, taken for one, leave 0.08.
