@@ -10,10 +10,11 @@ use recording::series::{Heldout, Recording};
 use report::Page;
 
 use crate::drives::Drives;
-use crate::entries::{Entry, entries};
+use crate::entries::{Entry, entries, renewed_file};
 use crate::error::Error;
 use crate::page;
 use crate::result::{Report, json};
+use crate::tolerance::Tolerance;
 
 /// How a diagnosis is made and reported.
 #[derive(Clone, Copy, Debug)]
@@ -27,13 +28,19 @@ pub struct Settings {
     /// Findings that are reported one by one, at most; those with the smallest effects on what was measured are `minor`. From 1. Default 20. Origin: a choice, as
     /// many as a person can read and act on; no fit depends on it.
     pub findings_most: usize,
+    /// Error of the tool that is allowed, mm; above 0. Default: none, which judges nothing. It changes no fit and no verdict.
+    pub tolerance_mm: Option<f64>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { seed: 0, band_hz: None, rows_least: 30, findings_most: 20 }
+        Self { seed: 0, band_hz: None, rows_least: 30, findings_most: 20, tolerance_mm: None }
     }
 }
+
+/// Why a tolerance is refused.
+const NO_POSITION: &str =
+    "a tolerance of the tool was given, but only drive torques were recorded: measure the tool";
 
 /// What is being computed, for progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,6 +84,9 @@ pub fn diagnose(
     begins(Stage::Torques);
     let drives = Drives::where_recorded(&base, &mut recordings, settings.band_hz, settings.seed)?;
     if drives.is_some() && recordings.is_empty() {
+        if settings.tolerance_mm.is_some() {
+            return Err(Error::input(NO_POSITION));
+        }
         return Ok(Diagnosed { drives, has_positions: false, ..Diagnosed::empty(base, settings) });
     }
     begins(Stage::Positions);
@@ -142,6 +152,11 @@ impl Diagnosed {
         Ok(Self { diagnosis, entries, notes, rows, has_positions, ..empty })
     }
 
+    /// The tool's held-out errors against the tolerance, where one was stated.
+    pub(crate) fn tolerance(&self) -> Option<Tolerance> {
+        self.settings.tolerance_mm.map(|mm| Tolerance::of(mm, self.diagnosis.as_ref()))
+    }
+
     /// What the torques say, where they could be judged.
     pub(crate) fn torques(&self) -> Option<&torque::Diagnosis> {
         self.drives.as_ref().and_then(|drives| drives.result.as_ref().ok())
@@ -178,14 +193,7 @@ impl Diagnosed {
     /// # Errors
     /// [`Error::Internal`]
     pub fn model_toml(&self) -> Result<String, Error> {
-        let mut file = self.base.file.clone();
-        for entry in &self.entries {
-            match entry.of_base.and_then(|at| file.effects.get_mut(at)) {
-                Some(there) => *there = entry.written.clone(),
-                None if entry.is_empty() => {}
-                None => file.effects.push(entry.written.clone()),
-            }
-        }
+        let mut file = renewed_file(&self.base, &self.entries);
         if let Some(drives) = &self.drives {
             file.effects = drives.written(&self.base, &file.effects);
         }

@@ -8,7 +8,7 @@ use diagnosis::{Chosen, Fit};
 use glam::DVec3;
 use physics::spec::Count;
 use physics::{AnyEffect, Arm, JointKind};
-use recording::model::{EffectEntry, Numbers, Parameter, RobotModel, SiParameter};
+use recording::model::{EffectEntry, ModelFile, Numbers, Parameter, RobotModel, SiParameter};
 
 use crate::error::Error;
 
@@ -60,6 +60,19 @@ impl Entry {
     pub fn kind(&self) -> &'static str {
         self.effect.spec().kind
     }
+}
+
+/// The file of `base` with these effects: those that it has renewed, new ones of which something is known appended.
+pub(crate) fn renewed_file(base: &RobotModel, entries: &[Entry]) -> ModelFile {
+    let mut file = base.file.clone();
+    for entry in entries {
+        match entry.of_base.and_then(|at| file.effects.get_mut(at)) {
+            Some(there) => *there = entry.written.clone(),
+            None if entry.is_empty() => {}
+            None => file.effects.push(entry.written.clone()),
+        }
+    }
+    file
 }
 
 /// The effects of `last`, in its order.

@@ -1,13 +1,18 @@
-//! Why a diagnosis gives no result.
+//! Why a diagnosis or a calibration gives no result.
 
 use std::error::Error as StdError;
 
-/// Why a diagnosis gives no result.
+use diagnosis::gross::Suspicion;
+
+/// Why a diagnosis or a calibration gives no result.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// Model or recordings cannot be used.
     #[error(transparent)]
     Input(Box<dyn StdError + Send + Sync>),
+    /// Recordings and model do not belong together, as with swapped columns, a wrong unit, or a mirrored frame: each of these explains it.
+    #[error("the recording and the model do not belong together as they are: {}", .0.iter().map(|fault| fault.says.as_str()).collect::<Vec<_>>().join("; or "))]
+    GrossFaults(Vec<Suspicion>),
     /// A result cannot be written as file or JSON: a fault of this program.
     #[error(transparent)]
     Internal(Box<dyn StdError + Send + Sync>),

@@ -1,8 +1,9 @@
-//! Results of a diagnosis for people and programs: `trued.diagnosis/1` as JSON, lines of text, an HTML page, and the model with what was found.
+//! Results of a diagnosis and of a calibration for people and programs: JSON, lines of text, an HTML page, and the model with what was found.
 //!
-//! [`diagnose`] reads what recordings of one robot say of positions and of drive torques, [`DiagnosedForces`] what forces alone say. Modules in the order in
-//! which to read them: `diagnosed` and `forces` (which engine runs on which recordings), `result` (numbers and words), `page` (the same as a page),
-//! `entries` and `drives` (the same as effects of a model file), `drawings` (pictures that several pages share).
+//! [`calibration`] makes a calibrated model from measurements of the tool. [`diagnose`] reads what recordings of one robot say of positions and of drive torques,
+//! [`DiagnosedForces`] what forces alone say. [`iso9283`] reports accuracy and repeatability. Modules of a diagnosis in the order in which to read them:
+//! `diagnosed` and `forces` (which engine runs on which recordings), `result` (numbers and words), `page` (the same as a page), `entries` and `drives` (the same
+//! as effects of a model file), `drawings` (pictures that several pages share).
 //!
 //! The same model, recordings and seed give the same bytes. Writes no file.
 //!
@@ -29,14 +30,18 @@
 //! # }
 //! ```
 
+pub mod calibration;
 mod diagnosed;
 pub mod drawings;
 mod drives;
 pub mod entries;
 mod error;
 mod forces;
+pub mod iso9283;
 mod page;
+pub mod positions;
 mod result;
+mod tolerance;
 
 /// File name of the model with what was found, beside `diagnosis.json`.
 pub const MODEL: &str = "model.toml";
@@ -45,3 +50,4 @@ pub use diagnosed::{Diagnosed, Settings, Stage, diagnose};
 pub use error::Error;
 pub use forces::DiagnosedForces;
 pub use result::{Interval, Report, ReportedFinding, Size, Value, Whole, lead, lines};
+pub use tolerance::{HeldOut, Tolerance};

@@ -57,7 +57,7 @@ fn first(
 ) -> Page {
     let word = report.verdict.replace('_', " ");
     let mut page = if is_judged {
-        page.verdict(tone(report), &word, &sentence(report)).numbers(numbers(report))
+        page.verdict(tone(report), &word, &judged(report)).numbers(numbers(report))
     } else {
         let why =
             format!("These recordings cannot be judged with this model: {}", self::lead(report));
@@ -180,6 +180,15 @@ fn domain(page: Page, found: &Diagnosed, report: &Report, dir: &Path) -> Page {
     page = figures::places(page, diagnosis, report);
     page = figures::over_each(page, diagnosis, report);
     made_from(rest(page, report), found, report)
+}
+
+/// The verdict in sentences, with the judgement of a tolerance where one was stated.
+fn judged(report: &Report) -> String {
+    let sentence = sentence(report);
+    match &report.tolerance {
+        Some(tolerance) => format!("{sentence} Tolerance of {}.", tolerance.words()),
+        None => sentence,
+    }
 }
 
 fn sentence(report: &Report) -> String {

@@ -24,6 +24,7 @@ pub(crate) use file::json;
 pub use lines::lines;
 
 use crate::diagnosed::Diagnosed;
+use crate::tolerance::Tolerance;
 
 /// Standard uncertainties to each side that hold 95 in 100.
 const NINETY_FIVE: f64 = 1.96;
@@ -56,6 +57,9 @@ pub struct Report {
     pub heldout_rms_after: Option<f64>,
     /// What was held out, in words.
     pub heldout: String,
+    /// The tool's held-out errors against the tolerance; none where none was stated, and for torques and forces.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tolerance: Option<Tolerance>,
     /// What is claimed: the probability of each is a half or more. At most [`Settings::findings_most`](crate::Settings::findings_most).
     pub findings: Vec<ReportedFinding>,
     /// Claimed as well; each has a smaller effect on what was measured than any of `findings`.
@@ -271,6 +275,7 @@ impl Report {
             heldout_rms_before: Some(MILLI * proof.before),
             heldout_rms_after: Some(MILLI * proof.after),
             heldout: proof.says.clone(),
+            tolerance: found.tolerance(),
             findings: diagnosis.findings.iter().map(|one| ReportedFinding::of(arm, one)).collect(),
             minor: Vec::new(),
             candidates: diagnosis
@@ -312,8 +317,8 @@ impl Report {
     /// Positions of which nothing can be said.
     fn nothing(found: &Diagnosed) -> Self {
         let empty = Self::empty("position", "mm", found.settings.seed);
-        let (samples, notes) = (found.rows, found.notes.clone());
-        Self { samples, notes, ..empty }.because(found.doubts.join(" Or: "))
+        let (samples, notes, tolerance) = (found.rows, found.notes.clone(), found.tolerance());
+        Self { samples, notes, tolerance, ..empty }.because(found.doubts.join(" Or: "))
     }
 
     /// Of which nothing is said yet.
@@ -329,6 +334,7 @@ impl Report {
             heldout_rms_before: None,
             heldout_rms_after: None,
             heldout: "nothing: the recordings cannot be judged".to_owned(),
+            tolerance: None,
             findings: Vec::new(),
             minor: Vec::new(),
             candidates: Vec::new(),
@@ -488,9 +494,18 @@ impl Report {
     }
 }
 
-/// The result in one sentence.
+/// The result in one sentence, with the judgement of a tolerance where one was stated.
 #[must_use]
 pub fn lead(report: &Report) -> String {
+    let lead = difference(report);
+    match &report.tolerance {
+        Some(tolerance) => format!("{lead}; tolerance of {}", tolerance.words()),
+        None => lead,
+    }
+}
+
+/// How far model and recording differ.
+fn difference(report: &Report) -> String {
     let held = report.heldout_rms_before.zip(report.heldout_rms_after);
     let Some((before, after)) = held.filter(|(before, _)| report.samples > 0 && *before > 0.0)
     else {

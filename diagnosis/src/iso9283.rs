@@ -85,6 +85,9 @@ pub struct DistanceFigures {
 /// Why there are no figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum IsoError {
+    /// Nothing to evaluate.
+    #[error("no pose was visited twice with its place measured: nothing to evaluate")]
+    NoVisits,
     /// Too few visits for a standard deviation.
     #[error(
         "a pose was visited {0} times: 2 are needed for a standard deviation, the standard asks for 30"

@@ -1,4 +1,4 @@
-//! Uniform HTML pages and SVG plots.
+//! Uniform HTML pages, SVG plots and tables of text.
 //!
 //! Promises: the same input gives the same bytes; every text is escaped; no value that is not finite reaches a
 //! drawing; a page is one file that asks nothing of the network; long series are thinned to a bounded size.
@@ -37,6 +37,7 @@ mod scale;
 mod series;
 mod strip;
 mod table;
+mod text_table;
 mod thin;
 
 /// The comment in the head of every page and every plot of a file of its own.
@@ -50,10 +51,11 @@ pub use canvas::Svg;
 pub use heat::HeatMap;
 pub use histogram::Histogram;
 pub use multiples::Multiples;
-pub use number::{duration, fixed, quantity, significant};
+pub use number::{count, duration, fixed, quantity, significant};
 pub use page::{Number, Page, Tone};
 pub use plot::Plot;
 pub use role::Role;
 pub use series::Series;
 pub use strip::{InputFile, Provenance};
 pub use table::{Cell, Column, Table};
+pub use text_table::TextTable;

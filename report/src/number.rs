@@ -126,6 +126,12 @@ pub(crate) fn common_decimals(values: &[f64], digits: usize) -> Option<usize> {
     Some((digits as f64 - 1.0 - exponent).max(0.0) as usize)
 }
 
+/// A number of things: `1 fault`, `2 faults`.
+#[must_use]
+pub fn count(number: usize, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

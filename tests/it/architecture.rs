@@ -20,6 +20,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("world", &["physics", "spectrum"]),
     ("diagnosis", &["world", "recording", "spectrum", "report", "physics"]),
     ("diagnosis-report", &["diagnosis", "recording", "report", "spectrum", "physics"]),
+    ("spectrum-report", &["spectrum", "recording", "report"]),
     ("batch", &["recording"]),
     ("feedforward", &["diagnosis", "world", "recording", "physics", "envelope"]),
     ("client", &["shm-schema", "envelope"]),

@@ -1,13 +1,16 @@
 //! `trued calibrate`: a simulated campaign whose truth is known, gross faults that are said, and nothing written where nothing can be.
 
 use std::fmt::Write as _;
+use std::path::Path;
 use std::sync::OnceLock;
 
 use diagnosis::{Campaign, Fitted, Reading, from_recording, simulate};
+use diagnosis_report::Error;
+use diagnosis_report::calibration::{self, Settings};
 use glam::{DMat3, DVec3};
 use recording::model::RobotModel;
 use recording::model::presets::preset;
-use recording::series::{Need, read_text};
+use recording::series::{Need, read, read_text};
 use serde_json::Value;
 use tests::chance::Chance;
 
@@ -168,6 +171,40 @@ fn the_effects_of_a_simulated_robot_are_found_and_its_model_loads_and_corrects()
     let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
     roxmltree::Document::parse_with_options(&page, options).expect("a sound page");
     assert!(page.contains("What these data cannot tell") && page.contains("rising"), "{page}");
+}
+
+#[test]
+fn the_library_gives_the_model_and_the_result_that_the_command_writes() {
+    let place = place_with(measured());
+    let asked = [&CALIBRATE[..], &["--json", "c.json"]].concat();
+    let said = place.succeed(&asked).out;
+    let model = preset(BASE).expect("preset").model().expect("sound");
+    let mut seen = read(&place.path("seen.csv"), None, Need::Measurement).expect("a recording");
+    // The command is run in the folder: its result names the file without it.
+    seen.file = "seen.csv".into();
+    let settings = Settings { seed: 7, ..Settings::default() };
+    let calibrated = calibration::calibrate(model, &[seen], &settings, &mut |_| {});
+    let calibrated = calibrated.expect("a calibration");
+    assert!(calibrated.is_proven(), "{:?}", calibrated.refused);
+    assert_eq!(calibrated.model_toml().expect("a model"), place.read("robot2.toml"));
+    let out = Path::new("robot2.toml");
+    let json: Value = serde_json::from_str(&calibrated.json(Some(out)).expect("json")).unwrap();
+    assert_eq!(json, place.json("c.json"));
+    assert!(said.starts_with(&calibrated.text(Some(out), None)), "{said}");
+    let unwritten = calibrated.page(None).render();
+    assert!(unwritten.contains("The proof") && !unwritten.contains("robot2.toml"));
+}
+
+#[test]
+fn recordings_that_do_not_belong_to_the_model_are_refused_by_the_library_with_the_fault() {
+    let mut rows = measured().to_vec();
+    rows.iter_mut().for_each(|row| row.2.iter_mut().for_each(|at| at.x = -at.x));
+    let place = place_with(&rows);
+    let model = preset(BASE).expect("preset").model().expect("sound");
+    let seen = read(&place.path("seen.csv"), None, Need::Measurement).expect("a recording");
+    let refused = calibration::calibrate(model, &[seen], &Settings::default(), &mut |_| {});
+    let Err(Error::GrossFaults(faults)) = refused else { panic!("a mirrored frame is a fault") };
+    assert!(faults[0].says.contains("mirrored"), "{faults:?}");
 }
 
 #[test]

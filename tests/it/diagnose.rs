@@ -94,6 +94,26 @@ fn a_concealed_backlash_is_named_with_its_joint_and_width_and_the_gain_is_proven
 }
 
 #[test]
+fn a_tolerance_is_judged_as_given_and_with_what_was_found_in_text_json_and_page() {
+    let place = recorded(BACKLASH);
+    let diagnose = ["diagnose", "--model", BASE, "--out", "said", "--seed", "1"];
+    let asked = [&diagnose[..], &["--tolerance-mm", "0.1", "seen.csv"]].concat();
+    let text = place.succeed(&asked).out;
+    let words = "olerance of 0.100 mm not met as given and met with what was found";
+    assert!(text.contains(words), "{text}");
+    assert!(place.read("said/report.html").contains(words));
+    let said = place.json("said/diagnosis.json");
+    let [before, after] = ["before", "after"].map(|side| &said["tolerance"][side]);
+    assert_eq!((&before["met"], &after["met"]), (&false.into(), &true.into()), "{said:#}");
+    // Noise of 0.03 mm in each of three axes: 95 of 100 distances are within 2.80 times that.
+    let p95_mm = after["p95_mm"].as_f64().expect("a number");
+    assert!((p95_mm / (2.80 * 0.03) - 1.0).abs() < 0.1, "{p95_mm}");
+    let plain = diagnosed(&place, "seen.csv");
+    assert!(plain.get("tolerance").is_none(), "{plain:#}");
+    assert_eq!(plain["findings"], said["findings"]);
+}
+
+#[test]
 fn the_library_gives_what_the_command_writes_and_lists_the_largest_findings_first() {
     let tilt = "[[effect]]\nkind = \"axis_tilt\"\njoint = 2\ntilt_mrad = [1.5, 0.0]\n";
     let place = recorded(&format!("{BACKLASH}{tilt}"));

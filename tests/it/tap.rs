@@ -2,6 +2,7 @@
 
 use crate::program::{Done, Place, real_data};
 use spectrum::Complex;
+use spectrum_report::tap::{Channels, Settings, analyse, read};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 
@@ -78,6 +79,28 @@ fn refused(done: &Done, words: &[&str]) {
     for word in words {
         assert!(done.err.contains(word), "{word:?} in\n{}", done.err);
     }
+}
+
+#[test]
+fn the_library_gives_the_modes_the_text_and_the_result_that_the_command_writes() {
+    let place = Place::new();
+    place.file("run.csv", &four_hits());
+    let done = place.succeed(&["tap", "run.csv", "--json", "tap.json"]);
+    let source = read(&[place.path("run.csv")], &Channels::default()).expect("a record");
+    let analysis = analyse(source, &Settings::default()).expect("hits");
+    assert_eq!(done.out, analysis.text(None, None));
+    let json: serde_json::Value = serde_json::from_str(&analysis.json(None).unwrap()).unwrap();
+    assert_eq!(json, place.json("tap.json"));
+    assert!(!analysis.modes.is_empty());
+    for (mode, (frequency_hz, ..)) in analysis.modes.iter().zip(ROBOT) {
+        let off_hz = (mode.frequency_hz - frequency_hz).abs();
+        assert!(analysis.is_verified(mode) && off_hz < 0.1, "{frequency_hz} Hz");
+    }
+    // Where more coherence is asked for than there can be, no mode is verified.
+    let source = read(&[place.path("run.csv")], &Channels::default()).expect("a record");
+    let settings = Settings { coherence_least: 1.1, ..Settings::default() };
+    let strict = analyse(source, &settings).expect("hits");
+    assert!(strict.modes.iter().all(|mode| !strict.is_verified(mode)));
 }
 
 #[test]

@@ -11,11 +11,11 @@ use recording::files::content_hash;
 use recording::model::RobotModel;
 use recording::series::Recording;
 use recording::unit::Unit;
+use report::{TextTable, count};
 use serde::Serialize;
 use shm_schema::{Corrected, CorrectionStatus, Reason, UnknownCode};
 
-use crate::input::count;
-use crate::table::Table;
+use crate::table::on_stdout;
 
 /// The answers to all rows.
 #[derive(Debug)]
@@ -267,12 +267,13 @@ impl Figures {
 
     /// What a person wants to know of it.
     pub(crate) fn told(&self) -> String {
-        let mut table = Table::new(["status", "rows", "share"]);
+        let mut table = TextTable::new(["status", "rows", "share"]);
         for (status, rows) in &self.statuses {
             let share = 100.0 * *rows as f64 / self.rows.max(1) as f64;
             table = table.row([status.clone(), rows.to_string(), format!("{share:.1} %")]);
         }
-        let mut text = format!("{}, {} rows\n\n{}\n", self.model.name, self.rows, table.render());
+        let mut text =
+            format!("{}, {} rows\n\n{}\n", self.model.name, self.rows, on_stdout(&table));
         for Because { status, reason, rows, first_row } in &self.reasons {
             text += &format!("{status} for {reason}: {rows} rows, the first is row {first_row}\n");
         }

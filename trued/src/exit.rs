@@ -38,7 +38,18 @@ impl From<diagnosis_report::Error> for Failure {
     fn from(error: diagnosis_report::Error) -> Self {
         match error {
             diagnosis_report::Error::Input(error) => Self::Input(error),
+            faults @ diagnosis_report::Error::GrossFaults(_) => Self::input(faults),
             diagnosis_report::Error::Internal(error) => Self::System(error),
+        }
+    }
+}
+
+impl From<spectrum_report::Error> for Failure {
+    fn from(error: spectrum_report::Error) -> Self {
+        match error {
+            spectrum_report::Error::File(error) => crate::input::unusable(error),
+            spectrum_report::Error::Input(error) => Self::Input(error),
+            spectrum_report::Error::Internal(error) => Self::System(error),
         }
     }
 }

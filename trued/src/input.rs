@@ -12,6 +12,7 @@ use recording::faults::{Faults, nearest};
 use recording::files::FileError;
 use recording::model::{RobotModel, presets};
 use recording::series::{self, Kind, Need, Recording};
+use report::count;
 use tracing::{info, warn};
 
 use crate::exit::Failure;
@@ -198,11 +199,6 @@ pub(crate) fn unusable(error: FileError) -> Failure {
         FileError::Content(faults) => Failure::input(Faulty(faults)),
         error => Failure::input(error),
     }
-}
-
-/// `1 fault`, `2 faults`.
-pub(crate) fn count(number: usize, what: &str) -> String {
-    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
 /// A model that a file names counts from the file's folder; a preset stays a name.

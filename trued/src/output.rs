@@ -47,15 +47,6 @@ pub struct Console {
     reader_left: bool,
 }
 
-/// The schema's name first, then the program's version, then the object.
-#[derive(Serialize)]
-struct Named<'a, T: Serialize> {
-    schema: &'a str,
-    version: &'a str,
-    #[serde(flatten)]
-    body: &'a T,
-}
-
 impl Console {
     /// A console by the options of every command.
     #[must_use]
@@ -154,8 +145,7 @@ impl Console {
     ) -> Result<(), Failure> {
         self.pages.extend(outputs.written_pages());
         let Some(path) = self.common.json.clone() else { return Ok(outputs.write()?) };
-        let object = Named { schema, version: program::version(), body };
-        let text = serde_json::to_string_pretty(&object).map_err(Failure::system)?;
+        let text = program::json(schema, body).map_err(Failure::system)?;
         if path == Path::new("-") {
             outputs.write()?;
             return self.tell(io::stdout(), &text);

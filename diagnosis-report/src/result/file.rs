@@ -35,16 +35,6 @@ impl<'a> Whole<'a> {
 
 /// The object by itself.
 pub(crate) fn json(reports: &[Report]) -> Result<String, Error> {
-    #[derive(Serialize)]
-    struct File<'a> {
-        schema: &'static str,
-        version: &'static str,
-        #[serde(flatten)]
-        whole: Whole<'a>,
-    }
-    let whole = Whole::of(reports);
-    let file = File { schema: "trued.diagnosis/1", version: program::version(), whole };
-    let mut text = serde_json::to_string_pretty(&file).map_err(Error::internal)?;
-    text.push('\n');
-    Ok(text)
+    let text = program::json("trued.diagnosis/1", &Whole::of(reports)).map_err(Error::internal)?;
+    Ok(text + "\n")
 }

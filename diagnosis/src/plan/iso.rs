@@ -5,6 +5,9 @@
 //!
 //! Promises: all five are reachable, with the same orientation of the wrist. Never: the standard's load, speed or temperature; these are the user's responsibility.
 
+mod evaluation;
+
+pub use self::evaluation::{EvaluatedPose, Evaluation};
 use super::inverse::placed;
 use super::reach::Reach;
 use super::zone::stand;
@@ -15,6 +18,8 @@ use physics::{Arm, Chain, Joints};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
+/// Visits of each pose that the standard asks for.
+pub const VISITS: usize = 30;
 /// The share of the way from the middle to a corner: a tenth of the diagonal from its end.
 const OUT: f64 = 0.8;
 /// Steps of the search for a cube.

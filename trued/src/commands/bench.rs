@@ -10,6 +10,7 @@ use clap::Args;
 use harness::findings::Findings;
 use harness::plan::{Plan, Programs};
 use harness::{BenchError, page, tables};
+use report::TextTable;
 use tracing::info;
 
 use crate::atomic::Outputs;
@@ -18,7 +19,7 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 use crate::output::{Console, Paint};
 use crate::progress;
-use crate::table::Table;
+use crate::table::on_stdout;
 
 use asked::Asked;
 
@@ -95,8 +96,8 @@ impl Bench {
         }
         for words in tables::tables(findings) {
             let title = console.paint(Paint::Strong, &words.title);
-            let table = words.rows.into_iter().fold(Table::new(words.heads), Table::row);
-            console.say(format!("\n{title}\n{}", table.render().trim_end()))?;
+            let table = words.rows.into_iter().fold(TextTable::new(words.heads), TextTable::row);
+            console.say(format!("\n{title}\n{}", on_stdout(&table).trim_end()))?;
         }
         if let Some(out) = &self.out {
             outputs.put_page(&out.join(PAGE), page::render(findings));

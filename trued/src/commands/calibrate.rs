@@ -4,40 +4,23 @@
 //! data cannot tell is named; a model is written that loads and that the held-out poses call no worse than the first. Never: a fit on poses that a recording
 //! keeps for validation.
 
-mod alone;
-mod found;
-mod model;
-mod open;
-mod page;
-mod things;
-mod told;
-
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use diagnosis::gross::{self, Suspicion};
-use diagnosis::proof::Split;
-use diagnosis::{Campaign, from_recording};
-use indicatif::ProgressBar;
-use recording::series::{Heldout, Recording};
-use serde::Serialize;
+use diagnosis::gross::Suspicion;
+use diagnosis_report::Error;
+use diagnosis_report::calibration::{self, Calibrated, Refused, Settings, calibrate};
 use tracing::warn;
 
-use self::alone::Alone;
-use self::found::Found;
-use crate::exit::{Answer, Failure, Outcome};
-use crate::input::{Reading, count};
+use crate::exit::{Answer, Outcome};
+use crate::input::Reading;
 use crate::options::{Seed, tolerance_mm};
 use crate::output::{Console, Paint};
-use crate::progress;
+use crate::{progress, wrap};
 
-/// Poses that train, at least.
-const TRAINING_LEAST: usize = 6;
-/// Readings that place a station of the instrument, at least.
-const STATION_LEAST: usize = 3;
 /// Stages that the progress shows.
-const STAGES: u64 = 6;
+const STAGES: u64 = 7;
 /// How often the progress draws while a stage lasts.
 const TICK: Duration = Duration::from_millis(200);
 
@@ -85,162 +68,72 @@ enum Sag {
     Off,
 }
 
-/// How the poses were split.
-struct Parts {
-    split: Split,
-    /// The seed, where chance took part.
-    seed: Option<u64>,
-}
-
-/// The held-out error of the new model against the error that is allowed.
-#[derive(Clone, Copy, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct Tolerance {
-    /// What is allowed.
-    tolerance_mm: f64,
-    /// What 95 of 100 held-out errors stay within.
-    p95_mm: f64,
-    /// Whether that is no more.
-    met: bool,
-}
-
-#[derive(Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct Refused<'a> {
-    faults: Vec<&'a str>,
-}
-
 impl Calibrate {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let mut outputs = console.outputs().file(&self.out).pages(&self.report);
         outputs.check(self.recordings.iter().chain(self.reading.files()))?;
         let (model, recordings) = self.reading.measured(&self.recordings)?;
-        let arm = &model.physics.arm;
-        let campaign = from_recording::campaign(arm, &recordings).map_err(Failure::input)?;
-        let parts = self.parts(&campaign, &recordings)?;
-        let progress = progress::bar(console, STAGES, "gross faults");
+        let progress = progress::bar(console, STAGES, "reading recordings");
         progress.enable_steady_tick(TICK);
-        let faults = gross::suspicions(&campaign, &model.physics);
-        if !faults.is_empty() {
-            progress.finish_and_clear();
-            return refuse(console, &faults);
-        }
-        let found = Found::of(model, &recordings, campaign, parts, &mut |stage| {
-            step(&progress, stage);
-        })?;
-        let alone = Alone::of(&found.campaign, &recordings, &found.last, self.sag == Sag::On);
+        let calibrated = calibrate(model, &recordings, &self.settings(), &mut |stage| {
+            progress.inc(1);
+            progress.set_message(stage);
+        });
         progress.finish_and_clear();
-        if self.is_written(&found) {
-            outputs.put(&self.out, model::renewed(&found)?);
+        let calibrated = match calibrated {
+            Err(Error::GrossFaults(faults)) => return refuse(console, &faults),
+            calibrated => calibrated?,
+        };
+        let written = self.is_written(&calibrated).then_some(self.out.as_path());
+        if let Some(out) = written {
+            outputs.put(out, calibrated.model_toml()?);
         }
-        found.warnings.iter().for_each(|warning| warn!("{warning}"));
+        calibrated.warnings.iter().for_each(|warning| warn!("{warning}"));
         if let Some(report) = &self.report {
-            outputs.put_page(report, page::render(self, &found, &alone));
+            outputs.put_page(report, calibrated.page(written));
         }
-        let report = told::Report::of(self, &found, &alone);
-        console.write(outputs, "trued.calibrate/1", &report)?;
-        console.say(told::told(self, &found, &alone))?;
-        for reason in &found.refused {
+        console.write(outputs, "trued.calibrate/1", &calibrated.report(written))?;
+        console.say(calibrated.text(written, wrap::columns_of_stdout()))?;
+        for reason in &calibrated.refused {
             let head = console.paint(Paint::Bad, "not proven");
             console.say(format!("{head}: {reason}"))?;
         }
-        if self.is_written(&found) {
-            let meets = self.tolerance(&found).is_none_or(|tolerance| tolerance.met);
+        if written.is_some() {
+            let meets = calibrated.tolerance().is_none_or(|tolerance| tolerance.met);
             return Ok(if meets { Answer::Done } else { Answer::No });
         }
         console.say("no model was written; use --accept-worse to write it anyway")?;
         Ok(Answer::No)
     }
 
-    /// The new model against the tolerance, where one is stated.
-    fn tolerance(&self, found: &Found) -> Option<Tolerance> {
-        let tolerance_mm = self.tolerance_mm?;
-        let [.., advanced] = &found.errors;
-        let p95_mm = told::mm(advanced.quantile(0.95));
-        Some(Tolerance { tolerance_mm, p95_mm, met: p95_mm <= tolerance_mm })
-    }
-
-    fn is_written(&self, found: &Found) -> bool {
-        self.accept_worse || found.refused.is_empty()
-    }
-
-    /// Where the model went, for people.
-    fn written(&self, found: &Found) -> String {
-        if self.is_written(found) { self.out.display().to_string() } else { "none".to_owned() }
-    }
-
-    /// Which poses train and which are held out: as the recordings say, else by chance.
-    fn parts(&self, campaign: &Campaign, recordings: &[Recording]) -> Result<Parts, Failure> {
-        let is_said = |recording: &Recording| recording.about.heldout != Heldout::Unsaid;
-        let parts = if recordings.iter().any(is_said) {
-            let held = from_recording::held_out(campaign, recordings);
-            let training: Vec<bool> = held.iter().map(|held| !held).collect();
-            let trains = training.iter().filter(|trains| **trains).count();
-            let says = format!(
-                "{trains} of {} poses train, as the recordings' `heldout` says",
-                held.len()
-            );
-            Parts { split: Split { training, says }, seed: None }
-        } else {
-            let seed = self.seed.settle();
-            let split = Split::random(campaign, 1.0 - 0.01 * f64::from(self.heldout), seed);
-            Parts { split, seed: Some(seed) }
-        };
-        let is_length = |pose: &diagnosis::Pose| pose.seen.iter().any(|s| s.reading.is_length());
-        let poses = campaign.poses.iter().zip(&parts.split.training);
-        let part = |wanted: bool| {
-            poses.clone().filter(|(pose, trains)| **trains == wanted && is_length(pose)).count()
-        };
-        let (trains, held) = (part(true), part(false));
-        if trains < TRAINING_LEAST || held == 0 {
-            return Err(Failure::input(format!(
-                "the tool was measured at {} that train and at {held} held out, expected at least {TRAINING_LEAST} and 1: measure more poses \
-                 (some dozens tell a robot's geometry), or change --heldout",
-                count(trains, "pose")
-            )));
-        }
-        check_stations(campaign, &parts.split)?;
-        Ok(parts)
-    }
-}
-
-/// A station that no pose which trains places cannot be judged.
-fn check_stations(campaign: &Campaign, split: &Split) -> Result<(), Failure> {
-    for frame in 0..campaign.surroundings.frames.len() {
-        let poses = campaign.poses.iter().zip(&split.training);
-        let here = poses.filter(|(pose, _)| pose.frame() == Some(frame));
-        let (trains, held): (Vec<_>, Vec<_>) = here.partition(|(_, trains)| **trains);
-        let seen: usize = trains.iter().map(|(pose, _)| pose.seen.len()).sum();
-        let is_free = campaign.surroundings.frames[frame].free;
-        if is_free && seen < STATION_LEAST && !held.is_empty() {
-            return Err(Failure::input(format!(
-                "station {} of the instrument has {} in the poses that train and {} held out, expected at least {STATION_LEAST} to know where it \
-                 stood: measure more there, give its rows the `station` of another, or change --heldout",
-                frame + 1,
-                count(seen, "reading"),
-                held.len()
-            )));
+    fn settings(&self) -> Settings {
+        Settings {
+            seed: self.seed.settle(),
+            heldout_share: 0.01 * f64::from(self.heldout),
+            sag: match self.sag {
+                Sag::On => calibration::Sag::AllOthers,
+                Sag::Off => calibration::Sag::AsMeasured,
+            },
+            tolerance_mm: self.tolerance_mm,
+            ..Settings::default()
         }
     }
-    Ok(())
-}
 
-fn step(progress: &ProgressBar, stage: &'static str) {
-    progress.inc(1);
-    progress.set_message(stage);
+    fn is_written(&self, calibrated: &Calibrated) -> bool {
+        self.accept_worse || calibrated.is_proven()
+    }
 }
 
 /// Gross faults make any fit senseless: they are said, and nothing is made.
 fn refuse(console: &mut Console, faults: &[Suspicion]) -> Outcome {
-    let faults: Vec<&str> = faults.iter().map(|fault| fault.says.as_str()).collect();
-    console.json("trued.calibrate/1", &Refused { faults: faults.clone() })?;
+    console.json("trued.calibrate/1", &Refused::of(faults))?;
     let head = console.paint(Paint::Bad, "not calibrated");
     let more = if faults.len() > 1 { "; one of these explains it" } else { "" };
     console.say(format!(
         "{head}: the recording and the model do not belong together as they are{more}"
     ))?;
     for fault in faults {
-        console.say(format!("  {fault}"))?;
+        console.say(format!("  {}", fault.says))?;
     }
     console.say("no model was written")?;
     Ok(Answer::No)
@@ -251,7 +144,7 @@ fn refuse(console: &mut Console, faults: &[Suspicion]) -> Outcome {
 pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
     use crate::schemas::ResultSchema;
     vec![
-        ResultSchema::of::<told::Report>("calibrate", "trued.calibrate/1"),
+        ResultSchema::of::<calibration::Report>("calibrate", "trued.calibrate/1"),
         ResultSchema::of::<Refused<'_>>("calibrate-refused", "trued.calibrate/1"),
     ]
 }

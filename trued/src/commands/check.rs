@@ -17,11 +17,12 @@ use recording::manifest::{self, Manifest};
 use recording::mapping::Mapping;
 use recording::model::RobotModel;
 use recording::series::{self, About, Channel, Kind, Need, Recording};
+use report::count;
 use serde::Serialize;
 
 use crate::exit::{Answer, Failure, Outcome};
 use crate::fleet;
-use crate::input::{Reading, count, model};
+use crate::input::{Reading, model};
 use crate::output::{Console, Paint};
 
 /// Validate files and report every error: cells, models, recordings, mappings

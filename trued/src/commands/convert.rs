@@ -10,12 +10,12 @@ use clap::Args;
 use recording::blackbox::{self, Contents, Record, Run};
 use recording::ros2;
 use recording::series::{self, Need, Recording};
+use report::count;
 use serde::Serialize;
 use tracing::warn;
 
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
-use crate::input::count;
 use crate::output::Console;
 
 /// Convert a recording: the daemon's MCAP file or a table (CSV, Parquet) into a table (CSV, Parquet) or into ROS 2 messages (MCAP)

@@ -19,7 +19,7 @@ use recording::series::Recording;
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Looked, Reading};
-use crate::options::{Seed, Threads};
+use crate::options::{Seed, Threads, tolerance_mm};
 use crate::output::{Console, Paint};
 use crate::progress;
 
@@ -46,6 +46,9 @@ pub(crate) struct Diagnose {
     /// Torque and motion are compared below this frequency [default: 40, or a tenth of the sampling rate]
     #[arg(long, value_name = "HZ", value_parser = band)]
     band: Option<f64>,
+    /// The tool error that is allowed, mm: the verdict says whether 95 of 100 held-out errors keep it, with the model as given and with what was found
+    #[arg(long, value_name = "MM", value_parser = tolerance_mm, allow_negative_numbers = true)]
+    tolerance_mm: Option<f64>,
     #[command(flatten)]
     threads: Threads,
     #[command(flatten)]
@@ -112,7 +115,8 @@ impl Diagnose {
         let mut outputs = outputs(console.outputs(), &self.out);
         outputs.check(self.inputs())?;
         let seed = self.seed.settle();
-        let settings = Settings { seed, band_hz: self.band, ..Settings::default() };
+        let (band_hz, tolerance_mm) = (self.band, self.tolerance_mm);
+        let settings = Settings { seed, band_hz, tolerance_mm, ..Settings::default() };
         let found = diagnose(model, recordings, &settings, &mut |begun| {
             stage.set_message(match begun {
                 Stage::Torques => "drive torques: fit, search, validation",

@@ -6,12 +6,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use recording::blackbox::{self, End, Info, ModelInfo, Repair, Utc};
+use report::{TextTable, count};
 use serde::Serialize;
 
 use crate::exit::{Answer, Failure, Outcome};
-use crate::input::count;
 use crate::output::Console;
-use crate::table::Table;
+use crate::table::on_stdout;
 
 /// Show what a recording of the daemon holds
 ///
@@ -115,19 +115,19 @@ impl InfoOf {
             console.say(format!("time      {begin} to {end} ({seconds:.1} s)"))?;
         }
         console.say(format!("closed    {}", ending(info)))?;
-        let mut channels = Table::new(["channel", "messages", "per s"]);
+        let mut channels = TextTable::new(["channel", "messages", "per s"]);
         for channel in &report.channels {
             let rate = channel.per_s.map_or(String::new(), |rate| format!("{rate:.1}"));
             channels = channels.row([channel.topic.to_owned(), channel.messages.to_string(), rate]);
         }
-        console.say(format!("\n{}", channels.render()))?;
-        let mut models = Table::new(["model", "epoch", "hash", "cycles"]);
+        console.say(format!("\n{}", on_stdout(&channels)))?;
+        let mut models = TextTable::new(["model", "epoch", "hash", "cycles"]);
         for model in &report.models {
             let Model { epoch, name, hash, cycles, .. } = model;
             models =
                 models.row([name.clone(), epoch.to_string(), hash.clone(), cycles.to_string()]);
         }
-        console.say(format!("\n{}", models.render()))?;
+        console.say(format!("\n{}", on_stdout(&models)))?;
         if report.cycles_of_unknown_models > 0 {
             let cycles = count_u64(report.cycles_of_unknown_models, "cycle");
             console.say(format!("{cycles} of models that the file does not hold"))?;

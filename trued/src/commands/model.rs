@@ -9,12 +9,13 @@ use clap::{Args, Subcommand};
 use recording::faults::Faults;
 use recording::files::{FileError, read_text};
 use recording::model::presets::{self, PRESETS};
+use report::TextTable;
 use serde::Serialize;
 
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input;
 use crate::output::Console;
-use crate::table::Table;
+use crate::table::on_stdout;
 
 /// Look at robots: the presets that come along, and model files; take them from a URDF or write one
 #[derive(Debug, Args)]
@@ -90,7 +91,7 @@ fn list(console: &mut Console) -> Outcome {
             hash: format!("{:016x}", model.hash),
         });
     }
-    let mut table = Table::new(["preset", "robot", "joints", "effects"]);
+    let mut table = TextTable::new(["preset", "robot", "joints", "effects"]);
     for line in &lines {
         table = table.row([
             line.preset.to_owned(),
@@ -100,7 +101,7 @@ fn list(console: &mut Console) -> Outcome {
         ]);
     }
     console.json("trued.model/1", &Presets { presets: lines })?;
-    console.say(table.render())?;
+    console.say(on_stdout(&table))?;
     Ok(Answer::Done)
 }
 

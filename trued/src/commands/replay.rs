@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use hdrhistogram::Histogram;
+use report::TextTable;
 use serde::Serialize;
 use shm_schema::Corrected;
 
@@ -22,7 +23,7 @@ use crate::input::{Input, Reading};
 use crate::lockstep::Cycle;
 use crate::output::Console;
 use crate::setpoints::{Setpoints, Timed};
-use crate::table::Table;
+use crate::table::on_stdout;
 use crate::{interrupt, progress};
 
 /// The longest sleep before it is looked whether someone asked to stop.
@@ -154,15 +155,15 @@ impl Replay {
         )?;
         console.say(figures.told())?;
         let us = |ns: u64| format!("{:.1}", ns as f64 * 1e-3);
-        let table =
-            Table::new(["command to answer, µs", "median", "99 %", "99.9 %", "worst"]).row([
+        let table = TextTable::new(["command to answer, µs", "median", "99 %", "99.9 %", "worst"])
+            .row([
                 "round trip".to_owned(),
                 us(latency.p50),
                 us(latency.p99),
                 us(latency.p999),
                 us(latency.max),
             ]);
-        console.say(format!("\n{}", table.render()))?;
+        console.say(format!("\n{}", on_stdout(&table)))?;
         console.say(format!("{seconds:.2} s, {rows_per_s:.0} rows per second"))?;
         if let Some(out) = &self.corrections {
             console.say(format!("corrections         {}", out.display()))?;

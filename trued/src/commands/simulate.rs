@@ -16,6 +16,7 @@ use glam::DVec3;
 use physics::{Given, Inputs, Joints};
 use recording::model::RobotModel;
 use recording::series::{self, Channel, Kind, Recording};
+use report::count;
 use serde::Serialize;
 use tracing::warn;
 use world::drives;
@@ -26,7 +27,7 @@ use world::servo;
 use self::instrument::{Instrument, Made};
 use self::station::Stand;
 use crate::exit::{Answer, Failure, Outcome};
-use crate::input::{Input, Looked, Reading, count};
+use crate::input::{Input, Looked, Reading};
 use crate::options::Seed;
 use crate::output::Console;
 

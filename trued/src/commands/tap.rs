@@ -3,23 +3,18 @@
 //! Promises: hits that are not used are named with the reason; what a single hit cannot verify is said to be unverified;
 //! an input model is never written over, and all of it but its modes is written bit for bit.
 
-mod analysis;
-mod input;
-mod model;
-mod page;
-mod told;
-
 use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 use spectrum::frf::{Estimator, Response};
 use spectrum::modal::LEAST_COHERENCE;
+use spectrum_report::tap::{self, Channels, Settings, analyse};
 use tracing::warn;
 
-use self::analysis::Analysis;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
+use crate::wrap;
 
 /// Analyse impact (tap) tests: natural frequencies and damping, into the model
 ///
@@ -171,23 +166,23 @@ impl Tap {
         }
         outputs.check(self.model.iter().chain(&self.files))?;
         let base = self.model.as_deref().map(crate::input::model).transpose()?;
-        let source = input::read(self)?;
-        let analysis = Analysis::of(self, source)?;
-        let renewed =
-            base.as_ref().map(|base| model::renewed(self, base, &analysis)).transpose()?;
+        let source = tap::read(&self.files, &self.channels())?;
+        source.notes.iter().for_each(|note| warn!("{note}"));
+        let analysis = analyse(source, &self.settings())?;
+        let renewed = base.as_ref().zip(self.out.as_deref());
+        let renewed = renewed.map(|(base, out)| analysis.renewed(base, out)).transpose()?;
         if let Some(report) = &self.report {
-            outputs.put_page(report, page::render(self, &analysis, renewed.as_ref()));
+            outputs.put_page(report, analysis.page(renewed.as_ref()));
         }
         let is_found = !analysis.modes.is_empty();
-        if let (Some(out), Some(renewed), true) = (&self.out, &renewed, is_found) {
-            outputs.put(out, renewed.text.as_str());
+        if let (Some(renewed), true) = (&renewed, is_found) {
+            outputs.put(&renewed.path, renewed.text.as_str());
         }
-        let report = told::Report::of(self, &analysis, renewed.as_ref());
-        console.write(outputs, "trued.tap/1", &report)?;
+        console.write(outputs, "trued.tap/1", &analysis.report(renewed.as_ref()))?;
         for warning in &analysis.warnings {
             warn!("{warning}");
         }
-        console.say(told::told(&analysis, renewed.as_ref()))?;
+        console.say(analysis.text(renewed.as_ref(), wrap::columns_of_stdout()))?;
         if let Some(model) = self.out.as_ref().filter(|_| is_found) {
             console.say(format!("model         {}", model.display()))?;
         }
@@ -221,6 +216,29 @@ impl Tap {
         Ok(())
     }
 
+    fn channels(&self) -> Channels {
+        Channels {
+            columns: self.force.clone().zip(self.response.clone()).map(|(f, r)| [f, r]),
+            response: self.response_kind.map(Kind::response),
+            force_scale: self.force_scale,
+            response_scale: self.response_scale,
+            rate_hz: self.rate,
+            are_functions: self.frf,
+        }
+    }
+
+    fn settings(&self) -> Settings {
+        Settings {
+            estimator: self.estimator.estimator(),
+            coherence_least: self.coherence_least,
+            band_hz: self.band_hz(),
+            block_s: self.block_s,
+            windows: self.windows == Windowing::Auto,
+            direction: self.direction.map(|direction| direction.0),
+            ..Settings::default()
+        }
+    }
+
     fn band_hz(&self) -> Option<[f64; 2]> {
         self.band.as_deref().and_then(|band| band.try_into().ok())
     }
@@ -229,7 +247,7 @@ impl Tap {
 /// The schema of the result.
 #[cfg(feature = "schema")]
 pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
-    crate::schemas::ResultSchema::of::<told::Report>("tap", "trued.tap/1")
+    crate::schemas::ResultSchema::of::<tap::Report>("tap", "trued.tap/1")
 }
 
 #[cfg(test)]

@@ -1,17 +1,18 @@
 //! The score of `trued challenge` as text: each figure with its number of cases.
 
 use challenge::score::{Bin, Figures};
+use report::TextTable;
 
-use crate::table::Table;
+use crate::table::on_stdout;
 
 pub(super) fn told(figures: &Figures) -> String {
     let rows = rows(figures);
     let table = rows
         .into_iter()
-        .fold(Table::new(["", "figure", "of cases"]), |table, (what, figure, cases)| {
+        .fold(TextTable::new(["", "figure", "of cases"]), |table, (what, figure, cases)| {
             table.row([what, figure, cases.to_string()])
         });
-    let mut text = format!("\n{}", table.render());
+    let mut text = format!("\n{}", on_stdout(&table));
     if figures.unanswered > 0 {
         text += &format!("{} cases without an answer; each counts as wrong\n", figures.unanswered);
     }

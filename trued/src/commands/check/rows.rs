@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use recording::series::{Channel, Recording};
+use report::TextTable;
 use serde::Serialize;
 
-use crate::table::Table;
+use crate::table::on_stdout;
 
 /// So many rows are shown.
 const ROWS: usize = 3;
@@ -42,14 +43,14 @@ pub(super) fn columns(recording: &Recording) -> Vec<Column> {
 pub(super) fn table(columns: &[Column]) -> String {
     let rows = columns.iter().map(|column| column.first.len()).max().unwrap_or(0);
     let heads = ["column", "from"].map(str::to_owned).into_iter();
-    let mut table = Table::new(heads.chain((1..=rows).map(|row| format!("row {row}"))));
+    let mut table = TextTable::new(heads.chain((1..=rows).map(|row| format!("row {row}"))));
     for column in columns {
         let from = column.from.clone().unwrap_or_default();
         let shown = |value: &Option<f64>| value.map_or(String::new(), |value| value.to_string());
         let values = column.first.iter().map(shown);
         table = table.row([column.name.clone(), from].into_iter().chain(values));
     }
-    table.render()
+    on_stdout(&table)
 }
 
 fn rounded(value: f64) -> f64 {

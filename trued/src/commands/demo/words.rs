@@ -2,6 +2,7 @@
 //!
 //! Promises: what is hidden is told last. Never: a number that was not measured.
 
+use report::TextTable;
 use std::path::Path;
 
 use super::act::FOLDER;
@@ -9,7 +10,7 @@ use super::outcome::{Milled, Report, Spread, Swap};
 use super::scene::{Scene, TRACKER_M};
 use crate::exit::Failure;
 use crate::output::{Console, Paint};
-use crate::table::Table;
+use crate::table::on_stdout;
 
 type Said = Result<(), Failure>;
 
@@ -31,14 +32,15 @@ pub(super) fn milled(console: &mut Console, milled: &Milled) -> Said {
     let us = |ns: u64| format!("{:.1}", ns as f64 * 1e-3);
     let l = &milled.latency_ns;
     let latency =
-        Table::new(["command to corrected target, µs", "median", "99 %", "99.9 %", "worst"]).row([
-            "round trip between two processes".to_owned(),
-            us(l.p50),
-            us(l.p99),
-            us(l.p999),
-            us(l.max),
-        ]);
-    console.say(latency.render())?;
+        TextTable::new(["command to corrected target, µs", "median", "99 %", "99.9 %", "worst"])
+            .row([
+                "round trip between two processes".to_owned(),
+                us(l.p50),
+                us(l.p99),
+                us(l.p999),
+                us(l.max),
+            ]);
+    console.say(on_stdout(&latency))?;
     console.say(format!("vibration: true is {}", milled.ringing.words))?;
     for event in milled.vibration.iter().filter(|event| event.state == "alarm") {
         let since = event.after_onset_ms.filter(|ms| *ms >= 0.0);
@@ -141,9 +143,9 @@ fn head(console: &mut Console, text: &str) -> Said {
 
 fn table<const N: usize>(rows: [(&str, Spread); N]) -> String {
     let mm = |value: f64| format!("{value:.3}");
-    let table = Table::new(["tool error, mm", "mean", "95 %", "largest"]);
+    let table = TextTable::new(["tool error, mm", "mean", "95 %", "largest"]);
     let table = rows.into_iter().fold(table, |table, (name, spread)| {
         table.row([name.to_owned(), mm(spread.mean), mm(spread.p95), mm(spread.max)])
     });
-    table.render()
+    on_stdout(&table)
 }

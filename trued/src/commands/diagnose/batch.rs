@@ -9,6 +9,7 @@ use clap::Args;
 use diagnosis_report::{DiagnosedForces, Settings, diagnose};
 use recording::files::FileError;
 use recording::manifest::Manifest;
+use report::count;
 use serde::Serialize;
 use tracing::info;
 use tracing::subscriber::{NoSubscriber, with_default};
@@ -18,7 +19,7 @@ use super::rows::{Temperatures, of_reports};
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::fleet::{self, Unusable};
-use crate::input::{Reading, count, unusable};
+use crate::input::{Reading, unusable};
 use crate::output::{Console, Paint};
 use crate::progress;
 
@@ -29,7 +30,7 @@ const LISTED_MAX: usize = 10;
 pub(super) struct Batch {
     /// Diagnose each recording of this manifest for itself; DIR gets one Parquet file for each (docs/batch.md)
     #[arg(long, value_name = "MANIFEST", help_heading = "Batches")]
-    #[arg(conflicts_with_all = ["recordings", "model", "mapping", "seed", "band", "apply"])]
+    #[arg(conflicts_with_all = ["recordings", "model", "mapping", "seed", "band", "tolerance_mm", "apply"])]
     pub(super) batch: Option<PathBuf>,
     /// Only the I-th of N parts of the manifest: its recordings I, I + N, I + 2 N …
     #[arg(long, value_name = "I/N", help_heading = "Batches")]

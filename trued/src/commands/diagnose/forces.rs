@@ -17,6 +17,11 @@ pub(super) fn alone(
     if asked.apply.is_some() {
         return Err(Failure::input("--apply: forces alone say nothing of where the tool is"));
     }
+    if asked.tolerance_mm.is_some() {
+        return Err(Failure::input(
+            "--tolerance-mm: forces alone say nothing of where the tool is",
+        ));
+    }
     let mut outputs = outputs(console.outputs(), &asked.out);
     outputs.check(asked.inputs())?;
     let found = DiagnosedForces::of(base, &recording, asked.seed.settle())?;

@@ -1,14 +1,14 @@
 //! Output of `trued gears`: tables and JSON.
 
 use recording::model::RobotModel;
-use report::{fixed, significant};
+use report::{TextTable, fixed, significant};
 use serde::Serialize;
 
 use super::Gears;
 use super::matching::{DRIFT_MAX, Fit, Matched};
 use super::path::{Part, Travelled};
 use super::trains::Train;
-use crate::table::Table;
+use crate::table::on_stdout;
 
 /// Rivals told on the console for each line.
 const RIVALS_TOLD: usize = 3;
@@ -253,10 +253,10 @@ pub(super) fn told(found: &Found<'_>) -> String {
         "path      {} mm: {}; {}\n",
         fixed(travelled.length_mm, 1),
         travelled.by,
-        crate::input::count(parts, "part")
+        report::count(parts, "part")
     );
     let heads = ["joint", "shaft", "teeth", "rev/mm", "deg/mm", "teeth/mm", "drift %"];
-    let mut table = Table::new(heads);
+    let mut table = TextTable::new(heads);
     for train in &found.trains {
         for ((turn, mesh), [driver, driven]) in train.shafts().zip(&train.stages) {
             table = table.row([
@@ -273,14 +273,14 @@ pub(super) fn told(found: &Found<'_>) -> String {
     if found.trains.is_empty() {
         return text + "no joint with gear_teeth turns along this path\n";
     }
-    text += &table.render();
+    text += &on_stdout(&table);
     text += &format!("{DEGREES}\n");
     text += &remarks(found).into_iter().map(|words| words + "\n").collect::<String>();
     if found.trains.iter().any(|train| train.drift() >= DRIFT_TOLD) && parts <= PARTS_TOLD {
         let mut rows = by_parts(found).into_iter();
-        let table = Table::new(rows.next().unwrap_or_default());
+        let table = TextTable::new(rows.next().unwrap_or_default());
         text += "\nshaft 1 of each joint: mean (least to most)\n";
-        text += &rows.fold(table, Table::row).render();
+        text += &on_stdout(&rows.fold(table, TextTable::row));
         text.push('\n');
     }
     for matched in &found.lines {

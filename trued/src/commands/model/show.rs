@@ -5,11 +5,12 @@ use std::path::PathBuf;
 
 use physics::JointKind;
 use recording::model::{BodyEntry, EffectEntry, JointEntry, Numbers, Parameter, RobotModel};
+use report::TextTable;
 use serde::Serialize;
 
 use crate::exit::{Answer, Outcome};
 use crate::output::{Console, Paint};
-use crate::table::Table;
+use crate::table::on_stdout;
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -92,8 +93,8 @@ pub(super) fn run(console: &mut Console, path: &PathBuf, model: &RobotModel) -> 
 
 /// How they move, then where they are: each table within 80 columns.
 fn joints(joints: &[JointEntry]) -> String {
-    let mut moves = Table::new(["joint", "kind", "limits", "speed", "mass, kg"]);
-    let mut stands = Table::new(["joint", "axis", "point, mm"]);
+    let mut moves = TextTable::new(["joint", "kind", "limits", "speed", "mass, kg"]);
+    let mut stands = TextTable::new(["joint", "axis", "point, mm"]);
     for (i, joint) in joints.iter().enumerate() {
         let (kind, unit) = kind(joint.kind);
         let name = if joint.name.is_empty() { (i + 1).to_string() } else { joint.name.clone() };
@@ -108,7 +109,7 @@ fn joints(joints: &[JointEntry]) -> String {
         let point = joint.point_mm.map(|point| list(&point)).unwrap_or_default();
         stands = stands.row([name, list(&joint.axis), point]);
     }
-    format!("{}\n{}", moves.render(), stands.render())
+    format!("{}\n{}", on_stdout(&moves), on_stdout(&stands))
 }
 
 /// Each effect with its parameters under it, ± their standard uncertainty.

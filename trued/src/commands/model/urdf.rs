@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use recording::urdf::{self, Ends, Import as Imported};
+use report::count;
 use serde::Serialize;
 
 use crate::exit::{Answer, Outcome};
-use crate::input::{self, count};
+use crate::input;
 use crate::output::{Console, Paint};
 
 /// Make a model of the arm in a URDF

@@ -1,24 +1,25 @@
 //! `trued plan --check`: poses that reveal damage, and whether a model still holds for measurements there.
 
+use std::collections::BTreeMap;
+
 use diagnosis::from_recording;
 use diagnosis::plan::check::{
     Checkup, Damage, Detectable, Judgement, Suspect, Terms, judge, poses,
 };
+use diagnosis_report::positions::{columns, shown};
 use physics::Model;
 use recording::model::RobotModel;
-use report::{fixed, significant};
+use report::{TextTable, count, fixed, significant};
 use serde::Serialize;
-use serde_json::{Map, Value};
 use tracing::warn;
 
 use super::page::{Sheet, numbered};
-use super::told::{joints, not_checked, shown, written};
+use super::told::{not_checked, written};
 use super::{Input, Plan};
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
-use crate::input::count;
 use crate::output::{Console, Paint};
-use crate::table::Table;
+use crate::table::on_stdout;
 
 /// How surely the damage that is said to show is seen.
 const POWER: f64 = 0.9;
@@ -33,7 +34,7 @@ struct Planned<'a> {
     seed: u64,
     alarm: f64,
     power: f64,
-    poses: Vec<Map<String, Value>>,
+    poses: Vec<BTreeMap<String, f64>>,
     detectable: Vec<DetectableReport>,
     not_checked: Vec<&'static str>,
 }
@@ -122,7 +123,7 @@ fn chosen(
         seed,
         alarm: terms.alarm,
         power: terms.power,
-        poses: found.poses.iter().map(|q| joints(model, q)).collect(),
+        poses: found.poses.iter().map(|q| columns(&model.physics.arm, q)).collect(),
         detectable: found
             .detectable
             .iter()
@@ -135,11 +136,11 @@ fn chosen(
     console.write(outputs, "trued.plan/1", &report)?;
     let head = console.paint(Paint::Strong, &count(found.poses.len(), "pose"));
     console.say(format!("{head} for a check (seed {seed})"))?;
-    let mut table = Table::new(["pose", "joints, deg (mm)"]);
+    let mut table = TextTable::new(["pose", "joints, deg (mm)"]);
     for (place, q) in found.poses.iter().enumerate() {
-        table = table.row([(place + 1).to_string(), shown(model, q)]);
+        table = table.row([(place + 1).to_string(), shown(&model.physics.arm, q)]);
     }
-    console.say(table.render())?;
+    console.say(on_stdout(&table))?;
     console.say(format!(
         "seen in {} of 100 cases where it is at least this large, {} false alarms in 1000 sound robots:",
         fixed(100.0 * terms.power, 0),
@@ -199,11 +200,11 @@ fn overstated(scatter: f64) -> String {
 }
 
 fn shows(model: &Model, detectable: &[Detectable]) -> String {
-    let mut table = Table::new(["damage", "minimum detectable change"]);
+    let mut table = TextTable::new(["damage", "minimum detectable change"]);
     for found in detectable {
         table = table.row([found.damage.says(), least(model, found)]);
     }
-    table.render()
+    on_stdout(&table)
 }
 
 /// The minimum detectable change in words.

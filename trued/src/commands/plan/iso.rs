@@ -1,27 +1,26 @@
 //! `trued plan --iso9283`: five poses of a cube with repeated visits, and accuracy and repeatability of measurements.
 
+use std::collections::BTreeMap;
+
 use diagnosis::from_recording;
-use diagnosis::iso9283::{self, DistanceFigures, Placement, PoseFigures};
-use diagnosis::plan::iso::{Cube, Visits, cube, largest_cube, visits};
+use diagnosis::plan::iso::{Cube, Evaluation, VISITS, cube, largest_cube};
+use diagnosis_report::iso9283;
+use diagnosis_report::positions::{columns, shown};
 use glam::DVec3;
 use physics::Joints;
-use report::{Number, fixed};
+use report::{Number, TextTable, count, fixed};
 use serde::Serialize;
-use serde_json::{Map, Value};
 
 use super::going::Going;
 use super::page::Sheet;
 use super::setup::Tuple;
-use super::told::{joints, not_checked, shown, written};
+use super::told::{not_checked, written};
 use super::{Input, Plan};
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
-use crate::input::count;
 use crate::output::{Console, Paint};
-use crate::table::Table;
-
-/// Cycles that the standard asks for.
-const CYCLES: usize = 30;
+use crate::table::on_stdout;
+use crate::wrap;
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -32,40 +31,8 @@ struct Planned<'a> {
     cycles: usize,
     cube_middle_mm: [f64; 3],
     cube_edge_mm: f64,
-    poses: Vec<Map<String, Value>>,
+    poses: Vec<BTreeMap<String, f64>>,
     not_checked: Vec<&'static str>,
-}
-
-#[derive(Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct Evaluated<'a> {
-    does: &'static str,
-    model: &'a str,
-    is_frame_known: bool,
-    poses: Vec<PoseReport>,
-    distance: Option<DistanceReport>,
-    notes: Vec<String>,
-}
-
-#[derive(Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct PoseReport {
-    #[serde(flatten)]
-    q: Map<String, Value>,
-    visits: usize,
-    accuracy_mm: Option<f64>,
-    accuracy_xyz_mm: Option<[f64; 3]>,
-    accuracy_abc_mrad: Option<[f64; 3]>,
-    repeatability_mm: f64,
-    repeatability_abc_mrad: Option<[f64; 3]>,
-}
-
-#[derive(Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct DistanceReport {
-    visits: usize,
-    accuracy_mm: f64,
-    repeatability_mm: f64,
 }
 
 pub(super) fn run(
@@ -86,7 +53,7 @@ fn planned(command: &Plan, console: &mut Console, mut outputs: Outputs, input: &
     let going = command.set_up(input)?;
     let model = &input.model;
     let found = the_cube(command, input, &going, seed)?;
-    let cycles = command.count.map_or(CYCLES, usize::from);
+    let cycles = command.count.map_or(VISITS, usize::from);
     // Always from the same side: P5 to P1, and so on round.
     let cycle = [4, 3, 2, 1, 0].map(|place| found.poses[place]);
     let stops: Vec<Joints> = (0..cycles).flat_map(|_| cycle).collect();
@@ -100,7 +67,7 @@ fn planned(command: &Plan, console: &mut Console, mut outputs: Outputs, input: &
         cycles,
         cube_middle_mm: middle.to_array(),
         cube_edge_mm: 1e3 * found.edge_m,
-        poses: found.poses.iter().map(|q| joints(model, q)).collect(),
+        poses: found.poses.iter().map(|q| columns(&model.physics.arm, q)).collect(),
         not_checked: not_checked.clone(),
     };
     let names = (1..).map(|place| format!("P{place}"));
@@ -136,11 +103,11 @@ fn planned(command: &Plan, console: &mut Console, mut outputs: Outputs, input: &
         fixed(middle.z, 0),
         count(cycles, "cycle")
     ))?;
-    let mut table = Table::new(["pose", "joints, deg (mm)"]);
+    let mut table = TextTable::new(["pose", "joints, deg (mm)"]);
     for (place, q) in found.poses.iter().enumerate() {
-        table = table.row([format!("P{}", place + 1), shown(model, q)]);
+        table = table.row([format!("P{}", place + 1), shown(&model.physics.arm, q)]);
     }
-    console.say(table.render())?;
+    console.say(on_stdout(&table))?;
     console.say(
         "the standard asks for rated load, rated speed, a warm robot: set them on the controller",
     )?;
@@ -171,115 +138,15 @@ fn the_cube(command: &Plan, input: &Input, going: &Going, seed: u64) -> Result<C
 
 fn evaluated(command: &Plan, console: &mut Console, outputs: Outputs, input: &Input) -> Outcome {
     let model = &input.model;
-    let mut campaign =
-        from_recording::campaign(&model.physics.arm, &input.recordings).map_err(Failure::input)?;
+    let arm = &model.physics.arm;
+    let mut campaign = from_recording::campaign(arm, &input.recordings).map_err(Failure::input)?;
     command.setup.describe(&mut campaign);
-    let around = &campaign.surroundings;
-    let is_frame_known = around.frames.iter().all(|frame| !frame.free);
-    let is_point_known = around.targets.iter().all(|target| !target.free);
-    let found = visits(&model.physics.arm, &campaign);
-    if found.is_empty() {
-        return Err(Failure::input(
-            "no pose was visited twice with its place measured: nothing to evaluate",
-        ));
-    }
-    let mut notes = Vec::new();
-    if !(is_frame_known && is_point_known) {
-        notes.push("no accuracy: it needs the measuring frame brought to the base (`measuring_frame = \"base\"`, --frame-known) and the target's place on the tool (`target1_mm`); a frame fitted here would hide it".to_owned());
-    }
-    if found.iter().any(|pose| pose.attained.len() < CYCLES) {
-        notes.push(format!("the standard asks for {CYCLES} visits of each pose"));
-    }
-    let mut rows = Vec::new();
-    for pose in &found {
-        let figures = iso9283::pose(&pose.command, &pose.attained).map_err(Failure::input)?;
-        rows.push((pose, figures));
-    }
-    let distance = distance(&found, is_point_known);
-    let with_accuracy = is_frame_known && is_point_known;
-    let report = Evaluated {
-        does: "iso9283",
-        model: &model.file.name,
-        is_frame_known,
-        poses: rows
-            .iter()
-            .map(|(pose, figures)| row(input, pose, figures, with_accuracy))
-            .collect(),
-        distance: distance.map(|d| DistanceReport {
-            visits: d.visits,
-            accuracy_mm: 1e3 * d.accuracy_m,
-            repeatability_mm: 1e3 * d.repeatability_m,
-        }),
-        notes: notes.clone(),
-    };
-    console.write(outputs, "trued.plan/1", &report)?;
-    told(console, input, &rows, with_accuracy)?;
-    if let Some(found) = distance {
-        console.say(format!(
-            "distance between the two poses farthest apart: accuracy {} mm, repeatability ±{} mm",
-            fixed(1e3 * found.accuracy_m, 3),
-            fixed(1e3 * found.repeatability_m, 3)
-        ))?;
-    }
-    notes.iter().try_for_each(|note| console.say(format!("note: {note}")))?;
+    let evaluation = Evaluation::of(arm, &campaign).map_err(Failure::input)?;
+    console.write(outputs, "trued.plan/1", &iso9283::report(model, &evaluation))?;
+    let head = console.paint(Paint::Strong, &iso9283::headline(&evaluation));
+    let details = iso9283::details(model, &evaluation, wrap::columns_of_stdout());
+    console.say(head + &details)?;
     Ok(Answer::Done)
-}
-
-fn told(
-    console: &mut Console,
-    input: &Input,
-    rows: &[(&Visits, PoseFigures)],
-    with_accuracy: bool,
-) -> Result<(), Failure> {
-    let worst = rows.iter().map(|(_, figures)| figures.repeatability_m).fold(0.0, f64::max);
-    let accuracy = rows.iter().map(|(_, figures)| figures.accuracy_m).fold(0.0, f64::max);
-    let head = console.paint(Paint::Strong, &format!("repeatability {} mm", fixed(1e3 * worst, 3)));
-    let beside = if with_accuracy {
-        format!(", accuracy {} mm", fixed(1e3 * accuracy, 3))
-    } else {
-        String::new()
-    };
-    console.say(format!("{head}{beside} (worst of {})", count(rows.len(), "pose")))?;
-    let mut table = Table::new(["joints, deg (mm)", "visits", "AP, mm", "RP, mm"]);
-    for (pose, figures) in rows {
-        let accuracy =
-            if with_accuracy { fixed(1e3 * figures.accuracy_m, 3) } else { "–".to_owned() };
-        table = table.row([
-            shown(&input.model, &pose.q),
-            figures.visits.to_string(),
-            accuracy,
-            fixed(1e3 * figures.repeatability_m, 3),
-        ]);
-    }
-    console.say(table.render())
-}
-
-fn row(input: &Input, pose: &Visits, figures: &PoseFigures, with_accuracy: bool) -> PoseReport {
-    let milli = |v: DVec3| (1e3 * v).to_array();
-    PoseReport {
-        q: joints(&input.model, &pose.q),
-        visits: figures.visits,
-        accuracy_mm: with_accuracy.then_some(1e3 * figures.accuracy_m),
-        accuracy_xyz_mm: with_accuracy.then(|| milli(figures.accuracy_xyz_m)),
-        accuracy_abc_mrad: figures.accuracy_abc_rad.filter(|_| with_accuracy).map(milli),
-        repeatability_mm: 1e3 * figures.repeatability_m,
-        repeatability_abc_mrad: figures.repeatability_abc_rad.map(milli),
-    }
-}
-
-/// Of the two poses farthest apart; it needs no frame.
-fn distance(found: &[Visits], is_point_known: bool) -> Option<DistanceFigures> {
-    let place = |pose: &Visits| Placement::point(pose.command.position_m);
-    let pairs = (0..found.len()).flat_map(|i| (i + 1..found.len()).map(move |j| (i, j)));
-    let length = |(i, j): &(usize, usize)| {
-        found[*i].command.position_m.distance(found[*j].command.position_m)
-    };
-    let (i, j) = pairs.filter(|_| is_point_known).max_by(|a, b| length(a).total_cmp(&length(b)))?;
-    let visits = found[i].attained.iter().zip(&found[j].attained);
-    let visits: Vec<[Placement; 2]> = visits
-        .map(|(a, b)| [Placement::point(a.position_m), Placement::point(b.position_m)])
-        .collect();
-    iso9283::distance([place(&found[i]), place(&found[j])], &visits).ok()
 }
 
 /// The schemas of the results.
@@ -288,6 +155,6 @@ pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
     use crate::schemas::ResultSchema;
     vec![
         ResultSchema::of::<Planned<'_>>("plan-iso9283", "trued.plan/1"),
-        ResultSchema::of::<Evaluated<'_>>("plan-iso9283-evaluated", "trued.plan/1"),
+        ResultSchema::of::<iso9283::Evaluated<'_>>("plan-iso9283-evaluated", "trued.plan/1"),
     ]
 }

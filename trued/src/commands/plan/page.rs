@@ -2,11 +2,11 @@
 //!
 //! Never: a number that the JSON does not hold.
 
+use diagnosis_report::positions::columns;
 use physics::Joints;
 use report::{ArmPoses, Cell, Column, Number, Page, Svg, Table, Tone};
 
 use super::Input;
-use super::told::joints;
 use diagnosis_report::drawings::places;
 
 /// The file beside the programs.
@@ -66,7 +66,7 @@ pub(super) fn render(input: &Input, sheet: &Sheet<'_>) -> Page {
 }
 
 fn positions(input: &Input, sheet: &Sheet<'_>) -> Table {
-    let named = sheet.poses.iter().map(|(name, q)| (name, joints(&input.model, q)));
+    let named = sheet.poses.iter().map(|(name, q)| (name, columns(&input.model.physics.arm, q)));
     let mut table: Option<Table> = None;
     for (name, positions) in named {
         let heads = positions.keys().map(|key| match key.rsplit_once('_') {
@@ -75,7 +75,7 @@ fn positions(input: &Input, sheet: &Sheet<'_>) -> Table {
         });
         let heads = std::iter::once(Column::new("Pose")).chain(heads);
         let start = || Table::new("Joint positions, as the controller shows them", heads);
-        let cells = positions.values().map(|x| Cell::from(x.as_f64().unwrap_or(f64::NAN)));
+        let cells = positions.values().map(|x| Cell::from(*x));
         let row = std::iter::once(Cell::from(name.as_str())).chain(cells);
         table = Some(table.take().unwrap_or_else(start).row(row));
     }

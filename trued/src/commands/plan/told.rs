@@ -1,22 +1,23 @@
 //! Output of a plan: table and JSON.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use diagnosis::plan::next::AHEAD;
 use diagnosis::plan::{Added, Criterion, Falls, Next, Plan as Planned, Sees};
-use physics::{JointKind, Joints};
+use diagnosis_report::positions::{columns, shown};
+use physics::Joints;
 use recording::model::RobotModel;
-use report::{Number, Table, fixed, significant};
+use report::{Number, Table, TextTable, count, significant};
 use serde::Serialize;
-use serde_json::{Map, Value};
 
 use super::going::Going;
 use super::page::{Sheet, numbered};
 use super::{Input, Plan};
 use crate::atomic::Outputs;
 use crate::exit::Failure;
-use crate::input::count;
 use crate::output::{Console, Paint};
+use crate::table::on_stdout;
 
 /// Sentences on what stays open that are told on the console.
 const OPEN: usize = 3;
@@ -56,7 +57,7 @@ struct NextReport<'a> {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct PoseReport {
     #[serde(flatten)]
-    q: Map<String, Value>,
+    q: BTreeMap<String, f64>,
     readings: usize,
     log_det_gain: f64,
     o1: Option<f64>,
@@ -77,7 +78,7 @@ struct FallsReport {
 impl PoseReport {
     fn of(model: &RobotModel, pose: &Added) -> Self {
         Self {
-            q: joints(model, &pose.q),
+            q: columns(&model.physics.arm, &pose.q),
             readings: pose.readings,
             log_det_gain: pose.log_det_gain,
             o1: pose.o1,
@@ -98,24 +99,6 @@ impl FallsReport {
             sigma_after: falls.to / si,
         }
     }
-}
-
-/// Joint positions by the names of a recording's columns.
-pub(super) fn joints(model: &RobotModel, q: &Joints) -> Map<String, Value> {
-    let each = model.physics.arm.joints().iter().zip(q).enumerate();
-    each.map(|(i, (joint, q))| match joint.kind {
-        JointKind::Revolute => (format!("q{}_deg", i + 1), q.to_degrees().into()),
-        JointKind::Prismatic => (format!("q{}_mm", i + 1), (1e3 * q).into()),
-    })
-    .collect()
-}
-
-/// The same for people: degrees and mm, one decimal.
-pub(super) fn shown(model: &RobotModel, q: &Joints) -> String {
-    let numbers = joints(model, q);
-    let each: Vec<String> =
-        numbers.values().filter_map(Value::as_f64).map(|number| fixed(number, 1)).collect();
-    each.join(" ")
 }
 
 /// What no constraint looked at, as sentences.
@@ -251,12 +234,12 @@ pub(super) fn plan(
 
 /// Each pose in a line, and what becomes surer by it in the next.
 fn table_of_poses(model: &RobotModel, planned: &Planned) -> String {
-    let start = crate::table::Table::new(["pose", "joints, deg (mm)", "tool, mm"]);
+    let start = TextTable::new(["pose", "joints, deg (mm)", "tool, mm"]);
     let table = planned.poses.iter().enumerate().fold(start, |table, (place, pose)| {
         let tool = format!("{} → {}", mm(pose.tool_m[0]), mm(pose.tool_m[1]));
-        table.row([(place + 1).to_string(), shown(model, &pose.q), tool])
+        table.row([(place + 1).to_string(), shown(&model.physics.arm, &pose.q), tool])
     });
-    let table = table.render();
+    let table = on_stdout(&table);
     let surer = planned.poses.iter().map(|pose| pose.falls.first().map(surer));
     let lines = table.lines().zip(std::iter::once(None).chain(surer));
     lines.fold(String::new(), |text, (line, surer)| match surer {
@@ -352,7 +335,7 @@ pub(super) fn next(
         let head = console.paint(Paint::Strong, "go on");
         console.say(format!("{head}: {brings}"))?;
     }
-    let q = shown(&input.model, &found.pose.q);
+    let q = shown(&input.model.physics.arm, &found.pose.q);
     console.say(format!("next: {q}  (joints, deg; mm where one slides)"))?;
     console.say(format!(
         "why: the tool goes from {} to {} mm with it; {}",

@@ -1,6 +1,6 @@
 //! The page: vibrations with time and cause; spectra over time and path; sensor status.
 
-use report::{Column, Number, Page, Table, Tone, fixed, significant};
+use report::{Column, Number, Page, Table, Tone, count, fixed, significant};
 
 use super::found::Found;
 use super::listen::Episode;
@@ -9,7 +9,6 @@ use super::space::Space;
 use super::subject::Subject;
 use super::words::{self, alarmed, class_and_rivals, hz};
 use crate::exit::Failure;
-use crate::input::count;
 use spectrum::{Advice, Class};
 
 /// At most so many rows of a table.

@@ -1,15 +1,14 @@
 //! Results as text.
 
-use report::{fixed, quantity, significant};
+use report::{TextTable, count, fixed, quantity, significant};
 use spectrum::{Advice, Class, State, Verdict};
 
 use super::found::Found;
 use super::listen::Episode;
 use super::subject::{Channel, Subject};
 use crate::exit::Failure;
-use crate::input::count;
 use crate::output::{Console, Paint};
-use crate::table::Table;
+use crate::table::on_stdout;
 
 /// At most so many lines stand in a table on the console.
 const ROWS: usize = 6;
@@ -293,7 +292,7 @@ pub(super) fn with_unit(channel: &Channel) -> String {
 fn episodes(subject: &Subject, found: &Found) -> String {
     let heads = ["state", "Hz", "amplitude", "channel", "from s", "to s", "class"];
     let rows = found.episodes.iter().take(ROWS);
-    let table = rows.fold(Table::new(heads), |table, episode| {
+    let table = rows.fold(TextTable::new(heads), |table, episode| {
         let channel = &subject.channels[episode.channel];
         table.row([
             episode.state.name().to_owned(),
@@ -305,7 +304,7 @@ fn episodes(subject: &Subject, found: &Found) -> String {
             class_and_rivals(&episode.verdict),
         ])
     });
-    table.render()
+    on_stdout(&table)
 }
 
 fn lines(subject: &Subject, found: &Found) -> String {
@@ -316,7 +315,7 @@ fn lines(subject: &Subject, found: &Found) -> String {
         .collect();
     all.sort_by(|a, b| b.1.line.amplitude.total_cmp(&a.1.line.amplitude));
     let heads = ["Hz", "amplitude", "channel", "class"];
-    let table = all.iter().take(ROWS).fold(Table::new(heads), |table, (channel, judged)| {
+    let table = all.iter().take(ROWS).fold(TextTable::new(heads), |table, (channel, judged)| {
         table.row([
             fixed(judged.line.frequency, 1),
             quantity(judged.line.amplitude, &channel.unit),
@@ -324,7 +323,7 @@ fn lines(subject: &Subject, found: &Found) -> String {
             class_and_rivals(&judged.verdict),
         ])
     });
-    table.render()
+    on_stdout(&table)
 }
 
 /// What the path tells, in a sentence.

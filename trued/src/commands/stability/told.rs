@@ -184,7 +184,7 @@ pub(super) fn cut(found: &Found) -> String {
         fixed(file.spindle_rpm, 0),
         significant(1e3 * file.cut.axial_depth_m, 3),
         direction(found.feed(0.0)),
-        crate::input::count(number, "mode")
+        report::count(number, "mode")
     )
 }
 

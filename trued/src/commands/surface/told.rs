@@ -1,12 +1,12 @@
 //! Output of `trued surface`: text and JSON.
 
-use report::significant;
+use report::{TextTable, significant};
 use serde::Serialize;
 use spectrum::surface::Parameters;
 
 use super::Surface;
 use super::measured::{Measured, Segments, Told};
-use crate::table::Table;
+use crate::table::on_stdout;
 
 /// Lines told on the console for each profile.
 const LINES_TOLD: usize = 3;
@@ -198,7 +198,7 @@ impl LineReport {
 
 /// The lines on the console.
 pub(super) fn told(profiles: &[Measured]) -> String {
-    let mut table = Table::new(["µm", "Wt", "Wq", "Rt", "Rz", "Rq", "Ra", "RSm", "evaluated"]);
+    let mut table = TextTable::new(["µm", "Wt", "Wq", "Rt", "Rz", "Rq", "Ra", "RSm", "evaluated"]);
     for measured in profiles {
         let n = |value: f64| significant(value, 3);
         let missing = || "–".to_owned();
@@ -214,7 +214,7 @@ pub(super) fn told(profiles: &[Measured]) -> String {
             format!("{:.2} mm", measured.surface.evaluated_mm()),
         ]);
     }
-    let mut text = table.render();
+    let mut text = on_stdout(&table);
     for measured in profiles {
         let head = if profiles.len() > 1 { format!("{}: ", measured.name) } else { String::new() };
         for line in remarks(measured) {
@@ -262,7 +262,7 @@ fn segments_told(segments: &Segments) -> String {
         format!("{}{spread}", significant(mean, 3))
     };
     let [wt, wq, rt, rq, ra] = OF_SEGMENT.map(of);
-    let segments = crate::input::count(count, "segment");
+    let segments = report::count(count, "segment");
     format!("{segments} of {length_mm} mm: Wt {wt}, Wq {wq}, Rt {rt}, Rq {rq}, Ra {ra}")
 }
 

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use diagnosis::{Fit, Undetermined};
 use physics::AnyEffect;
 
-use super::told::words;
+use super::text::words;
 
 /// Why a number cannot be told, in the order in which the reasons are said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -3,17 +3,17 @@
 //! Promises: every number that was fitted, with its standard uncertainty where the data tell it. Never: measuring frames or targets.
 
 use diagnosis::Fit;
-use diagnosis::surroundings::Number;
+use diagnosis::surroundings;
 use report::significant;
 use serde::Serialize;
 
 /// Metres (radians) in mm (mrad).
 const MILLI: f64 = 1e3;
 
-/// One number of a thing.
+/// A fitted number of a fixed point, plane or sphere.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Thing {
+pub(super) struct Number {
     thing: &'static str,
     /// From 1.
     number: usize,
@@ -25,35 +25,36 @@ pub(super) struct Thing {
 }
 
 /// All numbers that were fitted.
-pub(super) fn things(fit: &Fit) -> Vec<Thing> {
+pub(super) fn numbers(fit: &Fit) -> Vec<Number> {
     let numbers = fit.surroundings.numbers().into_iter().enumerate();
-    numbers.filter_map(|(column, number)| thing(fit, column, number)).collect()
+    numbers.filter_map(|(column, number)| of(fit, column, number)).collect()
 }
 
-fn thing(fit: &Fit, column: usize, number: Number) -> Option<Thing> {
+fn of(fit: &Fit, column: usize, number: surroundings::Number) -> Option<Number> {
+    use surroundings::Number as Place;
     let around = &fit.surroundings;
     let coordinate = |k: usize| ["x", "y", "z"].get(k).copied().unwrap_or_default();
     let (thing, at, what, value_m) = match number {
-        Number::Frame(..) | Number::Target(..) => return None,
-        Number::Anchor(i, 3) => ("distance", i, "offset", Some(around.anchors[i].offset_m.value)),
-        Number::Anchor(i, k) => {
+        Place::Frame(..) | Place::Target(..) => return None,
+        Place::Anchor(i, 3) => ("distance", i, "offset", Some(around.anchors[i].offset_m.value)),
+        Place::Anchor(i, k) => {
             ("distance", i, coordinate(k), Some(around.anchors[i].place.value[k]))
         }
-        Number::Plane(i, 2) => ("plane", i, "offset", Some(around.planes[i].value.offset_m)),
-        Number::Plane(i, _) => ("plane", i, "tilt", None),
-        Number::Sphere(i, 3) => ("sphere", i, "radius", Some(around.spheres[i].radius_m.value)),
-        Number::Sphere(i, k) => {
+        Place::Plane(i, 2) => ("plane", i, "offset", Some(around.planes[i].value.offset_m)),
+        Place::Plane(i, _) => ("plane", i, "tilt", None),
+        Place::Sphere(i, 3) => ("sphere", i, "radius", Some(around.spheres[i].radius_m.value)),
+        Place::Sphere(i, k) => {
             ("sphere", i, coordinate(k), Some(around.spheres[i].centre.value[k]))
         }
     };
     let sigma = fit.sigma(column).map(|sigma| sigma * MILLI);
-    Some(Thing { thing, number: at + 1, what, value_mm: value_m.map(|m| m * MILLI), sigma })
+    Some(Number { thing, number: at + 1, what, value_mm: value_m.map(|m| m * MILLI), sigma })
 }
 
 /// One line for each thing: `sphere 1: x 800.123 ± 0.004, …`.
-pub(super) fn lines(things: &[Thing]) -> Vec<String> {
-    let whole = things.chunk_by(|a, b| (a.thing, a.number) == (b.thing, b.number));
-    let number = |thing: &Thing| {
+pub(super) fn lines(numbers: &[Number]) -> Vec<String> {
+    let whole = numbers.chunk_by(|a, b| (a.thing, a.number) == (b.thing, b.number));
+    let number = |thing: &Number| {
         let value = format!("{:.3}", thing.value_mm?);
         let sigma = thing.sigma.map(|sigma| format!(" ± {}", significant(sigma, 2)));
         Some(format!(
@@ -62,7 +63,7 @@ pub(super) fn lines(things: &[Thing]) -> Vec<String> {
             sigma.unwrap_or_else(|| " (not determined)".to_owned())
         ))
     };
-    let line = |group: &[Thing]| {
+    let line = |group: &[Number]| {
         let first = group.first()?;
         let numbers: Vec<String> = group.iter().filter_map(number).collect();
         Some(format!("{} {}: {} mm", first.thing, first.number, numbers.join(", ")))

@@ -1,118 +1,113 @@
 //! From hits or response functions to modes, with warnings.
 
-use report::{fixed, significant};
+use report::{count, fixed, significant};
 use spectrum::Complex;
 use spectrum::frf::{COHERENCE_HITS, Estimator, Frf, Response};
 use spectrum::modal::{FittedMode, Measured, Merged, Unresolved, merged, modes, unresolved};
-use spectrum::tap::{TapConfig, TapRecord, tap};
+use spectrum::tap::{FoundHit, TapConfig, TapRecord, tap};
 
-use super::input::{Hits, Source};
-use super::{Tap, Windowing};
-use crate::exit::Failure;
-use crate::input::count;
+use super::Settings;
+use super::input::{Content, Hits, Source};
+use crate::error::Error;
 
-/// Modes are looked for as far as the hammer's force stays within so many dB of its strongest.
-const EXCITED_DB: f64 = 40.0;
-/// A mode that the hammer excites less than this is told as weakly excited.
-const WEAK_DB: f64 = -20.0;
-/// Bins below the band's lower end, unless asked otherwise.
-const BINS_BELOW: usize = 5;
-/// The two ways to damping disagree beyond this part of it and two standard uncertainties.
-const DISAGREES: f64 = 0.25;
-
-/// A mode of which more than this part rings when the next hit comes is told.
-const CARRIED: f64 = 0.05;
-/// Until no more than this part of it rings.
-const RUNG_DOWN: f64 = 0.01;
-/// A fit that leaves more than this part of a peak leaves room for a second mode (two modes 3 Hz apart at 67 Hz with 3 %
-/// damping and 2 % noise, taken for one: 0.08).
-const MISFIT: f64 = 0.06;
-
-/// Everything that was found.
-pub(super) struct Analysis {
+/// Modes of an impact test, with what they come from.
+pub struct Analysis {
     /// The hits, where records were given.
-    pub(super) test: Option<Test>,
+    pub test: Option<Test>,
     /// The response functions: one of all hits, or those given.
-    pub(super) functions: Vec<Function>,
+    pub functions: Vec<Function>,
     /// Their modes in one list.
-    pub(super) modes: Vec<Merged>,
-    pub(super) band_hz: [f64; 2],
-    pub(super) least_coherence: f64,
-    pub(super) warnings: Vec<String>,
+    pub modes: Vec<Merged>,
+    /// Modes were looked for between these frequencies, Hz.
+    pub band_hz: [f64; 2],
+    /// What is to be looked at, in words.
+    pub warnings: Vec<String>,
+    pub(super) files: Vec<String>,
+    pub(super) settings: Settings,
 }
 
 /// The hits and what was made of them.
-pub(super) struct Test {
-    pub(super) hits: Hits,
-    pub(super) tap: spectrum::tap::Tap,
+pub struct Test {
+    /// The records.
+    pub hits: Hits,
+    /// Hits found in them, and their mean response function.
+    pub tap: spectrum::tap::Tap,
 }
 
 /// A response function with its modes.
-pub(super) struct Function {
-    pub(super) name: String,
-    pub(super) frf: Frf,
-    pub(super) estimator: Estimator,
-    pub(super) modes: Vec<FittedMode>,
+pub struct Function {
+    /// What it is called.
+    pub name: String,
+    /// Its values.
+    pub frf: Frf,
+    /// Which noise averages out.
+    pub estimator: Estimator,
+    /// Modes that were fitted to it.
+    pub modes: Vec<FittedMode>,
     /// Peaks that look like modes and that no fit explains.
-    pub(super) unresolved: Vec<Unresolved>,
+    pub unresolved: Vec<Unresolved>,
     between_hits_s: Option<f64>,
 }
 
-impl Analysis {
-    pub(super) fn of(command: &Tap, source: Source) -> Result<Self, Failure> {
-        let estimator = command.estimator.estimator();
-        let function = |name: String, frf: Frf| Function {
-            name,
-            frf,
-            estimator,
-            modes: Vec::new(),
-            unresolved: Vec::new(),
-            between_hits_s: None,
-        };
-        let (test, mut functions) = match source {
-            Source::Functions(given) => {
-                (None, given.into_iter().map(|one| function(one.name, one.frf)).collect())
-            }
-            Source::Hits(hits) => {
-                let test = Test::of(command, hits)?;
-                let name = format!("mean of {}", count(test.tap.frf.hits, "hit"));
-                let frf = test.tap.frf.clone();
-                let between_hits_s = test.tap.between_hits_s();
-                (Some(test), vec![Function { between_hits_s, ..function(name, frf) }])
-            }
-        };
-        let band_hz = command.band_hz().unwrap_or_else(|| band_hz(test.as_ref(), &functions));
-        for one in &mut functions {
-            one.look(band_hz, command.coherence_least);
+/// Finds the hits of an impact test, estimates the response function and fits its modes.
+///
+/// # Errors
+/// [`Error::Input`] where no hit can be used.
+pub fn analyse(source: Source, settings: &Settings) -> Result<Analysis, Error> {
+    let Source { files, content, .. } = source;
+    let settings = *settings;
+    let function = |name: String, frf: Frf| Function {
+        name,
+        frf,
+        estimator: settings.estimator,
+        modes: Vec::new(),
+        unresolved: Vec::new(),
+        between_hits_s: None,
+    };
+    let (test, mut functions) = match content {
+        Content::Functions(given) => {
+            (None, given.into_iter().map(|one| function(one.name, one.frf)).collect())
         }
-        let lists: Vec<Vec<FittedMode>> = functions.iter().map(|one| one.modes.clone()).collect();
-        let mut analysis = Self {
-            test,
-            functions,
-            modes: merged(&lists),
-            band_hz,
-            least_coherence: command.coherence_least,
-            warnings: Vec::new(),
-        };
-        analysis.warnings = analysis.warnings();
-        Ok(analysis)
+        Content::Hits(hits) => {
+            let test = Test::of(&settings, hits)?;
+            let name = format!("mean of {}", count(test.tap.frf.hits, "hit"));
+            let frf = test.tap.frf.clone();
+            let between_hits_s = test.tap.between_hits_s();
+            (Some(test), vec![Function { between_hits_s, ..function(name, frf) }])
+        }
+    };
+    let band_hz = settings.band_hz.unwrap_or_else(|| band_hz(&settings, test.as_ref(), &functions));
+    for one in &mut functions {
+        one.look(band_hz, settings.coherence_least);
     }
+    let lists: Vec<Vec<FittedMode>> = functions.iter().map(|one| one.modes.clone()).collect();
+    let modes = merged(&lists);
+    let warnings = Vec::new();
+    let mut analysis = Analysis { test, functions, modes, band_hz, warnings, files, settings };
+    analysis.warnings = analysis.warnings();
+    Ok(analysis)
+}
 
+impl Analysis {
     /// Whether a mode shows the three signs, coherence among them.
-    pub(super) fn is_verified(&self, mode: &Merged) -> bool {
-        let coherent = |one: &FittedMode| one.coherence.is_some_and(|c| c >= self.least_coherence);
+    #[must_use]
+    pub fn is_verified(&self, mode: &Merged) -> bool {
+        let coherent =
+            |one: &FittedMode| one.coherence.is_some_and(|c| c >= self.settings.coherence_least);
         mode.seen.iter().any(|(_, one)| one.by_signs && coherent(one))
     }
 
     /// The function that shows a mode most clearly.
-    pub(super) fn clearest<'a>(&self, mode: &'a Merged) -> Option<&'a FittedMode> {
+    #[must_use]
+    pub fn clearest<'a>(&self, mode: &'a Merged) -> Option<&'a FittedMode> {
         let sigma = |seen: &&(usize, FittedMode)| seen.1.frequency_sigma_hz;
         let best = mode.seen.iter().min_by(|a, b| sigma(a).total_cmp(&sigma(b)));
         best.map(|(_, one)| one)
     }
 
     /// The force at a mode against its strongest, dB.
-    pub(super) fn force_db(&self, mode: &Merged) -> Option<f64> {
+    #[must_use]
+    pub fn force_db(&self, mode: &Merged) -> Option<f64> {
         self.test.as_ref().map(|test| test.tap.force_db(mode.frequency_hz))
     }
 
@@ -136,7 +131,7 @@ impl Analysis {
             ),
         }
         said.extend(self.modes.iter().flat_map(|mode| self.doubts(mode)));
-        said.extend(self.functions.iter().flat_map(Function::hidden));
+        said.extend(self.functions.iter().flat_map(|one| one.hidden(self.settings.misfit)));
         said
     }
 
@@ -144,7 +139,7 @@ impl Analysis {
     fn doubts(&self, mode: &Merged) -> Vec<String> {
         let mut said = Vec::new();
         let at = format!("mode at {} Hz", fixed(mode.frequency_hz, 1));
-        if let Some(db) = self.force_db(mode).filter(|db| *db < WEAK_DB) {
+        if let Some(db) = self.force_db(mode).filter(|db| *db < self.settings.weak_db) {
             said.push(format!(
                 "{at}: weakly excited, the force there is {db:.0} dB of its strongest"
             ));
@@ -155,7 +150,7 @@ impl Analysis {
         let Some(one) = self.clearest(mode) else { return said };
         if let Some(half_power) = one.damping_half_power {
             let apart = (half_power - one.damping).abs();
-            if apart > DISAGREES * one.damping + 2.0 * one.damping_sigma {
+            if apart > self.settings.damping_disagrees * one.damping + 2.0 * one.damping_sigma {
                 said.push(format!(
                     "{at}: its damping is {} % by the fit and {} % by the width at half power; look at its peak",
                     significant(100.0 * one.damping, 2),
@@ -163,12 +158,12 @@ impl Analysis {
                 ));
             }
         }
-        if one.carried > CARRIED {
+        if one.carried > self.settings.carried_most {
             said.push(format!(
                 "{at}: {} % of it still rings when the next hit comes; its modal mass and stiffness are as uncertain: leave {} s \
                  between hits",
                 significant(100.0 * one.carried, 2),
-                significant(one.rings_s(RUNG_DOWN), 2)
+                significant(one.rings_s(self.settings.rung_down), 2)
             ));
         }
         said
@@ -176,12 +171,12 @@ impl Analysis {
 }
 
 impl Test {
-    fn of(command: &Tap, hits: Hits) -> Result<Self, Failure> {
+    fn of(settings: &Settings, hits: Hits) -> Result<Self, Error> {
         let config = TapConfig {
             rate_hz: hits.rate_hz,
             response: hits.response,
-            block_s: command.block_s,
-            windows: command.windows == Windowing::Auto,
+            block_s: settings.block_s,
+            windows: settings.windows,
         };
         let records: Vec<TapRecord<'_>> = hits
             .records
@@ -190,13 +185,14 @@ impl Test {
             .collect();
         let tap = tap(&records, &config).map_err(|error| {
             let files: Vec<&str> = hits.records.iter().map(|record| record.file.as_str()).collect();
-            Failure::input(format!("{}: {error}", files.join(", ")))
+            Error::input(format!("{}: {error}", files.join(", ")))
         })?;
         Ok(Self { hits, tap })
     }
 
     /// File and time of a hit, s.
-    pub(super) fn place(&self, hit: &spectrum::tap::FoundHit) -> (&str, f64) {
+    #[must_use]
+    pub fn place(&self, hit: &FoundHit) -> (&str, f64) {
         let record = self.hits.records.get(hit.record);
         let start_s = record.map_or(0.0, |record| record.start_s);
         let file = record.map_or("", |record| record.file.as_str());
@@ -220,7 +216,7 @@ impl Function {
     }
 
     /// Modes that it may hide, in words.
-    fn hidden(&self) -> Vec<String> {
+    fn hidden(&self, misfit: f64) -> Vec<String> {
         let (bin_hz, record_s) = (self.bin_hz(), 1.0 / self.bin_hz());
         let longer = |s: f64| match self.between_hits_s {
             Some(_) => format!("leave at least {} s between hits", significant(s, 2)),
@@ -239,7 +235,7 @@ impl Function {
                 longer(one.record_s)
             ));
         }
-        for one in self.modes.iter().filter(|one| one.residual > MISFIT) {
+        for one in self.modes.iter().filter(|one| one.residual > misfit) {
             said.push(format!(
                 "{}: one mode at {} Hz fits its peak to {} % only: noise, or two modes that records of {} s do not separate; take \
                  more hits, and {}",
@@ -262,7 +258,7 @@ impl Function {
     }
 
     /// Frequency and value as measured, within a band.
-    pub(super) fn within(
+    pub fn within(
         &self,
         band_hz: [f64; 2],
     ) -> impl Iterator<Item = (usize, f64, Complex<f64>)> + '_ {
@@ -272,7 +268,8 @@ impl Function {
     }
 
     /// What the function is called and its unit.
-    pub(super) fn kind(&self) -> (&'static str, &'static str) {
+    #[must_use]
+    pub fn kind(&self) -> (&'static str, &'static str) {
         match self.frf.response {
             Response::Displacement => ("receptance", "m/N"),
             Response::Velocity => ("mobility", "m/sN"),
@@ -282,12 +279,13 @@ impl Function {
 }
 
 /// From a few bins on, as far as the hammer excites, or as the functions reach.
-fn band_hz(test: Option<&Test>, functions: &[Function]) -> [f64; 2] {
-    let starts = functions.iter().filter_map(|one| one.frf.frequency_hz.get(BINS_BELOW).copied());
+fn band_hz(settings: &Settings, test: Option<&Test>, functions: &[Function]) -> [f64; 2] {
+    let starts =
+        functions.iter().filter_map(|one| one.frf.frequency_hz.get(settings.bins_below).copied());
     let ends = functions.iter().filter_map(|one| one.frf.frequency_hz.last().copied());
     let low = starts.fold(f64::INFINITY, f64::min);
     let high = match test {
-        Some(test) => test.tap.excited_to_hz(EXCITED_DB),
+        Some(test) => test.tap.excited_to_hz(settings.excited_db),
         None => ends.fold(0.0, f64::max),
     };
     [if low.is_finite() { low } else { 0.0 }, high]

@@ -1,22 +1,22 @@
-//! Output of `trued tap`: text and JSON.
+//! Output of an impact test: `trued.tap/1`.
 
 use std::f64::consts::TAU;
 
 use recording::model::ModeChange;
-use report::{fixed, significant};
+use recording::program;
 use serde::Serialize;
+use spectrum::frf::Estimator;
 use spectrum::modal::{FittedMode, Merged};
 
-use super::Tap;
 use super::analysis::{Analysis, Function, Test};
-use super::model::Renewed;
-use crate::input::count;
-use crate::table::Table;
+use super::model_file::Renewed;
+use crate::error::Error;
 
+/// What an impact test gives: `trued.tap/1` (docs/reference/results.md).
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz is the unit's name")]
-pub(super) struct Report {
+pub struct Report {
     estimator: &'static str,
     least_coherence: f64,
     band_Hz: [f64; 2],
@@ -125,26 +125,37 @@ struct ModelReport {
     kept_Hz: Vec<f64>,
 }
 
-impl Report {
-    pub(super) fn of(command: &Tap, analysis: &Analysis, renewed: Option<&Renewed>) -> Self {
-        let direction = command.direction.map(|direction| direction.0);
-        Self {
-            estimator: match command.estimator {
-                super::Estimate::H1 => "h1",
-                super::Estimate::H2 => "h2",
+impl Analysis {
+    /// The result as an object. `renewed`: the model with the modes, where one is asked for.
+    #[must_use]
+    pub fn report(&self, renewed: Option<&Renewed>) -> Report {
+        let direction = self.settings.direction;
+        Report {
+            estimator: match self.settings.estimator {
+                Estimator::H1 => "h1",
+                Estimator::H2 => "h2",
             },
-            least_coherence: analysis.least_coherence,
-            band_Hz: analysis.band_hz,
-            hits: analysis.test.as_ref().map(HitsReport::of),
-            response_functions: analysis
+            least_coherence: self.settings.coherence_least,
+            band_Hz: self.band_hz,
+            hits: self.test.as_ref().map(HitsReport::of),
+            response_functions: self
                 .functions
                 .iter()
-                .map(|one| FunctionReport::of(one, analysis.band_hz))
+                .map(|one| FunctionReport::of(one, self.band_hz))
                 .collect(),
-            modes: analysis.modes.iter().map(|m| ModeReport::of(m, direction, analysis)).collect(),
-            model: renewed.map(|renewed| ModelReport::of(command, renewed, analysis)),
-            warnings: analysis.warnings.clone(),
+            modes: self.modes.iter().map(|m| ModeReport::of(m, direction, self)).collect(),
+            model: renewed.map(|renewed| ModelReport::of(renewed, self)),
+            warnings: self.warnings.clone(),
         }
+    }
+
+    /// The same as JSON.
+    ///
+    /// # Errors
+    /// [`Error::Internal`]
+    pub fn json(&self, renewed: Option<&Renewed>) -> Result<String, Error> {
+        let text = program::json("trued.tap/1", &self.report(renewed)).map_err(Error::internal)?;
+        Ok(text + "\n")
     }
 }
 
@@ -249,8 +260,7 @@ impl FittedReport {
 }
 
 impl ModelReport {
-    fn of(command: &Tap, renewed: &Renewed, analysis: &Analysis) -> Self {
-        let out = command.out.as_ref().map(|out| out.display().to_string());
+    fn of(renewed: &Renewed, analysis: &Analysis) -> Self {
         let pairs = || analysis.modes.iter().zip(&renewed.changes);
         let replaced = pairs().filter_map(|(mode, change)| match change {
             ModeChange::Replaced(before) => Some([before.frequency_hz, mode.frequency_hz]),
@@ -258,99 +268,10 @@ impl ModelReport {
         });
         let added = pairs().filter(|(_, change)| matches!(change, ModeChange::Added));
         Self {
-            out: out.unwrap_or_default(),
+            out: renewed.path.display().to_string(),
             replaced: replaced.collect(),
             added_Hz: added.map(|(mode, _)| mode.frequency_hz).collect(),
             kept_Hz: renewed.kept_hz.clone(),
         }
-    }
-}
-
-/// The lines on the console.
-pub(super) fn told(analysis: &Analysis, renewed: Option<&Renewed>) -> String {
-    let mut text = analysis.test.as_ref().map(hits_told).unwrap_or_default();
-    let [low, high] = analysis.band_hz.map(|hz| significant(hz, 3));
-    let functions = match analysis.functions.as_slice() {
-        [one] => format!("{} of the {}", one.kind().0, one.name),
-        several => count(several.len(), "response function"),
-    };
-    text += &format!("{functions}, {low} to {high} Hz\n");
-    if analysis.modes.is_empty() {
-        text += "no mode found\n";
-    } else {
-        text += &table(analysis).render();
-    }
-    if let Some(renewed) = renewed {
-        text += &format!("{}\n", renewed.told(analysis));
-    }
-    text
-}
-
-fn hits_told(test: &Test) -> String {
-    let (found, used) = (test.tap.hits.len(), test.tap.frf.hits);
-    let mut text = format!(
-        "{} found, {used} used, each {} s at {} Hz; excites to {} Hz (−20 dB)\n",
-        count(found, "hit"),
-        significant(test.tap.block_s, 3),
-        significant(test.hits.rate_hz, 3),
-        significant(test.tap.excited_to_hz(20.0), 3)
-    );
-    for hit in &test.tap.hits {
-        if let Some(why) = hit.refused {
-            let (file, t_s) = test.place(hit);
-            text += &format!("left out: {file} at {} s, {why}\n", fixed(t_s, 3));
-        }
-    }
-    let decay = test.tap.windows.decay_per_s;
-    if decay > 0.0 {
-        text += &format!(
-            "exponential window of {} 1/s, as {} % of the response was left at the end; taken out of the damping\n",
-            significant(decay, 2),
-            significant(100.0 * test.tap.windows.left_at_end, 2)
-        );
-    }
-    text
-}
-
-fn table(analysis: &Analysis) -> Table {
-    let heads =
-        ["mode, Hz", "±", "damping, %", "±", "half power, %", "N/µm", "kg", "coherence", ""];
-    analysis.modes.iter().fold(Table::new(heads), |table, mode| {
-        let clearest = analysis.clearest(mode);
-        let of = |value: &dyn Fn(&FittedMode) -> Option<f64>, digits: usize| {
-            clearest.and_then(value).map_or_else(|| "–".to_owned(), |v| significant(v, digits))
-        };
-        let decimals = decimals(mode.frequency_sigma_hz);
-        let percent = decimals_of_damping(mode);
-        table.row([
-            fixed(mode.frequency_hz, decimals),
-            fixed(mode.frequency_sigma_hz, decimals),
-            fixed(100.0 * mode.damping, percent),
-            fixed(100.0 * mode.damping_sigma, percent),
-            of(&|one| one.damping_half_power.map(|d| 100.0 * d), 2),
-            of(&|one| Some(1e-6 * one.stiffness_n_per_m()), 3),
-            of(&|one| Some(one.mass_kg), 3),
-            of(&|one| one.coherence, 2),
-            verdict(analysis, mode).to_owned(),
-        ])
-    })
-}
-
-fn decimals_of_damping(mode: &Merged) -> usize {
-    decimals(100.0 * mode.damping_sigma)
-}
-
-/// Decimals that show an uncertainty with one or two digits.
-pub(super) fn decimals(sigma: f64) -> usize {
-    let digits = (1.0 - sigma.max(1e-4).log10()).floor();
-    if digits.is_finite() { digits.clamp(0.0, 4.0) as usize } else { 1 }
-}
-
-/// How far a mode is to be trusted, in a word.
-pub(super) fn verdict(analysis: &Analysis, mode: &Merged) -> &'static str {
-    match (analysis.is_verified(mode), mode.by_signs) {
-        (true, _) => "verified",
-        (false, true) => "unverified",
-        (false, false) => "by the fit alone",
     }
 }

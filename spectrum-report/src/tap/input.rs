@@ -6,48 +6,78 @@ use recording::unit::Quantity;
 use recording::waves::{self, Grid, Options, Record, ResponseFunction, Wave, Waves};
 use spectrum::Complex;
 use spectrum::frf::{Frf, Response};
-use tracing::warn;
 
-use super::Tap;
-use crate::exit::Failure;
-use crate::input::unusable;
+use crate::error::Error;
 
-/// What the files hold: records of hits, or response functions.
+/// How the files of an impact test are read.
+#[derive(Clone, Debug, Default)]
+pub struct Channels {
+    /// Columns of force and response, by name or by number from 1. Default: as their units tell.
+    pub columns: Option<[String; 2]>,
+    /// What the response is, where its unit does not tell; its values are then SI.
+    pub response: Option<Response>,
+    /// Force of one unit of the file, N; not 0. Default: as its unit tells.
+    pub force_scale: Option<f64>,
+    /// Response of one unit of the file, SI; not 0, with `response`. Default: as its unit tells.
+    pub response_scale: Option<f64>,
+    /// Samples per second, where no column tells the time, Hz; above 0.
+    pub rate_hz: Option<f64>,
+    /// Whether files are tables of a response function: frequency in Hz, real part, imaginary part; with `response`.
+    pub are_functions: bool,
+}
+
+/// What the files of an impact test hold.
 #[derive(Debug)]
-pub(super) enum Source {
+pub struct Source {
+    /// Names of the files, without folders.
+    pub files: Vec<String>,
+    /// Remarks on the files, in words.
+    pub notes: Vec<String>,
+    pub(super) content: Content,
+}
+
+/// Records of hits, or response functions.
+#[derive(Debug)]
+pub(super) enum Content {
     Hits(Hits),
-    Functions(Vec<Function>),
+    Functions(Vec<MeasuredFunction>),
 }
 
 /// Records of hits, alike in rate and kind.
 #[derive(Debug)]
-pub(super) struct Hits {
-    pub(super) rate_hz: f64,
-    pub(super) response: Response,
+pub struct Hits {
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// What the response is.
+    pub response: Response,
     /// Force and response of each record, SI.
-    pub(super) records: Vec<HitRecord>,
+    pub records: Vec<HitRecord>,
     /// Column names of force and response, of the first record.
-    pub(super) columns: [String; 2],
+    pub columns: [String; 2],
     /// What was taken for granted.
-    pub(super) notes: Vec<String>,
+    pub notes: Vec<String>,
 }
 
 /// One run of samples without a gap.
 #[derive(Debug)]
-pub(super) struct HitRecord {
+pub struct HitRecord {
     /// The file's name.
-    pub(super) file: String,
+    pub file: String,
     /// Time of the first sample, s.
-    pub(super) start_s: f64,
-    pub(super) force: Vec<f64>,
-    pub(super) response: Vec<f64>,
+    pub start_s: f64,
+    /// N.
+    pub force: Vec<f64>,
+    /// SI.
+    pub response: Vec<f64>,
 }
 
 /// A response function that was measured elsewhere.
 #[derive(Debug)]
-pub(super) struct Function {
-    pub(super) name: String,
-    pub(super) frf: Frf,
+pub struct MeasuredFunction {
+    /// Name of the file, with what was measured where it says so.
+    pub name: String,
+    /// Its values.
+    pub frf: Frf,
 }
 
 /// A file that holds nothing that can be used.
@@ -58,59 +88,67 @@ struct Unfit {
     what: String,
 }
 
-pub(super) fn read(command: &Tap) -> Result<Source, Failure> {
+/// Reads records of hits, or response functions.
+///
+/// # Errors
+/// [`Error::File`] where a file cannot be read; [`Error::Input`] where force or response cannot be told, or files do not belong together.
+pub fn read(paths: &[impl AsRef<Path>], asked: &Channels) -> Result<Source, Error> {
     let mut hits: Option<Hits> = None;
-    let mut functions = Vec::new();
-    for path in &command.files {
-        let unfit = |what: String| Failure::input(Unfit { file: path.display().to_string(), what });
-        let waves = waves::read(path, &options(command)).map_err(unusable)?;
-        for note in &waves.notes {
-            warn!("{}: {note}", path.display());
-        }
-        if command.frf && waves.responses.is_empty() {
-            functions.push(table(command, path, &waves).map_err(unfit)?);
+    let (mut functions, mut notes, mut files) = (Vec::new(), Vec::new(), Vec::new());
+    for path in paths.iter().map(AsRef::as_ref) {
+        let unfit = |what: String| Error::input(Unfit { file: path.display().to_string(), what });
+        files.extend(path.file_name().map(|name| name.to_string_lossy().into_owned()));
+        let waves = waves::read(path, &options(asked))?;
+        notes.extend(waves.notes.iter().map(|note| format!("{}: {note}", path.display())));
+        if asked.are_functions && waves.responses.is_empty() {
+            functions.push(table(asked, path, &waves).map_err(unfit)?);
         } else if waves.responses.is_empty() {
-            take(command, path, waves, &mut hits).map_err(unfit)?;
+            take(asked, path, waves, &mut hits).map_err(unfit)?;
         } else {
             if !waves.records.is_empty() {
-                warn!(
-                    "{}: holds records over time too; its response functions are taken",
-                    path.display()
-                );
+                let what = "holds records over time too; its response functions are taken";
+                notes.push(format!("{}: {what}", path.display()));
             }
             for function in &waves.responses {
-                functions.push(given(command, path, function).map_err(unfit)?);
+                functions.push(given(asked, path, function).map_err(unfit)?);
             }
         }
     }
-    match (hits, functions.is_empty()) {
-        (Some(hits), true) => Ok(Source::Hits(hits)),
-        (None, false) => Ok(Source::Functions(functions)),
-        _ => Err(Failure::input(
-            "some files hold records of hits and some response functions; analyse them apart",
-        )),
-    }
+    let content = match (hits, functions.is_empty()) {
+        (Some(hits), true) => Content::Hits(hits),
+        (None, false) => Content::Functions(functions),
+        _ => {
+            return Err(Error::input(
+                "some files hold records of hits and some response functions; analyse them apart",
+            ));
+        }
+    };
+    Ok(Source { files, notes, content })
 }
 
-fn options(command: &Tap) -> Options {
-    let named = [&command.force, &command.response];
-    let columns = named.into_iter().flatten().cloned().collect();
-    if command.frf {
+fn options(asked: &Channels) -> Options {
+    if asked.are_functions {
         // A table of frequencies stands over no time: any rate lets its rows through as they are.
         let columns = ["1", "2", "3"].map(str::to_owned).to_vec();
         return Options { columns, rate_hz: Some(1.0), ..Options::default() };
     }
-    Options { columns, rate_hz: command.rate, ..Options::default() }
+    let columns = asked.columns.iter().flatten().cloned().collect();
+    Options { columns, rate_hz: asked.rate_hz, ..Options::default() }
 }
 
 /// Takes the records of one file to those before; they must be alike.
-fn take(command: &Tap, path: &Path, waves: Waves, hits: &mut Option<Hits>) -> Result<(), String> {
+fn take(
+    asked: &Channels,
+    path: &Path,
+    waves: Waves,
+    hits: &mut Option<Hits>,
+) -> Result<(), String> {
     let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     for record in waves.records {
         let Grid::Time { rate_hz, start_s } = record.grid else {
             return Err("its samples stand over a length, not over time; give --rate HZ".to_owned());
         };
-        let ([force, response], kind, notes) = channels(command, &record)?;
+        let ([force, response], kind, notes) = channels(asked, &record)?;
         let all = hits.get_or_insert_with(|| Hits {
             rate_hz,
             response: kind,
@@ -138,10 +176,10 @@ fn take(command: &Tap, path: &Path, waves: Waves, hits: &mut Option<Hits>) -> Re
     Ok(())
 }
 
-type Channels = ([Wave; 2], Response, Vec<String>);
+type ForceAndResponse = ([Wave; 2], Response, Vec<String>);
 
 /// Force and response of a record in SI, by the columns asked for or by their units.
-fn channels(command: &Tap, record: &Record) -> Result<Channels, String> {
+fn channels(asked: &Channels, record: &Record) -> Result<ForceAndResponse, String> {
     let all = || record.channels.iter().map(|w| w.name.clone()).collect::<Vec<_>>().join(", ");
     let one = |what: &str, is: &dyn Fn(&Wave) -> bool| {
         let mut fitting = record.channels.iter().filter(|wave| is(wave));
@@ -157,18 +195,18 @@ fn channels(command: &Tap, record: &Record) -> Result<Channels, String> {
         }
     };
     let (force, response) = if let (Some(_), [force, response]) =
-        (&command.force, record.channels.as_slice())
+        (&asked.columns, record.channels.as_slice())
     {
         (force, response)
-    } else if command.force.is_some() {
+    } else if asked.columns.is_some() {
         return Err("force and response are the same column".to_owned());
     } else {
         let force = one("force", &|wave| matches!(wave.quantity(), Some((Quantity::Force, _))))?;
         (force, one("response", &|wave| kind_of(wave).is_some())?)
     };
     let mut notes = Vec::new();
-    let force_si = force_factor(command, force, &mut notes)?;
-    let (response_si, kind) = response_factor(command, response, &mut notes)?;
+    let force_si = force_factor(asked, force, &mut notes)?;
+    let (response_si, kind) = response_factor(asked, response, &mut notes)?;
     let scaled = |wave: &Wave, factor: f64| Wave {
         values: wave.values.iter().map(|x| factor * x).collect(),
         ..wave.clone()
@@ -189,8 +227,8 @@ fn kind_of(wave: &Wave) -> Option<(Response, f64)> {
     wave.quantity().and_then(|(quantity, si)| Some((response_of(quantity)?, si)))
 }
 
-fn force_factor(command: &Tap, force: &Wave, notes: &mut Vec<String>) -> Result<f64, String> {
-    match (command.force_scale, force.quantity()) {
+fn force_factor(asked: &Channels, force: &Wave, notes: &mut Vec<String>) -> Result<f64, String> {
+    match (asked.force_scale, force.quantity()) {
         (Some(scale), _) => Ok(scale),
         (None, Some((Quantity::Force, si))) => Ok(si),
         (None, None) if force.unit == "1" => {
@@ -205,17 +243,16 @@ fn force_factor(command: &Tap, force: &Wave, notes: &mut Vec<String>) -> Result<
 }
 
 fn response_factor(
-    command: &Tap,
+    asked: &Channels,
     response: &Wave,
     notes: &mut Vec<String>,
 ) -> Result<(f64, Response), String> {
-    let asked = command.response_kind.map(super::Kind::response);
     let (name, unit) = (&response.name, &response.unit);
-    match (asked, kind_of(response)) {
-        (Some(kind), _) if command.response_scale.is_some() => {
-            Ok((command.response_scale.unwrap_or(1.0), kind))
+    match (asked.response, kind_of(response)) {
+        (Some(kind), _) if asked.response_scale.is_some() => {
+            Ok((asked.response_scale.unwrap_or(1.0), kind))
         }
-        (Some(asked), Some((kind, _))) if asked != kind => Err(format!(
+        (Some(stated), Some((kind, _))) if stated != kind => Err(format!(
             "the response, column `{name}`, is in `{unit}`, which is another kind than --response-kind says"
         )),
         (_, Some((kind, si))) => Ok((si, kind)),
@@ -239,8 +276,8 @@ fn stem(path: &Path) -> String {
 }
 
 /// A response function as a table.
-fn table(command: &Tap, path: &Path, waves: &Waves) -> Result<Function, String> {
-    let ([record], Some(kind)) = (waves.records.as_slice(), command.response_kind) else {
+fn table(asked: &Channels, path: &Path, waves: &Waves) -> Result<MeasuredFunction, String> {
+    let ([record], Some(kind)) = (waves.records.as_slice(), asked.response) else {
         return Err("holds more than one table".to_owned());
     };
     let [frequency, re, im] = record.channels.as_slice() else {
@@ -249,33 +286,36 @@ fn table(command: &Tap, path: &Path, waves: &Waves) -> Result<Function, String> 
                 .to_owned(),
         );
     };
-    let factor = command.response_scale.unwrap_or(1.0) / command.force_scale.unwrap_or(1.0);
+    let factor = asked.response_scale.unwrap_or(1.0) / asked.force_scale.unwrap_or(1.0);
     let parts = re.values.iter().zip(&im.values);
     let values = parts.map(|(re, im)| factor * Complex::new(*re, *im)).collect();
-    function(stem(path), frequency.values.clone(), values, kind.response())
+    function(stem(path), frequency.values.clone(), values, kind)
 }
 
 /// A response function of a universal file.
-fn given(command: &Tap, path: &Path, given: &ResponseFunction) -> Result<Function, String> {
+fn given(
+    asked: &Channels,
+    path: &Path,
+    given: &ResponseFunction,
+) -> Result<MeasuredFunction, String> {
     let [response, reference] = given.quantities();
-    let asked = command.response_kind.map(super::Kind::response);
     let known = response.and_then(|(quantity, si)| Some((response_of(quantity)?, si)));
-    let (kind, response_si) = match (asked, known) {
-        (Some(asked), Some((kind, _))) if asked != kind => {
+    let (kind, response_si) = match (asked.response, known) {
+        (Some(stated), Some((kind, _))) if stated != kind => {
             return Err(format!(
                 "its response is in `{}`, which is another kind than --response-kind says",
                 given.response_unit
             ));
         }
         (_, Some(known)) => known,
-        (Some(kind), None) => (kind, command.response_scale.unwrap_or(1.0)),
+        (Some(kind), None) => (kind, asked.response_scale.unwrap_or(1.0)),
         (None, None) => {
             return Err("does not say what its response is; give --response-kind".to_owned());
         }
     };
     let force_si = match reference {
         Some((Quantity::Force, si)) => si,
-        None => command.force_scale.unwrap_or(1.0),
+        None => asked.force_scale.unwrap_or(1.0),
         Some(_) => {
             let unit = &given.reference_unit;
             return Err(format!("its reference is in `{unit}`, expected a force"));
@@ -292,7 +332,7 @@ fn function(
     frequency_hz: Vec<f64>,
     values: Vec<Complex<f64>>,
     kind: Response,
-) -> Result<Function, String> {
+) -> Result<MeasuredFunction, String> {
     let grow = frequency_hz.windows(2).position(|pair| pair[1].is_nan() || pair[1] <= pair[0]);
     if let Some(row) = grow {
         return Err(format!("its frequencies do not grow after row {} of the numbers", row + 1));
@@ -300,5 +340,5 @@ fn function(
     if let Some(row) = values.iter().position(|h| !h.is_finite()) {
         return Err(format!("row {} of the response function is no number", row + 1));
     }
-    Ok(Function { name, frf: Frf::given(frequency_hz, values, kind) })
+    Ok(MeasuredFunction { name, frf: Frf::given(frequency_hz, values, kind) })
 }

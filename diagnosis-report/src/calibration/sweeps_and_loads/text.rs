@@ -2,10 +2,9 @@
 //!
 //! Promises: each number with its uncertainty where it has one. Never: a number that the JSON lacks.
 
-use report::{fixed, significant};
+use report::{count, fixed, significant};
 
 use super::{AxesReport, CompliantJoint, StiffnessReport, SweepReport, TiltReport};
-use crate::input::count;
 
 impl SweepReport {
     pub(super) fn line(&self) -> String {

@@ -3,33 +3,33 @@
 use recording::model::{ModelFile, RobotModel};
 use report::fixed;
 
-use super::found::{Found, MODELS};
-use crate::exit::Failure;
+use super::MODELS;
+use super::calibrated::Calibrated;
+use crate::entries::renewed_file;
+use crate::error::Error;
 
-/// The base model's file with what was found, ready to be written: it loads, or there is none.
-pub(super) fn renewed(found: &Found) -> Result<String, Failure> {
-    let mut file = found.base.file.clone();
-    for entry in &found.entries {
-        match entry.of_base.and_then(|at| file.effects.get_mut(at)) {
-            Some(there) => *there = entry.written.clone(),
-            None if entry.is_empty() => {}
-            None => file.effects.push(entry.written.clone()),
-        }
+impl Calibrated {
+    /// The base model's file with what was found, as text that loads.
+    ///
+    /// # Errors
+    /// [`Error::Internal`]
+    pub fn model_toml(&self) -> Result<String, Error> {
+        let mut file = renewed_file(&self.base, &self.entries);
+        let name = file.name.strip_suffix(", nominal").unwrap_or(&file.name);
+        file.name = if name.ends_with(", calibrated") {
+            name.to_owned()
+        } else {
+            format!("{name}, calibrated")
+        };
+        explain(&mut file, self);
+        let text = file.to_toml();
+        RobotModel::parse("the calibrated model", &text).map_err(Error::internal)?;
+        Ok(text)
     }
-    let name = file.name.strip_suffix(", nominal").unwrap_or(&file.name);
-    file.name = if name.ends_with(", calibrated") {
-        name.to_owned()
-    } else {
-        format!("{name}, calibrated")
-    };
-    explain(&mut file, found);
-    let text = file.to_toml();
-    RobotModel::parse("the calibrated model", &text).map_err(Failure::system)?;
-    Ok(text)
 }
 
 /// What it was made from.
-fn explain(file: &mut ModelFile, found: &Found) {
+fn explain(file: &mut ModelFile, found: &Calibrated) {
     let names: Vec<&str> =
         (0..found.campaign.recordings.len()).map(|place| found.recording(place)).collect();
     let mm = |metres: f64| fixed(metres * 1e3, 4);

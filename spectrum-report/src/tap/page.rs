@@ -1,16 +1,15 @@
-//! The page of `trued tap`: modes, their three signs, and the hits used.
+//! The page of an impact test: modes, their three signs, and the hits used.
 
 use report::{
-    Axis, Cell, Column, Multiples, Number, Page, Plot, Series, Table, Tone, fixed, significant,
+    Axis, Cell, Column, Multiples, Number, Page, Plot, Series, Table, Tone, count, fixed,
+    significant,
 };
 use spectrum::frf::Response;
 use spectrum::modal::Merged;
 
-use super::Tap;
 use super::analysis::{Analysis, Function, Test};
-use super::model::Renewed;
-use super::told::{decimals, verdict};
-use crate::input::count;
+use super::model_file::Renewed;
+use super::text::{decimals, verdict};
 
 /// Modes named in the verdict.
 const NAMED: usize = 3;
@@ -21,8 +20,16 @@ const SEEN: f64 = 0.01;
 /// Response functions drawn over each other, and each by itself.
 const FUNCTIONS_MAX: usize = 8;
 
+impl Analysis {
+    /// The page. `renewed`: the model with the modes, where one is asked for.
+    #[must_use]
+    pub fn page(&self, renewed: Option<&Renewed>) -> Page {
+        render(self, renewed)
+    }
+}
+
 /// The whole page.
-pub(super) fn render(command: &Tap, analysis: &Analysis, renewed: Option<&Renewed>) -> Page {
+fn render(analysis: &Analysis, renewed: Option<&Renewed>) -> Page {
     let [low, high] = analysis.band_hz.map(|hz| significant(hz, 3));
     let found = count(analysis.modes.len(), "mode");
     let rests = match &analysis.test {
@@ -31,11 +38,6 @@ pub(super) fn render(command: &Tap, analysis: &Analysis, renewed: Option<&Renewe
         }
         None => count(analysis.functions.len(), "response function"),
     };
-    let files: Vec<String> = command
-        .files
-        .iter()
-        .filter_map(|file| Some(file.file_name()?.to_string_lossy().into_owned()))
-        .collect();
     let verified = analysis.modes.iter().filter(|mode| analysis.is_verified(mode)).count();
     let all = analysis.modes.len();
     let (tone, word) = match (all, verified) {
@@ -47,7 +49,7 @@ pub(super) fn render(command: &Tap, analysis: &Analysis, renewed: Option<&Renewe
         (_, verified) => (Tone::Caution, format!("{found}, {verified} of them verified")),
     };
     let mut page = Page::new("Natural frequencies by impact test")
-        .kicker(format!("trued tap, {}", files.join(", ")))
+        .kicker(format!("trued tap, {}", analysis.files.join(", ")))
         .verdict(
             tone,
             &word,
@@ -55,7 +57,7 @@ pub(super) fn render(command: &Tap, analysis: &Analysis, renewed: Option<&Renewe
         )
         .numbers(numbers(analysis));
     page = picture(page, analysis);
-    page = next(page, command, renewed, verified);
+    page = next(page, renewed, verified);
     if let Some((first, others)) = analysis.warnings.split_first() {
         page = page.note(Tone::Caution, "To be looked at", first);
         if !others.is_empty() {
@@ -74,11 +76,11 @@ pub(super) fn render(command: &Tap, analysis: &Analysis, renewed: Option<&Renewe
     if let Some(test) = &analysis.test {
         page = hits(page, test);
     }
-    if let (Some(renewed), Some(out)) = (renewed, &command.out) {
+    if let Some(renewed) = renewed {
         page = page.section("The model").text(&format!(
             "{}: {}.",
-            out.display(),
-            renewed.told(analysis)
+            renewed.path.display(),
+            renewed.line(analysis)
         ));
     }
     page
@@ -122,16 +124,16 @@ fn sentence(analysis: &Analysis, how: &str) -> String {
     }
 }
 
-fn next(page: Page, command: &Tap, renewed: Option<&Renewed>, verified: usize) -> Page {
+fn next(page: Page, renewed: Option<&Renewed>, verified: usize) -> Page {
     if verified == 0 {
         return page.next("Strike again, five times or more, with a softer or harder tip so that the force reaches the mode.", None);
     }
-    match (&command.out, renewed) {
-        (Some(out), Some(_)) => page.next(
+    match renewed {
+        Some(renewed) => page.next(
             "Use the model with these modes.",
-            Some(&format!("trued check {}", out.display())),
+            Some(&format!("trued check {}", renewed.path.display())),
         ),
-        _ => page.next(
+        None => page.next(
             "Write these modes into the robot's model, so that the daemon knows them.",
             Some("trued tap --model ROBOT.toml --out ROBOT-modes.toml FILES"),
         ),
@@ -326,7 +328,7 @@ fn coherence(analysis: &Analysis, shown: usize) -> Option<Plot> {
         let points = inside.filter_map(|(i, f, _)| Some((f, *coherence.get(i)?)));
         plot.series(Series::line("", points.collect::<Vec<_>>()))
     });
-    let least = analysis.least_coherence;
+    let least = analysis.settings.coherence_least;
     any.then(|| marked(coherence.mark_y(least, significant(least, 2)), analysis, false))
 }
 

@@ -1,16 +1,17 @@
 //! The page of `trued calibrate`: validation, results of each joint, undetermined parameters.
 
-use diagnosis::proof::Errors;
-use report::{Axis, Cell, Column, Histogram, Number, Page, Role, Table, Tone, significant};
+use std::path::Path;
 
-use super::Calibrate;
-use super::alone::Alone;
-use super::found::{Approached, Found, MODELS, OfRecording};
-use super::things::{lines, things};
-use super::told::{check, in_tolerance, mm, moves_in, words};
-use crate::input::count;
-use diagnosis_report::drawings::{OfJoint, Ranked, arm_with_errors, by_joint, guilty, ranking};
-use diagnosis_report::entries::Entry;
+use diagnosis::proof::Errors;
+use report::{Axis, Cell, Column, Histogram, Number, Page, Role, Table, Tone, count, significant};
+
+use super::around::{lines, numbers as numbers_around};
+use super::calibrated::{Approached, Calibrated, OfRecording};
+use super::result::moves_in;
+use super::text::{in_tolerance, named, words};
+use super::{MODELS, mm};
+use crate::drawings::{OfJoint, Ranked, arm_with_errors, by_joint, guilty, ranking};
+use crate::entries::Entry;
 
 /// Outliers in the table.
 const OUTLIERS: usize = 50;
@@ -20,15 +21,23 @@ const SPREAD: &str =
 /// What the models of [`MODELS`] stand for.
 const ROLES: [Role; 3] = [Role::Before, Role::Calibrated, Role::After];
 
+impl Calibrated {
+    /// The page. `written`: the file that the model was written to.
+    #[must_use]
+    pub fn page(&self, written: Option<&Path>) -> Page {
+        render(self, written)
+    }
+}
+
 /// The whole page.
-pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Page {
+fn render(found: &Calibrated, written: Option<&Path>) -> Page {
     let names: Vec<&str> =
         (0..found.campaign.recordings.len()).map(|place| found.recording(place)).collect();
     let page = Page::new(format!("Calibration of {}", found.base.file.name))
         .kicker("trued calibrate")
         .robot(found.base.file.identity().to_string());
     let mut page =
-        next(picture(verdict(page, command, found).numbers(numbers(found)), found), command, found);
+        next(picture(verdict(page, found, written).numbers(numbers(found)), found), found, written);
     page = notes(page, found).section("The proof").table(&errors(found));
     if !found.tool_errors.is_empty() {
         page = page.figure(SPREAD, &histogram(found));
@@ -45,7 +54,7 @@ pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Page 
         });
     }
     page = what_was_found(page, found);
-    let by_themselves = alone.lines();
+    let by_themselves = found.sweeps_and_loads.lines();
     if !by_themselves.is_empty() {
         page = page
             .section("Joints and loads by themselves")
@@ -58,14 +67,11 @@ pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Page 
         ("Recordings", names.join(", ")),
         ("Split", found.split.says.clone()),
         ("Seed", seed),
-        (
-            "Model written",
-            format!("{}, fitted to {}", command.written(found), count(found.poses, "pose")),
-        ),
+        ("Model written", format!("{}, fitted to {}", named(written), count(found.poses, "pose"))),
     ])
 }
 
-fn verdict(page: Page, command: &Calibrate, found: &Found) -> Page {
+fn verdict(page: Page, found: &Calibrated, written: Option<&Path>) -> Page {
     let [nominal, calibrated, advanced] = found.errors.each_ref().map(|e| mm(e.mean()));
     let sentence = format!(
         "On {} that no fit has seen the tool is {} mm from where the new model puts it, in the mean, and within {} mm in 95 of 100; it was {} mm with the model \
@@ -77,7 +83,7 @@ fn verdict(page: Page, command: &Calibrate, found: &Found) -> Page {
         significant(calibrated, 2),
     );
     match found.refused.as_slice() {
-        [] => match command.tolerance(found) {
+        [] => match found.tolerance() {
             None => page.verdict(Tone::Good, "calibrated, and proven on unseen poses", &sentence),
             Some(tolerance) => {
                 let (tone, word) = match tolerance.met {
@@ -90,7 +96,7 @@ fn verdict(page: Page, command: &Calibrate, found: &Found) -> Page {
         },
         [reason, ..] => {
             let written =
-                if command.is_written(found) { "written all the same" } else { "no model written" };
+                if written.is_some() { "written all the same" } else { "no model written" };
             page.verdict(
                 Tone::Bad,
                 &format!("not proven, {written}"),
@@ -101,7 +107,7 @@ fn verdict(page: Page, command: &Calibrate, found: &Found) -> Page {
 }
 
 /// The arm with the errors at its tool; where no point was measured, how often which error occurred.
-fn picture(page: Page, found: &Found) -> Page {
+fn picture(page: Page, found: &Calibrated) -> Page {
     let arm = &found.base.physics.arm;
     let lit = guilty(arm.count(), &sizes(found));
     let Some((drawing, factor)) = arm_with_errors(arm, &found.campaign, &found.tool_errors, &lit)
@@ -116,21 +122,21 @@ fn picture(page: Page, found: &Found) -> Page {
     page.figure(&caption, &drawing)
 }
 
-fn next(page: Page, command: &Calibrate, found: &Found) -> Page {
-    if !command.is_written(found) {
+fn next(page: Page, found: &Calibrated, written: Option<&Path>) -> Page {
+    let Some(model) = written else {
         return page.next(
             "Read the objections to the model below, correct their causes, and measure again.",
             None,
         );
-    }
+    };
     page.next(
         "Plan the ten poses of a check with the new model, and measure them after a collision or a repair.",
-        Some(&format!("{} --out check", check(command, found))),
+        Some(&format!("{} --out check", found.check_command(model))),
     )
 }
 
 /// How far each effect moves the tool, mm.
-fn sizes(found: &Found) -> Vec<OfJoint> {
+fn sizes(found: &Calibrated) -> Vec<OfJoint> {
     let known = found.entries.iter().filter(|entry| !entry.is_empty());
     known
         .map(|entry| OfJoint {
@@ -141,7 +147,7 @@ fn sizes(found: &Found) -> Vec<OfJoint> {
         .collect()
 }
 
-fn what_was_found(page: Page, found: &Found) -> Page {
+fn what_was_found(page: Page, found: &Calibrated) -> Page {
     let mut page = page.section("What was found");
     let name = |entry: &Entry| {
         let whose = entry.joint().map_or(String::new(), |joint| format!(", joint {joint}"));
@@ -161,7 +167,7 @@ fn what_was_found(page: Page, found: &Found) -> Page {
     page = page.folded("Parameter by parameter", |page| {
         page.table(&parameters(found)).text("± is the standard uncertainty; `–` where the data tell nothing and the number stayed where it was.")
     });
-    let around = lines(&things(&found.last));
+    let around = lines(&numbers_around(&found.fit));
     if !around.is_empty() {
         page = page.text("Around the robot, in its base frame, as found:").list(&around);
     }
@@ -170,7 +176,7 @@ fn what_was_found(page: Page, found: &Found) -> Page {
 }
 
 /// What speaks against the model, and what is to be looked at.
-fn notes(mut page: Page, found: &Found) -> Page {
+fn notes(mut page: Page, found: &Calibrated) -> Page {
     for reason in &found.refused {
         page = page.note(Tone::Bad, "Not proven", reason);
     }
@@ -184,7 +190,7 @@ fn notes(mut page: Page, found: &Found) -> Page {
 }
 
 /// No tone: less than before is not yet good enough for everybody.
-fn numbers(found: &Found) -> Vec<Number> {
+fn numbers(found: &Calibrated) -> Vec<Number> {
     let of = |k: usize| {
         let errors = &found.errors[k];
         let note = format!("95 % within {} mm", significant(mm(errors.quantile(0.95)), 2));
@@ -194,7 +200,7 @@ fn numbers(found: &Found) -> Vec<Number> {
     vec![of(0), of(1), of(2), Number::text("Effects in the model", effects.to_string())]
 }
 
-fn errors(found: &Found) -> Table {
+fn errors(found: &Calibrated) -> Table {
     let heads = ["Model", "Mean (mm)", "Median (mm)", "95 % (mm)", "Largest (mm)", "Points"];
     // The smallest of three models is what counts: a digit more for it.
     let heads = heads.map(|head| Column::new(head).digits(4));
@@ -205,7 +211,7 @@ fn errors(found: &Found) -> Table {
     })
 }
 
-fn histogram(found: &Found) -> report::Svg {
+fn histogram(found: &Calibrated) -> report::Svg {
     let plot = Histogram::new("Held-out errors", Axis::new("Error", "mm").log());
     let named = MODELS.iter().zip(ROLES).zip(&found.errors);
     named
@@ -221,7 +227,7 @@ fn four(errors: &Errors) -> [Cell; 4] {
         .map(|error| Cell::from(mm(error)))
 }
 
-fn of_recordings(found: &Found) -> Table {
+fn of_recordings(found: &Calibrated) -> Table {
     let heads =
         ["Recording", "Poses", "Model", "Mean (mm)", "Median (mm)", "95 % (mm)", "Largest (mm)"];
     let table = Table::new("Errors on held-out poses, by recording", heads);
@@ -238,7 +244,7 @@ fn of_recordings(found: &Found) -> Table {
     found.of_recordings.iter().fold(table, |table, one| rows(one, table))
 }
 
-fn stations(found: &Found) -> Table {
+fn stations(found: &Calibrated) -> Table {
     let heads = [
         "Station",
         "Recording",
@@ -276,7 +282,7 @@ fn approach(approached: &[Approached]) -> Table {
     table
 }
 
-fn parameters(found: &Found) -> Table {
+fn parameters(found: &Calibrated) -> Table {
     let heads = [
         Column::new("Joint"),
         Column::new("Effect"),
@@ -310,7 +316,7 @@ fn parameters(found: &Found) -> Table {
     table
 }
 
-fn open(mut page: Page, found: &Found) -> Page {
+fn open(mut page: Page, found: &Calibrated) -> Page {
     let undetermined = found.undetermined();
     if !undetermined.is_empty() {
         page = page

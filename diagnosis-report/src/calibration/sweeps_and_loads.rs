@@ -1,9 +1,9 @@
 //! Separate analysis of single-joint sweeps and loaded poses, in addition to the overall fit.
 //!
 //! Promises: what was taken out for sag is told with what it changed; a joint that sweeps say nothing of is told too.
-//! Never: a part in the model that is written: its fit has the same readings, all at once.
+//! Never: a part in the calibrated model: its fit has the same readings, all at once.
 
-mod words;
+mod text;
 
 use diagnosis::loaded::{self, NEGLIGIBLE_M, Worth};
 use diagnosis::on_links::{self, BaseTilt};
@@ -21,8 +21,8 @@ const MICRO: f64 = 1e6;
 /// rad/Nm in mrad/kNm.
 const COMPLIANCE: f64 = 1e6;
 
-/// All of it.
-pub(super) struct Alone {
+/// What sweeps of single joints and poses with and without load say by themselves.
+pub struct SweepsAndLoads {
     said: Vec<Said>,
     joints: Vec<OfJoint>,
     axes: Vec<Relative>,
@@ -145,16 +145,11 @@ struct Bending {
     negligible_rows: Vec<usize>,
 }
 
-impl Alone {
+impl SweepsAndLoads {
     /// `fit` tells where instruments stand and what gives way.
-    pub(super) fn of(
-        campaign: &Campaign,
-        recordings: &[Recording],
-        fit: &Fit,
-        taken_out: bool,
-    ) -> Self {
+    pub(super) fn of(campaign: &Campaign, recordings: &[Recording], fit: &Fit, sag: Sag) -> Self {
         let (model, around) = (&fit.hypothesis.model, &fit.surroundings);
-        let sag = if taken_out { Sag::AllOthers } else { Sag::AsMeasured };
+        let taken_out = sag != Sag::AsMeasured;
         let said = sweeps::said(model, sag, sweeps::sweeps(&model.arm, campaign, around));
         let joints = sweeps::of_joints(&model.arm, &said);
         let axes = sweeps::relative(&said);
@@ -257,8 +252,9 @@ impl Alone {
         })
     }
 
-    /// Lines for people; none where nothing was swept or loaded.
-    pub(super) fn lines(&self) -> Vec<String> {
+    /// Lines of text; none where nothing was swept or loaded.
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
         let report = self.report();
         let mut lines: Vec<String> = report.single_joint.iter().map(SweepReport::line).collect();
         lines.extend(report.axes.iter().map(AxesReport::line));

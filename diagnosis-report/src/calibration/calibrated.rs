@@ -1,0 +1,325 @@
+//! The three models on held-out poses, and the model that is the result.
+//!
+//! Promises: held-out poses that recordings keep for validation take no part in the resulting model either; those drawn at random do, after their
+//! figures are taken. Never: words beyond warnings.
+
+use diagnosis::proof::{self, Calibration, Errors, Split};
+use diagnosis::share::tool_shares;
+use diagnosis::{Campaign, Fit, Pose, Selection, Undetermined, from_recording, gross};
+use physics::{Arm, Chain};
+use recording::model::RobotModel;
+use recording::series::Recording;
+use report::ToolError;
+
+use super::objections::{checks, contradictions, doubts, is_along_axis, refused};
+use super::split::Parts;
+use super::{Settings, SweepsAndLoads, Tolerance, mm, undetermined};
+use crate::drawings::tool_errors;
+use crate::entries::{ALONG, Entry, entries};
+use crate::error::Error;
+
+/// A pose with a reading that weighs less than half.
+pub struct Outlier {
+    /// Place in the campaign's recordings.
+    pub recording: usize,
+    /// Row of the table, from 1.
+    pub row: usize,
+    /// What its worst reading is off by, m.
+    pub off_m: f64,
+}
+
+/// Held-out errors by the direction in which a joint arrived.
+pub struct Approached {
+    /// From 0.
+    pub joint: usize,
+    /// Rising and falling, for each of the three models.
+    pub errors: [[Errors; 2]; 3],
+}
+
+/// Held-out errors of one recording.
+pub struct OfRecording {
+    /// Place in the campaign's recordings.
+    pub recording: usize,
+    /// Whether the joints that move have parallel axes, so that the tool stays in a plane.
+    pub planar: bool,
+    /// Nominal, calibrated, advanced.
+    pub errors: [Errors; 3],
+}
+
+/// Held-out errors of one station of the instrument.
+pub struct Stationed {
+    /// Place in the campaign's measuring frames.
+    pub frame: usize,
+    /// Place in the campaign's recordings.
+    pub recording: usize,
+    /// Of the three models.
+    pub errors: [Errors; 3],
+}
+
+/// A calibration with its proof.
+pub struct Calibrated {
+    /// The model that it began with.
+    pub base: RobotModel,
+    /// What was measured.
+    pub campaign: Campaign,
+    /// Which poses trained the three models.
+    pub split: Split,
+    /// The seed, where the held-out poses were drawn at random.
+    pub seed: Option<u64>,
+    /// On held-out poses: nominal, calibrated, advanced ([`MODELS`](super::MODELS)).
+    pub errors: [Errors; 3],
+    /// The fit of the resulting model.
+    pub fit: Fit,
+    /// Poses that it was fitted to.
+    pub poses: usize,
+    /// Its effects with their numbers in the units of files.
+    pub entries: Vec<Entry>,
+    /// Poses that weigh little in it.
+    pub outliers: Vec<Outlier>,
+    /// Of the held-out poses in which points were measured: with the nominal model, and with the advanced.
+    pub(super) tool_errors: Vec<ToolError>,
+    /// Of the joints that arrived from both sides.
+    pub approached: Vec<Approached>,
+    /// Of the recordings with held-out poses.
+    pub of_recordings: Vec<OfRecording>,
+    /// Of the stations of the instrument; empty where there is one.
+    pub stationed: Vec<Stationed>,
+    /// Single joints and loads by themselves.
+    pub sweeps_and_loads: SweepsAndLoads,
+    /// What is to be looked at, in words.
+    pub warnings: Vec<String>,
+    /// Why the model is not to be used, in words; empty where its proof holds.
+    pub refused: Vec<String>,
+    tolerance_mm: Option<f64>,
+}
+
+/// Calibrates `base` by recordings of one robot; `begins` is told what is computed next, in words.
+///
+/// # Errors
+/// [`Error::GrossFaults`] where recordings and model do not belong together; [`Error::Input`] where recordings cannot be used with this model or hold too few
+/// poses.
+pub fn calibrate(
+    base: RobotModel,
+    recordings: &[Recording],
+    settings: &Settings,
+    begins: &mut dyn FnMut(&'static str),
+) -> Result<Calibrated, Error> {
+    let campaign = from_recording::campaign(&base.physics.arm, recordings).map_err(Error::input)?;
+    let parts = Parts::of(&campaign, recordings, settings)?;
+    begins("gross faults");
+    let faults = gross::suspicions(&campaign, &base.physics);
+    if !faults.is_empty() {
+        return Err(Error::GrossFaults(faults));
+    }
+    let fitted = Fitted::of(&base, &campaign, &parts, begins);
+    begins("checks");
+    Calibrated::of(base, recordings, campaign, parts, fitted, settings)
+}
+
+/// The three models of the training poses, and the one that is the result.
+struct Fitted {
+    calibration: Calibration,
+    written: Selection,
+    /// The poses that it was fitted to.
+    used: Vec<bool>,
+}
+
+impl Fitted {
+    fn of(
+        base: &RobotModel,
+        campaign: &Campaign,
+        Parts { split, seed }: &Parts,
+        begins: &mut dyn FnMut(&'static str),
+    ) -> Self {
+        let training = &split.training;
+        // Chance only lent the held-out poses: the resulting model is chosen and fitted anew on all of them, so that no seed has a say in it. A recording
+        // that keeps poses for validation means every fit.
+        let used = if seed.is_some() { vec![true; campaign.poses.len()] } else { training.clone() };
+        let anew = |used: &[bool]| {
+            proof::calibrate(campaign, &base.physics, &base.sigma, used, &mut |_| ()).advanced
+        };
+        let (calibration, written) = std::thread::scope(|scope| {
+            let written = seed.is_some().then(|| scope.spawn(|| anew(&used)));
+            let proven = proof::calibrate(campaign, &base.physics, &base.sigma, training, begins);
+            begins("the model on all poses");
+            (proven, written.map(std::thread::ScopedJoinHandle::join))
+        });
+        let written = match written {
+            None => calibration.advanced.clone(),
+            Some(Ok(written)) => written,
+            Some(Err(_)) => anew(&used),
+        };
+        Self { calibration, written, used }
+    }
+}
+
+impl Calibrated {
+    fn of(
+        base: RobotModel,
+        recordings: &[Recording],
+        campaign: Campaign,
+        Parts { split, seed }: Parts,
+        Fitted { calibration, written, used }: Fitted,
+        settings: &Settings,
+    ) -> Result<Self, Error> {
+        let training = &split.training;
+        let (fit, chosen) = (written.fit, written.chosen);
+        let held = split.held_out();
+        let errors = fits(&calibration).map(|fit| Errors::of(fit, &campaign, &held));
+        let mut warnings = contradictions(recordings, &base, &campaign, &calibration, training);
+        let shares_m = tool_shares(&fit.hypothesis, &campaign);
+        let entries = entries(&base, &fit, &chosen, &shares_m)?;
+        warnings.extend(doubts(recordings, &errors, &fit));
+        warnings.extend(checks(&campaign, &fit, settings));
+        let [nominal, _, advanced] = fits(&calibration);
+        let is_held = |pose: usize| held.get(pose).copied().unwrap_or(false);
+        let arm = &base.physics.arm;
+        Ok(Self {
+            refused: refused(&errors, &campaign, &fit),
+            outliers: outliers(&campaign, &fit),
+            approached: approached(&campaign, &calibration, &held),
+            tool_errors: tool_errors(&campaign, arm, [nominal, advanced], is_held),
+            of_recordings: of_recordings(&campaign, &calibration, &held, settings.still),
+            stationed: stationed(&campaign, fits(&calibration), &held),
+            sweeps_and_loads: SweepsAndLoads::of(&campaign, recordings, &fit, settings.sag),
+            poses: used.iter().filter(|used| **used).count(),
+            tolerance_mm: settings.tolerance_mm,
+            base,
+            campaign,
+            split,
+            seed,
+            errors,
+            fit,
+            entries,
+            warnings,
+        })
+    }
+
+    /// Whether nothing speaks against the model: on held-out poses it is no worse than the one that it began with, and no gross fault remains.
+    #[must_use]
+    pub fn is_proven(&self) -> bool {
+        self.refused.is_empty()
+    }
+
+    /// The new model against the tolerance, where one is stated.
+    #[must_use]
+    pub fn tolerance(&self) -> Option<Tolerance> {
+        let tolerance_mm = self.tolerance_mm?;
+        let [.., advanced] = &self.errors;
+        let p95_mm = mm(advanced.quantile(0.95));
+        Some(Tolerance { tolerance_mm, p95_mm, met: p95_mm <= tolerance_mm })
+    }
+
+    /// What the data do not tell. A shift along its own axis is none: it is nothing at all.
+    fn open(&self) -> impl Iterator<Item = &Undetermined> {
+        let first = self.fit.column_of(0);
+        let is_something = move |open: &&Undetermined| {
+            let free = open.column.checked_sub(first).and_then(|k| self.fit.hypothesis.free.get(k));
+            !free.is_some_and(|free| is_along_axis(&self.fit, free))
+        };
+        self.fit.undetermined.iter().filter(is_something)
+    }
+
+    /// One sentence per number that the data do not tell.
+    #[must_use]
+    pub fn undetermined(&self) -> Vec<String> {
+        self.open().map(Undetermined::says).collect()
+    }
+
+    /// The same in one sentence per reason.
+    #[must_use]
+    pub fn left_open(&self) -> Vec<String> {
+        undetermined::sentences(&self.fit, self.open())
+    }
+
+    /// How the instruments wandered, in words.
+    #[must_use]
+    pub fn nests(&self) -> Vec<String> {
+        let nests = self.campaign.recordings.iter().filter_map(|source| source.nests.as_ref());
+        nests.map(diagnosis::nests::Nests::note).collect()
+    }
+
+    /// The name of a recording, without its folder.
+    #[must_use]
+    pub fn recording(&self, place: usize) -> &str {
+        let name = self.campaign.recordings.get(place).map_or("", |source| source.name.as_str());
+        std::path::Path::new(name).file_name().and_then(|name| name.to_str()).unwrap_or(name)
+    }
+}
+
+fn outliers(campaign: &Campaign, last: &Fit) -> Vec<Outlier> {
+    let off = last.off(campaign);
+    let worst = |pose: usize| {
+        let lengths = off.iter().filter(|off| off.pose == pose && off.is_length);
+        lengths.map(|off| off.off.length()).fold(0.0, f64::max)
+    };
+    let outlier = |place: usize| {
+        let pose = &campaign.poses[place];
+        Outlier { recording: pose.recording, row: pose.row + 1, off_m: worst(place) }
+    };
+    last.outliers(campaign).into_iter().map(outlier).collect()
+}
+
+/// Nominal, calibrated, advanced.
+fn fits(calibration: &Calibration) -> [&Fit; 3] {
+    [&calibration.nominal, &calibration.calibrated, &calibration.advanced.fit]
+}
+
+fn of_recordings(
+    campaign: &Campaign,
+    calibration: &Calibration,
+    held: &[bool],
+    still: f64,
+) -> Vec<OfRecording> {
+    let of = |recording: usize| {
+        let poses = campaign.poses.iter().zip(held);
+        let wanted: Vec<bool> = poses.map(|(p, held)| *held && p.recording == recording).collect();
+        let errors = fits(calibration).map(|fit| Errors::of(fit, campaign, &wanted));
+        let planar = is_planar(&calibration.nominal.hypothesis.model.arm, campaign, &wanted, still);
+        OfRecording { recording, planar, errors }
+    };
+    let all = (0..campaign.recordings.len()).map(of);
+    all.filter(|one| !one.errors[0].sorted_m.is_empty()).collect()
+}
+
+/// Whether the axes of all joints that move between these poses are parallel.
+fn is_planar(arm: &Arm, campaign: &Campaign, wanted: &[bool], still: f64) -> bool {
+    let poses = || campaign.poses.iter().zip(wanted).filter(|(_, w)| **w).map(|(pose, _)| pose);
+    let Some(first) = poses().next() else { return false };
+    let q = first.inputs.q;
+    let chain = Chain::nominal(arm, &q);
+    let moves = |joint: &usize| poses().any(|p| (p.inputs.q[*joint] - q[*joint]).abs() > still);
+    let moving: Vec<usize> = (0..arm.count()).filter(moves).collect();
+    moving.iter().all(|joint| chain.axis(moving[0]).dot(chain.axis(*joint)).abs() > ALONG)
+}
+
+fn stationed(campaign: &Campaign, fits: [&Fit; 3], held: &[bool]) -> Vec<Stationed> {
+    let of_frame = |frame: usize| {
+        let seen = |pose: &Pose| pose.frame() == Some(frame);
+        let recording = campaign.poses.iter().find(|pose| seen(pose))?.recording;
+        let poses = campaign.poses.iter().zip(held);
+        let wanted: Vec<bool> = poses.map(|(pose, held)| *held && seen(pose)).collect();
+        let errors = fits.map(|fit| Errors::of(fit, campaign, &wanted));
+        Some(Stationed { frame, recording, errors })
+    };
+    let frames = campaign.surroundings.frames.len();
+    let all = (0..frames).filter_map(of_frame).filter(|one| !one.errors[0].sorted_m.is_empty());
+    if frames > 1 { all.collect() } else { Vec::new() }
+}
+
+fn approached(campaign: &Campaign, calibration: &Calibration, held: &[bool]) -> Vec<Approached> {
+    let fits = fits(calibration);
+    let of_joint = |joint: usize| {
+        let arrived = |sign: f64| -> Vec<bool> {
+            let poses = campaign.poses.iter().zip(held);
+            poses.map(|(pose, held)| *held && pose.inputs.direction[joint] == sign).collect()
+        };
+        let (rising, falling) = (arrived(1.0), arrived(-1.0));
+        let errors =
+            fits.map(|fit| [&rising, &falling].map(|wanted| Errors::of(fit, campaign, wanted)));
+        Approached { joint, errors }
+    };
+    let known = |one: &Approached| one.errors[0].iter().all(|e| !e.sorted_m.is_empty());
+    let joints = calibration.nominal.hypothesis.model.arm.count();
+    (0..joints).map(of_joint).filter(known).collect()
+}

@@ -1,0 +1,122 @@
+//! What speaks against a calibrated model: reasons to reject it, and warnings.
+
+use diagnosis::proof::{Calibration, Errors};
+use diagnosis::{Campaign, Effort, Fit, Free, Influence, Settings, gross, readback};
+use recording::model::RobotModel;
+use recording::series::{Approach, Kind, Recording};
+use report::{count, fixed};
+
+use crate::entries::{ALONG, barred};
+
+/// Reasons to reject the model: a larger error on the held-out poses than before, or a gross fault that remains.
+pub(super) fn refused(
+    [nominal, _, advanced]: &[Errors; 3],
+    campaign: &Campaign,
+    last: &Fit,
+) -> Vec<String> {
+    let mm = |metres: f64| fixed(metres * 1e3, 4);
+    // An error that is no number is no better.
+    let is_better = advanced.mean() <= nominal.mean();
+    let worse = (!is_better).then(|| {
+        format!(
+            "mean error on held-out poses: {} mm with the new model, {} mm with the previous one; measure more poses or keep the previous model",
+            mm(advanced.mean()),
+            mm(nominal.mean())
+        )
+    });
+    let faults = gross::faults(campaign, &last.hypothesis.model);
+    worse.into_iter().chain(faults.into_iter().map(|fault| fault.says)).collect()
+}
+
+/// Whether a number shifts a joint's axis along itself, where no shift shows.
+pub(super) fn is_along_axis(fit: &Fit, free: &Free) -> bool {
+    let axis = fit.hypothesis.effect_of(free).and_then(|e| barred(e, &fit.hypothesis.model.arm));
+    axis.and_then(|axis| axis.to_array().get(free.value).copied()).is_some_and(|x| x.abs() > ALONG)
+}
+
+/// Joint positions that were read back before the arm stood.
+pub(super) fn contradictions(
+    recordings: &[Recording],
+    base: &RobotModel,
+    campaign: &Campaign,
+    calibration: &Calibration,
+    training: &[bool],
+) -> Vec<String> {
+    let contradictions = recordings.iter().filter_map(|recording| {
+        let found = readback::contradiction(recording, &base.physics)?;
+        Some(format!("{}: {}", recording.file.display(), found.says))
+    });
+    let mut warnings: Vec<String> = contradictions.collect();
+    let settings =
+        Settings { used: training, influence: Influence::Huber, from: None, effort: Effort::Full };
+    let ahead = readback::ahead(campaign, &calibration.calibrated, &settings);
+    warnings.extend(ahead.map(|found| found.says));
+    warnings
+}
+
+/// What the fit says of itself: the residuals against the stated noise, numbers beyond their tolerance, and the conditioning.
+pub(super) fn checks(campaign: &Campaign, last: &Fit, settings: &super::Settings) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for (instrument, factor) in campaign.instruments.iter().zip(&last.factors) {
+        if instrument.noise_is_known && *factor > 1.0 {
+            warnings.push(format!(
+                "{}: the residuals are {} times as large as the stated noise (`sigma`): the noise is larger than that, or the robot has errors that the model does not \
+                 describe; intervals are widened by this factor",
+                instrument.name,
+                fixed(*factor, 2)
+            ));
+        }
+    }
+    for (what, off) in last.beyond_tolerance(settings.implausible_sigmas) {
+        warnings.push(format!(
+            "{what} comes out at {} standard deviations of its tolerance: check the model's geometry, and whether these poses show it",
+            fixed(off, 1)
+        ));
+    }
+    let condition = last.conditioning().condition;
+    if condition > settings.condition_max {
+        warnings.push(format!(
+            "the directions that these poses determine differ by a factor of {condition:.0e} in how well they show (condition number): measure poses that differ more"
+        ));
+    }
+    warnings
+}
+
+/// What of recordings and held-out errors makes the model less certain.
+pub(super) fn doubts(recordings: &[Recording], errors: &[Errors; 3], last: &Fit) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let numbers = last.hypothesis.free.iter().enumerate();
+    let open = numbers
+        .filter(|(k, free)| last.sigma(last.column_of(*k)).is_none() && !is_along_axis(last, free))
+        .count();
+    if open > 0 {
+        warnings.push(format!(
+            "{} of the model cannot be determined one by one from these data: their combination is determined, and each value follows the prior of its kind",
+            count(open, "number")
+        ));
+    }
+    let [nominal, calibrated, advanced] = errors.each_ref().map(Errors::mean);
+    if advanced >= nominal {
+        warnings.push("the advanced model is no better than the model as it is on held-out poses: do not use it; measure more poses".to_owned());
+    } else if advanced > calibrated {
+        warnings.push(
+            "on held-out poses the advanced model is worse than plain geometry: measure more poses"
+                .to_owned(),
+        );
+    }
+    if !last.converged {
+        warnings.push(
+            "the fit ended before it converged: its parameters are less certain than stated".into(),
+        );
+    }
+    for recording in recordings {
+        let about = &recording.about;
+        if about.kind == Kind::Poses && about.approach == Approach::Unknown {
+            warnings.push(format!(
+                "{}: how the joints arrived is not said (`approach`), so lost motion cannot be determined",
+                recording.file.display()
+            ));
+        }
+    }
+    warnings
+}

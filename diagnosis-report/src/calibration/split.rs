@@ -1,0 +1,83 @@
+//! Which poses train and which are held out: as the recordings say, else drawn at random.
+
+use diagnosis::proof::Split;
+use diagnosis::{Campaign, Pose, from_recording};
+use recording::series::{Heldout, Recording};
+use report::count;
+
+use super::Settings;
+use crate::error::Error;
+
+/// How the poses were split.
+pub(super) struct Parts {
+    pub(super) split: Split,
+    /// The seed, where the held-out poses were drawn.
+    pub(super) seed: Option<u64>,
+}
+
+impl Parts {
+    /// # Errors
+    /// Too few poses on either side, or a station of the instrument that no training pose places.
+    pub(super) fn of(
+        campaign: &Campaign,
+        recordings: &[Recording],
+        settings: &Settings,
+    ) -> Result<Self, Error> {
+        let is_said = |recording: &Recording| recording.about.heldout != Heldout::Unsaid;
+        let parts = if recordings.iter().any(is_said) {
+            let held = from_recording::held_out(campaign, recordings);
+            let training: Vec<bool> = held.iter().map(|held| !held).collect();
+            let trains = training.iter().filter(|trains| **trains).count();
+            let says = format!(
+                "{trains} of {} poses train, as the recordings' `heldout` says",
+                held.len()
+            );
+            Self { split: Split { training, says }, seed: None }
+        } else {
+            let seed = settings.seed;
+            let split = Split::random(campaign, 1.0 - settings.heldout_share, seed);
+            Self { split, seed: Some(seed) }
+        };
+        check_poses(campaign, &parts.split, settings.training_poses_least)?;
+        check_stations(campaign, &parts.split, settings.station_readings_least)?;
+        Ok(parts)
+    }
+}
+
+/// Lengths were measured on both sides.
+fn check_poses(campaign: &Campaign, split: &Split, least: usize) -> Result<(), Error> {
+    let is_length = |pose: &Pose| pose.seen.iter().any(|s| s.reading.is_length());
+    let poses = campaign.poses.iter().zip(&split.training);
+    let part = |wanted: bool| {
+        poses.clone().filter(|(pose, trains)| **trains == wanted && is_length(pose)).count()
+    };
+    let (trains, held) = (part(true), part(false));
+    if trains < least || held == 0 {
+        return Err(Error::input(format!(
+            "the tool was measured at {} that train and at {held} held out, expected at least {least} and 1: measure more poses \
+             (some dozens tell a robot's geometry), or change --heldout",
+            count(trains, "pose")
+        )));
+    }
+    Ok(())
+}
+
+/// A station that no pose which trains places cannot be judged.
+fn check_stations(campaign: &Campaign, split: &Split, least: usize) -> Result<(), Error> {
+    for (frame, station) in campaign.surroundings.frames.iter().enumerate() {
+        let poses = campaign.poses.iter().zip(&split.training);
+        let here = poses.filter(|(pose, _)| pose.frame() == Some(frame));
+        let (trains, held): (Vec<_>, Vec<_>) = here.partition(|(_, trains)| **trains);
+        let seen: usize = trains.iter().map(|(pose, _)| pose.seen.len()).sum();
+        if station.free && seen < least && !held.is_empty() {
+            return Err(Error::input(format!(
+                "station {} of the instrument has {} in the poses that train and {} held out, expected at least {least} to know where it \
+                 stood: measure more there, give its rows the `station` of another, or change --heldout",
+                frame + 1,
+                count(seen, "reading"),
+                held.len()
+            )));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,138 @@
+//! A calibration in lines of text.
+
+use std::path::Path;
+
+use report::{TextTable, count, fixed, significant};
+
+use super::around::{lines, numbers};
+use super::calibrated::{Calibrated, Outlier};
+use super::{MODELS, Tolerance, mm};
+use crate::entries::Entry;
+
+/// Effects that move the tool by less than this share of what the largest does are not listed.
+const TOLD: f64 = 0.02;
+/// Effects listed of one joint.
+const EFFECTS: usize = 4;
+/// Outliers listed by name.
+const NAMED: usize = 2;
+/// The smallest noise that a check is planned with, mm: no instrument is better.
+const LEAST_SIGMA_MM: f64 = 1e-4;
+
+impl Calibrated {
+    /// The result in lines of text; its table is at most `width_max` characters wide. `written`: the file that the model was written to.
+    #[must_use]
+    pub fn text(&self, written: Option<&Path>, width_max: Option<usize>) -> String {
+        let mut table = TextTable::new(["held out, mm", "mean", "median", "95 %", "largest"]);
+        for (name, errors) in MODELS.iter().zip(&self.errors) {
+            let of = [errors.mean(), errors.quantile(0.5), errors.quantile(0.95), errors.max()];
+            let cells = of.map(|error| fixed(mm(error), 3));
+            table = table.row(std::iter::once((*name).to_owned()).chain(cells));
+        }
+        let mut text =
+            format!("{}: {}\n{}", self.base.file.name, self.split.says, table.render(width_max));
+        text += "found, by how much it moves the tool (root mean square, mm)\n";
+        for line in per_joint(self) {
+            text += &format!("  {line}\n");
+        }
+        for line in lines(&numbers(&self.fit)).into_iter().chain(self.sweeps_and_loads.lines()) {
+            text += &format!("  {line}\n");
+        }
+        for sentence in self.nests() {
+            text += &format!("frame     {sentence}\n");
+        }
+        for sentence in self.left_open() {
+            text += &format!("open      {sentence}\n");
+        }
+        let rest = |all: usize| if all > NAMED { "; …" } else { "" };
+        if !self.outliers.is_empty() {
+            let row = |outlier: &Outlier| {
+                let name = self.recording(outlier.recording);
+                format!("{name} row {} by {} mm", outlier.row, significant(mm(outlier.off_m), 2))
+            };
+            let some: Vec<String> = self.outliers.iter().take(NAMED).map(row).collect();
+            let many = count(self.outliers.len(), "outlier");
+            text +=
+                &format!("off       {many}: {}{}\n", some.join("; "), rest(self.outliers.len()));
+        }
+        if let Some(tolerance) = self.tolerance() {
+            text += &format!("tolerance {}\n", in_tolerance(tolerance));
+        }
+        let poses = count(self.poses, "pose");
+        text += &format!("model     {}, fitted to {poses}", named(written));
+        if let Some(path) = written {
+            text += &format!("\ncheck     {}", self.check_command(path));
+        }
+        text
+    }
+
+    /// The command that plans a check with this model: the targets where the fit found them, and its held-out error per axis as the noise.
+    #[must_use]
+    pub fn check_command(&self, model: &Path) -> String {
+        let [.., advanced] = &self.errors;
+        let square = advanced.sorted_m.iter().map(|error| error * error).sum::<f64>();
+        let axis_m = (square / (3 * advanced.sorted_m.len()).max(1) as f64).sqrt();
+        let out = model.display();
+        let mut text = format!(
+            "trued plan --check --model {out} --sigma-mm {:.4}",
+            mm(axis_m).max(LEAST_SIGMA_MM)
+        );
+        for target in &self.fit.surroundings.targets {
+            let [x, y, z] = (target.value * 1e3).to_array().map(|mm| format!("{mm:.3}"));
+            // A minus sign that the option takes: no typographic one.
+            text += &format!(" --target={x},{y},{z}");
+        }
+        if !self.fit.surroundings.targets.is_empty() {
+            text += " --targets-known";
+        }
+        text
+    }
+}
+
+/// Where the model went.
+pub(super) fn named(written: Option<&Path>) -> String {
+    written.map_or_else(|| "none".to_owned(), |path| path.display().to_string())
+}
+
+/// The verdict against a tolerance.
+pub(super) fn in_tolerance(tolerance: Tolerance) -> String {
+    let Tolerance { tolerance_mm, p95_mm, met } = tolerance;
+    let word = if met { "met" } else { "not met" };
+    format!(
+        "{} mm {word}: 95 of 100 held-out errors stay within {} mm",
+        significant(tolerance_mm, 3),
+        significant(p95_mm, 3)
+    )
+}
+
+/// Lines of the effects that matter, per joint, those that move the tool most first.
+fn per_joint(found: &Calibrated) -> Vec<String> {
+    let mut told: Vec<&Entry> = found.entries.iter().filter(|entry| !entry.is_empty()).collect();
+    told.sort_by(|a, b| b.share_m.total_cmp(&a.share_m));
+    let least = TOLD * told.first().map_or(0.0, |entry| entry.share_m);
+    let mut joints: Vec<Option<usize>> = Vec::new();
+    for entry in &told {
+        if !joints.contains(&entry.joint()) {
+            joints.push(entry.joint());
+        }
+    }
+    let line = |joint: Option<usize>| {
+        let of = told.iter().filter(|entry| entry.joint() == joint && entry.share_m >= least);
+        let words = of.map(|entry| format!("{} {}", words(entry.kind()), moves(entry)));
+        let words: Vec<String> = words.take(EFFECTS).collect();
+        let whose = joint.map_or("robot".to_owned(), |joint| format!("joint {joint}"));
+        (!words.is_empty()).then(|| format!("{whose}: {}", words.join(", ")))
+    };
+    joints.into_iter().filter_map(line).collect()
+}
+
+/// `axis_tilt` as people write it.
+pub(super) fn words(kind: &str) -> String {
+    match kind {
+        "joint_polynomial" => "a remainder without a name".to_owned(),
+        _ => kind.replace('_', " "),
+    }
+}
+
+fn moves(entry: &Entry) -> String {
+    significant(mm(entry.share_m), 2)
+}

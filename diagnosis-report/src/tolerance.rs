@@ -1,0 +1,95 @@
+//! The tool's held-out errors of a diagnosis against the error that is allowed.
+//!
+//! An error is the distance of a measured point from where the model sees it, noise of the instrument included; measuring frames and targets are fitted along.
+
+use diagnosis::diagnose::Diagnosis;
+use diagnosis::proof::Errors;
+use report::significant;
+use serde::Serialize;
+
+/// m to mm.
+const MILLI: f64 = 1e3;
+/// Share of the held-out errors that must be within the tolerance, as in a calibration.
+const SHARE: f64 = 0.95;
+
+/// Whether the tool keeps a tolerance on held-out rows.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Tolerance {
+    /// What is allowed.
+    pub tolerance_mm: f64,
+    /// The model as given; none where no held-out row tells where the tool is.
+    pub before: Option<HeldOut>,
+    /// The model with what was found.
+    pub after: Option<HeldOut>,
+}
+
+/// Held-out errors of one model against the tolerance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct HeldOut {
+    /// What 95 of 100 held-out errors stay within.
+    pub p95_mm: f64,
+    /// Whether that is no more than the tolerance.
+    pub met: bool,
+}
+
+impl Tolerance {
+    /// None: positions were not judged.
+    pub(crate) fn of(tolerance_mm: f64, diagnosis: Option<&Diagnosis>) -> Self {
+        let judged = diagnosis.filter(|diagnosis| diagnosis.proof.is_length);
+        let lists = judged.map(Diagnosis::held_out).unwrap_or_default();
+        let [before, after] = lists.map(|errors_m| HeldOut::of(tolerance_mm, errors_m));
+        Self { tolerance_mm, before, after }
+    }
+
+    /// The judgement, after the words "tolerance of".
+    pub(crate) fn words(&self) -> String {
+        let tolerance = significant(self.tolerance_mm, 3);
+        let (Some(before), Some(after)) = (self.before, self.after) else {
+            return format!("{tolerance} mm not judged: no held-out row tells where the tool is");
+        };
+        let word = |held: HeldOut| if held.met { "met" } else { "not met" };
+        format!(
+            "{tolerance} mm {} as given and {} with what was found: 95 of 100 held-out errors of the tool stay within {} and {} mm",
+            word(before),
+            word(after),
+            significant(before.p95_mm, 3),
+            significant(after.p95_mm, 3)
+        )
+    }
+}
+
+impl HeldOut {
+    fn of(tolerance_mm: f64, mut sorted_m: Vec<f64>) -> Option<Self> {
+        if sorted_m.is_empty() {
+            return None;
+        }
+        sorted_m.sort_by(f64::total_cmp);
+        let p95_mm = MILLI * Errors { sorted_m }.quantile(SHARE);
+        Some(Self { p95_mm, met: p95_mm <= tolerance_mm })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn five_of_a_hundred_errors_may_exceed_a_tolerance() {
+        let errors_m = |beyond: usize| {
+            let kept = (0..101 - beyond).map(|_| 0.9e-3);
+            kept.chain((0..beyond).map(|_| 5e-3)).rev().collect::<Vec<f64>>()
+        };
+        assert_eq!(HeldOut::of(1.0, errors_m(5)).map(|held| held.met), Some(true));
+        assert_eq!(HeldOut::of(1.0, errors_m(6)).map(|held| held.met), Some(false));
+        assert_eq!(HeldOut::of(1.0, Vec::new()), None);
+    }
+
+    #[test]
+    fn a_tolerance_that_nothing_tells_of_is_not_called_met() {
+        let tolerance = Tolerance::of(0.1, None);
+        assert_eq!((tolerance.before, tolerance.after), (None, None));
+        assert!(tolerance.words().contains("not judged"), "{}", tolerance.words());
+    }
+}

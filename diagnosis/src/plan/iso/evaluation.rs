@@ -1,0 +1,79 @@
+//! Accuracy and repeatability of the poses in a recording.
+
+use physics::Arm;
+
+use super::{VISITS, Visits, visits};
+use crate::campaign::Campaign;
+use crate::iso9283::{self, DistanceFigures, IsoError, Placement, PoseFigures};
+
+/// A pose with its figures.
+#[derive(Clone, Debug)]
+pub struct EvaluatedPose {
+    /// Command and visits.
+    pub visits: Visits,
+    /// Accuracy and repeatability.
+    pub figures: PoseFigures,
+}
+
+/// Pose accuracy and repeatability of a recording.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// The poses that were visited at least twice, in the order of first visits.
+    pub poses: Vec<EvaluatedPose>,
+    /// Of the two poses farthest apart, which needs no frame; none where the measured point of the tool is not known, or there is one pose.
+    pub distance: Option<DistanceFigures>,
+    /// Whether the measuring frame is brought to the base.
+    pub is_frame_known: bool,
+    /// Whether it is known where the measured point sits on the tool.
+    pub is_point_known: bool,
+}
+
+impl Evaluation {
+    /// Evaluates what was measured of `arm`. A frame that is not known is not fitted, which would hide accuracy.
+    ///
+    /// # Errors
+    /// No pose was visited twice, or numbers that are none.
+    pub fn of(arm: &Arm, campaign: &Campaign) -> Result<Self, IsoError> {
+        let around = &campaign.surroundings;
+        let is_frame_known = around.frames.iter().all(|frame| !frame.free);
+        let is_point_known = around.targets.iter().all(|target| !target.free);
+        let found = visits(arm, campaign);
+        if found.is_empty() {
+            return Err(IsoError::NoVisits);
+        }
+        let distance = distance(&found).filter(|_| is_point_known);
+        let evaluated = |visits: Visits| {
+            let figures = iso9283::pose(&visits.command, &visits.attained)?;
+            Ok(EvaluatedPose { visits, figures })
+        };
+        let poses = found.into_iter().map(evaluated).collect::<Result<_, IsoError>>()?;
+        Ok(Self { poses, distance, is_frame_known, is_point_known })
+    }
+
+    /// Whether accuracy is known: it needs the measuring frame and the measured point.
+    #[must_use]
+    pub fn has_accuracy(&self) -> bool {
+        self.is_frame_known && self.is_point_known
+    }
+
+    /// Whether every pose was visited as often as the standard asks for ([`VISITS`]).
+    #[must_use]
+    pub fn has_all_visits(&self) -> bool {
+        self.poses.iter().all(|pose| pose.visits.attained.len() >= VISITS)
+    }
+}
+
+/// Of the two poses farthest apart.
+fn distance(found: &[Visits]) -> Option<DistanceFigures> {
+    let place = |pose: &Visits| Placement::point(pose.command.position_m);
+    let pairs = (0..found.len()).flat_map(|i| (i + 1..found.len()).map(move |j| (i, j)));
+    let length = |(i, j): &(usize, usize)| {
+        found[*i].command.position_m.distance(found[*j].command.position_m)
+    };
+    let (i, j) = pairs.max_by(|a, b| length(a).total_cmp(&length(b)))?;
+    let visits = found[i].attained.iter().zip(&found[j].attained);
+    let visits: Vec<[Placement; 2]> = visits
+        .map(|(a, b)| [Placement::point(a.position_m), Placement::point(b.position_m)])
+        .collect();
+    iso9283::distance([place(&found[i]), place(&found[j])], &visits).ok()
+}

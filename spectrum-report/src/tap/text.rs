@@ -1,0 +1,99 @@
+//! An impact test in lines of text.
+
+use report::{TextTable, count, fixed, significant};
+use spectrum::modal::{FittedMode, Merged};
+
+use super::analysis::{Analysis, Test};
+use super::model_file::Renewed;
+
+impl Analysis {
+    /// The result in lines of text; its table is at most `width_max` characters wide. `renewed`: the model with the modes, where one is asked for.
+    #[must_use]
+    pub fn text(&self, renewed: Option<&Renewed>, width_max: Option<usize>) -> String {
+        let mut text = self.test.as_ref().map(hits).unwrap_or_default();
+        let [low, high] = self.band_hz.map(|hz| significant(hz, 3));
+        let functions = match self.functions.as_slice() {
+            [one] => format!("{} of the {}", one.kind().0, one.name),
+            several => count(several.len(), "response function"),
+        };
+        text += &format!("{functions}, {low} to {high} Hz\n");
+        if self.modes.is_empty() {
+            text += "no mode found\n";
+        } else {
+            text += &table(self).render(width_max);
+        }
+        if let Some(renewed) = renewed {
+            text += &format!("{}\n", renewed.line(self));
+        }
+        text
+    }
+}
+
+fn hits(test: &Test) -> String {
+    let (found, used) = (test.tap.hits.len(), test.tap.frf.hits);
+    let mut text = format!(
+        "{} found, {used} used, each {} s at {} Hz; excites to {} Hz (−20 dB)\n",
+        count(found, "hit"),
+        significant(test.tap.block_s, 3),
+        significant(test.hits.rate_hz, 3),
+        significant(test.tap.excited_to_hz(20.0), 3)
+    );
+    for hit in &test.tap.hits {
+        if let Some(why) = hit.refused {
+            let (file, t_s) = test.place(hit);
+            text += &format!("left out: {file} at {} s, {why}\n", fixed(t_s, 3));
+        }
+    }
+    let decay = test.tap.windows.decay_per_s;
+    if decay > 0.0 {
+        text += &format!(
+            "exponential window of {} 1/s, as {} % of the response was left at the end; taken out of the damping\n",
+            significant(decay, 2),
+            significant(100.0 * test.tap.windows.left_at_end, 2)
+        );
+    }
+    text
+}
+
+fn table(analysis: &Analysis) -> TextTable {
+    let heads =
+        ["mode, Hz", "±", "damping, %", "±", "half power, %", "N/µm", "kg", "coherence", ""];
+    analysis.modes.iter().fold(TextTable::new(heads), |table, mode| {
+        let clearest = analysis.clearest(mode);
+        let of = |value: &dyn Fn(&FittedMode) -> Option<f64>, digits: usize| {
+            clearest.and_then(value).map_or_else(|| "–".to_owned(), |v| significant(v, digits))
+        };
+        let decimals = decimals(mode.frequency_sigma_hz);
+        let percent = decimals_of_damping(mode);
+        table.row([
+            fixed(mode.frequency_hz, decimals),
+            fixed(mode.frequency_sigma_hz, decimals),
+            fixed(100.0 * mode.damping, percent),
+            fixed(100.0 * mode.damping_sigma, percent),
+            of(&|one| one.damping_half_power.map(|d| 100.0 * d), 2),
+            of(&|one| Some(1e-6 * one.stiffness_n_per_m()), 3),
+            of(&|one| Some(one.mass_kg), 3),
+            of(&|one| one.coherence, 2),
+            verdict(analysis, mode).to_owned(),
+        ])
+    })
+}
+
+fn decimals_of_damping(mode: &Merged) -> usize {
+    decimals(100.0 * mode.damping_sigma)
+}
+
+/// Decimals that show an uncertainty with one or two digits.
+pub(super) fn decimals(sigma: f64) -> usize {
+    let digits = (1.0 - sigma.max(1e-4).log10()).floor();
+    if digits.is_finite() { digits.clamp(0.0, 4.0) as usize } else { 1 }
+}
+
+/// How far a mode is to be trusted, in a word.
+pub(super) fn verdict(analysis: &Analysis, mode: &Merged) -> &'static str {
+    match (analysis.is_verified(mode), mode.by_signs) {
+        (true, _) => "verified",
+        (false, true) => "unverified",
+        (false, false) => "by the fit alone",
+    }
+}
