@@ -129,6 +129,7 @@ impl Sender {
         c.direction = [(); JOINTS_MAX].map(|()| self.chance.bits() as i8);
         c.wrench = [(); 6].map(|()| self.number());
         c.temperature_c = [(); JOINTS_MAX + 1].map(|()| self.number());
+        c.feed_override = self.number();
         c.sent_ns = u64::MAX;
         Due::Taken
     }
@@ -149,6 +150,7 @@ impl Sender {
             q: [(); JOINTS_MAX].map(|()| bits(chance)),
             wrench: [(); 6].map(|()| bits(chance)),
             temperature_c: [(); JOINTS_MAX + 1].map(|()| bits(chance)),
+            feed_override: bits(chance),
         };
     }
 
