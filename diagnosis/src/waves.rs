@@ -8,7 +8,7 @@
 
 use crate::motion::Motion;
 use crate::score::Fitted;
-use crate::triangle::dot;
+use crate::wide::dot;
 use nalgebra::DMatrix;
 use physics::Chain;
 use std::f64::consts::TAU;
