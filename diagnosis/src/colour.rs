@@ -7,6 +7,7 @@
 //! Never: use of what a model says; see [`Colour::of_runs`]'s callers.
 
 use crate::campaign::{Campaign, Place, Pose, Reading};
+use crate::wide::subtract;
 use std::collections::BTreeMap;
 
 /// Orders that are tried.
@@ -187,7 +188,7 @@ impl<'a> Filter<'a> {
         raw.extend_from_slice(row);
         if past.rows.len() >= law.len() {
             for (share, before) in law.iter().zip(&past.rows) {
-                row.iter_mut().zip(before).for_each(|(x, b)| *x -= share * b);
+                subtract(row, *share, before);
             }
             row.iter_mut().for_each(|x| *x /= fresh);
             past.spare = past.rows.pop().unwrap_or_default();

@@ -96,7 +96,10 @@ pub fn compare(campaign: &Campaign, hypothesis: &Hypothesis, before: &Fit, used:
     fitting.choose_columns();
     fitting.run(Until { steps_max: SKETCH, gain_least: SETTLED });
     fitting.leave_at_zero();
-    fitting.run(Until { steps_max: SKETCH, gain_least: SETTLED });
+    let has_converged = fitting.minimum.as_ref().is_some_and(|minimum| minimum.converged);
+    if !(has_converged && fitting.bounded.is_empty()) {
+        fitting.run(Until { steps_max: SKETCH, gain_least: SETTLED });
+    }
     fitting.done()
 }
 

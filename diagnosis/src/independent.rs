@@ -7,7 +7,8 @@
 //! Promises: kept columns are independent; others are listed with the columns they are confounded with, and their shares.
 //! Parameters that are not determined stay at their prior.
 
-use crate::triangle::{Triangle, dot};
+use crate::triangle::Triangle;
+use crate::wide::dot;
 
 /// A number is determined when the largest sensible change of it shows at least as many noises as this: less would be a number with an
 /// uncertainty that nobody can use.

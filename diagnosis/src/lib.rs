@@ -56,6 +56,7 @@ pub mod threads;
 pub mod torque;
 pub mod triangle;
 mod waves;
+mod wide;
 
 pub use campaign::{
     Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source,

@@ -1,6 +1,6 @@
 //! Jacobian of the tool pose by the free parameters of a hypothesis, for each pose.
 //!
-//! Parameters of the loads act through all compliances: the arm is evaluated twice, with slightly smaller and larger loads.
+//! Parameters of the loads act through all that follows the loads: what it adds is evaluated twice, under slightly smaller and larger loads.
 //!
 //! Promises: agrees with central differences of the whole model (property tests); one evaluation per loaded joint suffices.
 //! Never: a delay, a lag, a mode; see [`crate::rides`].
@@ -62,11 +62,16 @@ impl<'a> Motions<'a> {
         });
         if !on_loads.is_empty() {
             let yielding = self.yielding.get_or_insert_with(|| {
-                // Waves stand among the candidates at full size, and feel no load.
-                let counts = |spec: &Spec| !self.are_candidates || is_about_loads(spec);
-                Yielding::of(self.model, counts)
+                // A sag has gravity's direction, which no compliance has; candidates give way by compliances alone.
+                let is_sag = |effect: &AnyEffect| matches!(effect, AnyEffect::GravitySag(_));
+                let follows = |effect: &AnyEffect| {
+                    is_about_loads(effect.spec()) || !self.are_candidates && is_sag(effect)
+                };
+                Yielding::of(self.model, follows)
             });
             yielding.stand_at(memories, seen);
+            let bent = self.are_candidates.then(|| yielding.bent(inputs));
+            let seen = bent.as_ref().unwrap_or(seen);
             // What one unit of load does is told by the change that loads most: others may do next to nothing here, as at a spring's dead point.
             let mut most = [0.0_f64; JOINTS_MAX];
             for (place, change) in &on_loads {
@@ -75,34 +80,42 @@ impl<'a> Motions<'a> {
                 }
             }
             for (joint, size) in most.iter().enumerate().filter(|(_, size)| **size > 0.0) {
-                yielding.respond(joint, STEP * size, inputs);
+                yielding.respond(joint, STEP * size, inputs, seen);
             }
             for (place, change) in &on_loads {
-                motions[*place] = yielding.motion(self.model, self.wanted[*place], change, inputs);
+                motions[*place] = match *change {
+                    // Where no load on a joint changes, nothing responds.
+                    Contribution::JointLoad { joint, load } => {
+                        yielding.responses[joint].unwrap_or_default().times(load)
+                    }
+                    _ => yielding.respond_to(change, STEP * self.much[*place], inputs, seen),
+                };
             }
         }
         motions
     }
 }
 
-/// A model of what is at work, at one pose.
+/// A model of what follows the loads, at one pose.
 struct Yielding {
     model: Box<Model>,
     memories: Memories,
-    /// Where each effect of the whole model stands here, if it is at work.
+    /// Where each effect of the whole model stands here, if it follows the loads.
     places: Vec<Option<usize>>,
     /// How the tool moves per unit of load on a joint.
     responses: [Option<Motion>; JOINTS_MAX],
-    /// What the model says; the geometry stands as it does at the pose, and the loads do until an effect is changed.
-    seen: Box<Evaluation>,
+    /// The controller's geometry at the pose, and the loads as they were changed last.
+    loaded: Box<Evaluation>,
+    /// What each effect adds under slightly smaller loads.
+    below: Vec<Contribution>,
 }
 
 impl Yielding {
-    fn of(whole: &Model, counts: impl Fn(&Spec) -> bool) -> Self {
+    fn of(whole: &Model, follows: impl Fn(&AnyEffect) -> bool) -> Self {
         let mut model = Box::new(Model::nominal(whole.arm));
         let mut places = Vec::with_capacity(whole.effects().len());
         for effect in whole.effects() {
-            let at_work = counts(effect.spec())
+            let at_work = follows(effect)
                 && (0..effect.values().len()).any(|value| {
                     let role = named(effect, value).map(|named| named.parameter.role);
                     role == Some(Role::Linear) && effect.values()[value] != 0.0
@@ -111,8 +124,9 @@ impl Yielding {
             let stands = at_work && model.push(*effect).is_ok();
             places.push(stands.then(|| model.effects().len() - 1));
         }
-        let (memories, seen) = (Memories::default(), Box::default());
-        Self { model, memories, places, responses: [None; JOINTS_MAX], seen }
+        let (memories, loaded) = (Memories::default(), Box::default());
+        let responses = [None; JOINTS_MAX];
+        Self { model, memories, places, responses, loaded, below: Vec::new() }
     }
 
     /// `seen`: the geometry and the loads here.
@@ -123,70 +137,63 @@ impl Yielding {
             }
         }
         self.responses = [None; JOINTS_MAX];
-        (self.seen.nominal, self.seen.loads) = (seen.nominal, seen.loads);
+        (self.loaded.nominal, self.loaded.loads) = (seen.nominal, seen.loads);
     }
 
-    /// How the tool moves per unit of load on a joint, from a little less of it and a little more.
-    fn respond(&mut self, joint: usize, step: f64, inputs: &Inputs) {
-        let here = self.seen.loads.gravity_torque[joint];
-        let mut at = |load: f64| {
-            self.seen.loads.gravity_torque[joint] = load;
-            self.model.evaluate_under(inputs, &self.memories, &mut self.seen);
-            (self.seen.real.base_from_tool, self.seen.deviation.joints)
-        };
-        let motion = Motion::between(&at(here - step), &at(here + step), 2.0 * step);
-        self.seen.loads.gravity_torque[joint] = here;
-        self.responses[joint] = Some(motion);
+    /// What gives way under the loads here, and the arm with that alone.
+    fn bent(&self, inputs: &Inputs) -> Evaluation {
+        let mut bent = *self.loaded;
+        self.model.evaluate_under(inputs, &self.memories, &mut bent);
+        bent
     }
 
-    /// The motion per unit of a value of an effect on the loads; `change` is what it adds to them. All that gives way does so in proportion.
-    fn motion(
-        &mut self,
-        whole: &Model,
-        (effect, value): (usize, usize),
-        change: &Contribution,
-        inputs: &Inputs,
-    ) -> Motion {
-        let Some(own) = whole.effects().nth(effect) else { return Motion::default() };
-        let place = self.places[effect];
-        let Contribution::JointLoad { joint, load } = *change else {
-            return self.by_difference(own, place, value, inputs);
-        };
-        // Where no load on a joint changes, nothing responds.
-        self.responses[joint].map_or_else(Motion::default, |response| response.times(load))
-    }
-
-    /// `place`: where the effect stands here; none: it takes the place behind all that do.
-    fn by_difference(
-        &mut self,
-        own: &AnyEffect,
-        place: Option<usize>,
-        value: usize,
-        inputs: &Inputs,
-    ) -> Motion {
-        let spare = self.places.iter().flatten().count();
-        let place = place.unwrap_or(spare);
-        if place == self.model.effects().len() && self.model.push(*own).is_err() {
-            return Motion::default();
-        }
-        let stands = own.values()[value];
-        let step = STEP * much(own, value).max(stands.abs());
-        let mut at = |value_there: f64| {
-            self.model.change(place, |effect| {
-                *effect = *own;
-                effect.values_mut()[value] = value_there;
-            });
-            self.model.evaluate_on(inputs, &self.memories, &mut self.seen);
-            (self.seen.real.base_from_tool, self.seen.deviation.joints)
-        };
-        let motion = Motion::between(&at(stands - step), &at(stands + step), 2.0 * step);
-        self.model.change(place, |effect| {
-            *effect = *own;
-            // What is only a guest here does nothing to the next.
-            if place == spare {
-                effect.values_mut().fill(0.0);
-            }
+    /// How the tool moves per unit of load on a joint.
+    fn respond(&mut self, joint: usize, step: f64, inputs: &Inputs, seen: &Evaluation) {
+        let here = seen.loads.gravity_torque[joint];
+        let response = self.response(inputs, seen, step, |yielding, by| {
+            yielding.loaded.loads.gravity_torque[joint] = here + by;
         });
-        motion
+        self.loaded.loads.gravity_torque[joint] = here;
+        self.responses[joint] = Some(response);
+    }
+
+    /// How the tool moves per unit of a contribution to the loads that is no torque of a joint.
+    fn respond_to(
+        &mut self,
+        change: &Contribution,
+        step: f64,
+        inputs: &Inputs,
+        seen: &Evaluation,
+    ) -> Motion {
+        self.response(inputs, seen, step, |yielding, by| {
+            let Self { model, memories, loaded, .. } = yielding;
+            model.load_beside((inputs, &*memories), &change.times(by), loaded);
+        })
+    }
+
+    /// How the tool moves per unit of a change of the loads, of which `load` brings in so many: the difference of what each effect adds under a little less
+    /// and a little more of it, on the arm as `seen`.
+    fn response(
+        &mut self,
+        inputs: &Inputs,
+        seen: &Evaluation,
+        step: f64,
+        load: impl Fn(&mut Self, f64),
+    ) -> Motion {
+        load(self, -step);
+        let mut below = std::mem::take(&mut self.below);
+        below.clear();
+        let here = (inputs, &self.memories);
+        self.model.contributions_under(here, &self.loaded, |_, added| below.push(*added));
+        load(self, step);
+        let here = (inputs, &self.memories);
+        let mut moved = Motion::default();
+        self.model.contributions_under(here, &self.loaded, |place, above| {
+            let change = above.minus(&below[place]).times(0.5 / step);
+            let of_one = Motion::of(&self.model.arm, seen, &change);
+            moved = moved.plus(&of_one.unwrap_or_default());
+        });
+        self.below = below;
+        moved
     }
 }

@@ -7,7 +7,9 @@
 //! Promises: the same rows in the same order give the same bits; columns of nothing but zeros do no harm.
 //! Never: a judgement which columns are independent; see `independent.rs`.
 
+use crate::wide::{dot, dot_here, subtract_here};
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut};
+use physics::lanes::{Lanes, Work, widest};
 use std::ops::Range;
 
 /// Rows that are reduced at once.
@@ -94,30 +96,7 @@ impl Triangle {
     /// Reflects the waiting rows of the columns `panel` into their diagonals, one column after the other, within the panel alone. The rows that waited
     /// become the reflections' vectors `v` (with a one at the diagonal that is not stored), of each `1 − share · v vᵀ`.
     fn reflect(&mut self, panel: Range<usize>) -> [f64; PANEL] {
-        let columns = self.width + 1;
-        let mut shares = [0.0; PANEL];
-        for (share, j) in shares.iter_mut().zip(panel.clone()) {
-            let (left, right) = self.waiting.split_at_mut((j + 1) * BLOCK);
-            let v = &mut left[j * BLOCK..];
-            let below = dot(v, v);
-            if below == 0.0 {
-                continue;
-            }
-            let diagonal = self.entries[j * columns + j];
-            let norm = (diagonal * diagonal + below).sqrt();
-            let reflected = if diagonal > 0.0 { -norm } else { norm };
-            let pivot = diagonal - reflected;
-            *share = -pivot / reflected;
-            v.iter_mut().for_each(|x| *x /= pivot);
-            self.entries[j * columns + j] = reflected;
-            for (k, column) in (j + 1..panel.end).zip(right.chunks_exact_mut(BLOCK)) {
-                let head = &mut self.entries[k * columns + j];
-                let s = *share * (*head + dot(v, column));
-                *head -= s;
-                column.iter_mut().zip(v.iter()).for_each(|(x, v)| *x -= s * v);
-            }
-        }
-        shares
+        widest(0, Reflect { triangle: self, panel })
     }
 
     /// Applies the reflections of `panel` to the columns behind it, all at once: their product is `1 − V T Vᵀ` (Schreiber and Van Loan 1989).
@@ -277,6 +256,49 @@ impl Triangle {
     }
 }
 
+/// [`Triangle::reflect`].
+struct Reflect<'a> {
+    triangle: &'a mut Triangle,
+    panel: Range<usize>,
+}
+
+impl Work for Reflect<'_> {
+    type Output = [f64; PANEL];
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _: S) -> [f64; PANEL] {
+        let Triangle { width, entries, waiting, .. } = self.triangle;
+        let (columns, panel) = (*width + 1, self.panel);
+        let mut shares = [0.0; PANEL];
+        for j in panel.clone() {
+            let (left, right) = waiting.split_at_mut((j + 1) * BLOCK);
+            let v = &mut left[j * BLOCK..];
+            let below = dot_here(v, v);
+            if below == 0.0 {
+                continue;
+            }
+            let diagonal = entries[j * columns + j];
+            let norm = (diagonal * diagonal + below).sqrt();
+            let reflected = if diagonal > 0.0 { -norm } else { norm };
+            let pivot = diagonal - reflected;
+            let share = -pivot / reflected;
+            for x in v.iter_mut() {
+                *x /= pivot;
+            }
+            entries[j * columns + j] = reflected;
+            for k in j + 1..panel.end {
+                let column = &mut right[(k - j - 1) * BLOCK..(k - j) * BLOCK];
+                let head = &mut entries[k * columns + j];
+                let s = share * (*head + dot_here(v, column));
+                *head -= s;
+                subtract_here(column, s, v);
+            }
+            shares[j - panel.start] = share;
+        }
+        shares
+    }
+}
+
 /// The upper triangle `T` of `H₁ H₂ … = 1 − V T Vᵀ`, of reflections whose vectors lie one after the other.
 fn product_of_reflections(vectors: &[f64], shares: &[f64]) -> DMatrix<f64> {
     let mut t = DMatrix::zeros(shares.len(), shares.len());
@@ -290,20 +312,6 @@ fn product_of_reflections(vectors: &[f64], shares: &[f64]) -> DMatrix<f64> {
         t[(j, j)] = *share;
     }
     t
-}
-
-/// The scalar product, summed in eight strands: always in the same order.
-#[must_use]
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut strands = [0.0; 8];
-    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let tail: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in a8.zip(b8) {
-        for ((s, x), y) in strands.iter_mut().zip(x).zip(y) {
-            *s += x * y;
-        }
-    }
-    strands.iter().sum::<f64>() + tail
 }
 
 #[cfg(test)]

@@ -8,7 +8,8 @@
 
 use crate::motion::Motion;
 use crate::score::Fitted;
-use crate::triangle::dot;
+use crate::wide::dot;
+use nalgebra::DMatrix;
 use physics::Chain;
 use std::f64::consts::TAU;
 
@@ -18,6 +19,8 @@ const CYCLES_MAX: f64 = 420.0;
 const STEPS_PER_LINE: f64 = 4.0;
 /// Below this many cycles over the range of a joint, slow effects stand for it.
 pub(crate) const CYCLES_MIN: f64 = 2.0;
+/// Periods whose sums are taken together, as one product of matrices.
+const AT_ONCE: usize = 32;
 /// Positions closer than this are one, rad or m.
 const SAME: f64 = 1e-4;
 
@@ -105,50 +108,76 @@ fn best(parts: &[Part], joint: usize) -> Option<Line> {
     let least = CYCLES_MIN * TAU / range;
     let tried = ((most - least) / step).floor().max(0.0) as usize;
     let mut turns = Turns::new(parts, least, step);
-    let all = (0..tried).map(|k| (least + step * k as f64, turns.next_gain(parts)));
+    let gains = (0..tried.div_ceil(AT_ONCE)).flat_map(|_| turns.next_gains(parts));
+    let all = gains.take(tried).enumerate().map(|(k, gain)| (least + step * k as f64, gain));
     let (cycles, gain) = all.max_by(|a, b| a.1.total_cmp(&b.1))?;
     Some(Line { joint, cycles, gain, tried })
 }
 
-/// Sine and cosine of every part at one period after the other, each turned on from the one before, and room for their sums.
+/// Sine and cosine of every part at one period after the other, each turned on from the one before.
 struct Turns {
     now: Vec<(f64, f64)>,
     by: Vec<(f64, f64)>,
-    sine: Vec<f64>,
-    cosine: Vec<f64>,
+    /// What the fit's columns see of each part, one column per part.
+    seen: DMatrix<f64>,
+    /// One row per part: its sines at [`AT_ONCE`] periods, then its cosines.
+    waves: DMatrix<f64>,
 }
 
 impl Turns {
     fn new(parts: &[Part], first: f64, step: f64) -> Self {
         let width = parts.first().map_or(0, |part| part.seen.len());
         let at = |cycles: f64| parts.iter().map(|p| libm::sincos(cycles * p.position)).collect();
-        let (sine, cosine) = (vec![0.0; width], vec![0.0; width]);
-        Self { now: at(first), by: at(step), sine, cosine }
+        let seen = DMatrix::from_fn(width, parts.len(), |row, part| parts[part].seen[row]);
+        let waves = DMatrix::zeros(parts.len(), 2 * AT_ONCE);
+        Self { now: at(first), by: at(step), seen, waves }
     }
 
-    /// By how much sine and cosine together would lower the sum of squares; then on to the next period.
-    fn next_gain(&mut self, parts: &[Part]) -> f64 {
-        self.sine.fill(0.0);
-        self.cosine.fill(0.0);
-        let (mut ss, mut sc, mut cc, mut bs, mut bc) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for ((part, now), by) in parts.iter().zip(&mut self.now).zip(&self.by) {
-            let (sin, cos) = *now;
-            ss += sin * sin * part.own;
-            sc += sin * cos * part.own;
-            cc += cos * cos * part.own;
-            bs += sin * part.pull;
-            bc += cos * part.pull;
-            let sums = self.sine.iter_mut().zip(&mut self.cosine);
-            for ((sine, cosine), y) in sums.zip(&part.seen) {
-                *sine += sin * y;
-                *cosine += cos * y;
+    /// By how much sine and cosine together would lower the sum of squares, for each of the next periods.
+    fn next_gains(&mut self, parts: &[Part]) -> [f64; AT_ONCE] {
+        let mut sums = [Sums::default(); AT_ONCE];
+        for (period, sums) in sums.iter_mut().enumerate() {
+            let turning = parts.iter().zip(&mut self.now).zip(&self.by);
+            for (row, ((part, now), by)) in turning.enumerate() {
+                let (sin, cos) = *now;
+                sums.add(part, sin, cos);
+                self.waves[(row, period)] = sin;
+                self.waves[(row, AT_ONCE + period)] = cos;
+                *now = (sin * by.1 + cos * by.0, cos * by.1 - sin * by.0);
             }
-            *now = (sin * by.1 + cos * by.0, cos * by.1 - sin * by.0);
         }
-        let whole = ss.min(cc);
-        ss -= dot(&self.sine, &self.sine);
-        sc -= dot(&self.sine, &self.cosine);
-        cc -= dot(&self.cosine, &self.cosine);
+        let seen = &self.seen * &self.waves;
+        let column = |k: usize| &seen.as_slice()[k * seen.nrows()..(k + 1) * seen.nrows()];
+        std::array::from_fn(|k| sums[k].gain(column(k), column(AT_ONCE + k)))
+    }
+}
+
+/// Sums over the parts at one period: products of sine and cosine, and what pulls at each.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    ss: f64,
+    sc: f64,
+    cc: f64,
+    bs: f64,
+    bc: f64,
+}
+
+impl Sums {
+    fn add(&mut self, part: &Part, sin: f64, cos: f64) {
+        self.ss += sin * sin * part.own;
+        self.sc += sin * cos * part.own;
+        self.cc += cos * cos * part.own;
+        self.bs += sin * part.pull;
+        self.bc += cos * part.pull;
+    }
+
+    /// By how much both would lower the sum of squares, where the fit's columns see so much of each.
+    fn gain(&self, sine: &[f64], cosine: &[f64]) -> f64 {
+        let Self { bs, bc, .. } = *self;
+        let ss = self.ss - dot(sine, sine);
+        let sc = self.sc - dot(sine, cosine);
+        let cc = self.cc - dot(cosine, cosine);
+        let whole = self.ss.min(self.cc);
         let determinant = ss * cc - sc * sc;
         if determinant <= 1e-6 * whole * whole {
             return 0.0;

@@ -232,11 +232,21 @@ impl Model {
         &self,
         inputs: &Inputs,
         memories: &Memories,
-        mut visit: impl FnMut(usize, &Contribution),
+        visit: impl FnMut(usize, &Contribution),
     ) {
         let mut seen = Evaluation::default();
         self.load_into(inputs, memories, &mut seen);
-        let Evaluation { nominal: chain, loads, .. } = &seen;
+        self.contributions_under((inputs, memories), &seen, visit);
+    }
+
+    /// [`Model::contributions`] on a geometry and under loads that `seen` has, as of [`Model::load_into`], whoever changed them since.
+    pub fn contributions_under(
+        &self,
+        (inputs, memories): (&Inputs, &Memories),
+        seen: &Evaluation,
+        mut visit: impl FnMut(usize, &Contribution),
+    ) {
+        let Evaluation { nominal: chain, loads, .. } = seen;
         let signals = Signals { arm: &self.arm, inputs, chain, loads };
         for (index, (effect, memory)) in self.effects().zip(&memories.0).enumerate() {
             visit(index, &effect.predict(&signals, memory));

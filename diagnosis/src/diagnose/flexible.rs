@@ -160,7 +160,7 @@ mod tests {
         let share = |seed: u64, taken| {
             let values = slow(1000, seed);
             let found = law(&rows, &values, &groups, taken);
-            let left = |(row, value): (&Vec<f64>, &f64)| value - crate::triangle::dot(row, &found);
+            let left = |(row, value): (&Vec<f64>, &f64)| value - crate::wide::dot(row, &found);
             let left: f64 = rows.iter().zip(&values).map(left).map(|x| x * x).sum();
             left / values.iter().map(|v| v * v).sum::<f64>()
         };

@@ -8,6 +8,7 @@
 use crate::candidates::Candidate;
 use crate::hypothesis::named;
 use crate::score::{Fitted, Moves};
+use crate::wide::subtract;
 use nalgebra::DMatrix;
 use physics::spec::{Role, Unit};
 use std::ops::Range;
@@ -185,8 +186,9 @@ impl Gram {
             if j == k || share == 0.0 {
                 continue;
             }
-            let mut column = self.cells.column_mut(j);
-            column.iter_mut().zip(&row).for_each(|(cell, r)| *cell -= r * share);
+            let height = row.len();
+            let column = &mut self.cells.as_mut_slice()[j * height..(j + 1) * height];
+            subtract(column, share, &row);
         }
         for (j, along) in row.iter().enumerate() {
             let cell = sign * along / pivot;

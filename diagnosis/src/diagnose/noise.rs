@@ -9,7 +9,7 @@ use crate::campaign::{Campaign, Instrument};
 use crate::colour::{Colour, follows, stream};
 use crate::problem::{Look, State, Weighing, visit};
 use crate::result::Fit;
-use crate::triangle::dot;
+use crate::wide::dot;
 use std::collections::BTreeMap;
 
 /// Polynomials per word.

@@ -14,7 +14,7 @@ use super::terms::{count, pairs, singles, terms};
 use crate::fit::compare;
 use crate::motion::Motion;
 use crate::score::{Asked, Fitted};
-use crate::triangle::dot;
+use crate::wide::dot;
 use physics::spec::Need;
 use physics::{AnyEffect, Arm, Chain, Inputs};
 use std::rc::Rc;

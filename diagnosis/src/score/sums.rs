@@ -3,7 +3,8 @@
 //! Promises: joint test of the columns of a group, separate tests of groups. Never: evaluation of the arm.
 
 use super::{ROWS, Score, turned};
-use crate::triangle::{Triangle, dot};
+use crate::triangle::Triangle;
+use crate::wide::dot;
 use nalgebra::DMatrix;
 use std::ops::Range;
 

@@ -48,11 +48,17 @@ impl Model {
         seen.stand(&self.arm, inputs);
     }
 
-    /// [`Model::evaluate_into`] where the controller's geometry stands in `seen` already.
-    pub fn evaluate_on(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
-        let Evaluation { nominal, loads, .. } = &mut *seen;
-        self.load(inputs, nominal, memories, &mut LoadChange::default(), loads);
-        self.evaluate_under(inputs, memories, seen);
+    /// The loads where the controller's geometry stands in `seen` already, with `beside` as one more change of them.
+    pub fn load_beside(
+        &self,
+        (inputs, memories): (&Inputs, &Memories),
+        beside: &Contribution,
+        seen: &mut Evaluation,
+    ) {
+        let mut change = LoadChange::default();
+        change.add(beside);
+        let Evaluation { nominal, loads, .. } = seen;
+        self.load(inputs, nominal, memories, &mut change, loads);
     }
 
     /// The first part of [`Model::deviate_into`]: the controller's geometry and the loads on it.

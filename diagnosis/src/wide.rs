@@ -1,0 +1,70 @@
+//! Loops over slices, compiled for the widest registers of the machine.
+//!
+//! Promises: the same bits as plain loops, whatever the registers: no sum is taken in another order, no product is fused with a sum.
+
+use physics::lanes::{Lanes, Work, widest};
+
+/// `from − share · times`, in place.
+pub(crate) fn subtract(from: &mut [f64], share: f64, times: &[f64]) {
+    widest(0, Subtract { from, share, times });
+}
+
+/// The scalar product, summed in eight strands: always in the same order.
+#[must_use]
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    widest(0, Dot { a, b })
+}
+
+/// [`subtract`] as part of wider work.
+#[inline(always)]
+pub(crate) fn subtract_here(from: &mut [f64], share: f64, times: &[f64]) {
+    for (x, y) in from.iter_mut().zip(times) {
+        *x -= share * y;
+    }
+}
+
+/// [`dot`] as part of wider work.
+#[inline(always)]
+pub(crate) fn dot_here(a: &[f64], b: &[f64]) -> f64 {
+    let mut strands = [0.0; 8];
+    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    let mut tail = 0.0;
+    for (x, y) in a8.remainder().iter().zip(b8.remainder()) {
+        tail += x * y;
+    }
+    for (x, y) in a8.zip(b8) {
+        for ((sum, x), y) in strands.iter_mut().zip(x).zip(y) {
+            *sum += x * y;
+        }
+    }
+    strands.iter().sum::<f64>() + tail
+}
+
+struct Subtract<'a> {
+    from: &'a mut [f64],
+    share: f64,
+    times: &'a [f64],
+}
+
+impl Work for Subtract<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _: S) {
+        subtract_here(self.from, self.share, self.times);
+    }
+}
+
+struct Dot<'a> {
+    a: &'a [f64],
+    b: &'a [f64],
+}
+
+impl Work for Dot<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, _: S) -> f64 {
+        dot_here(self.a, self.b)
+    }
+}
