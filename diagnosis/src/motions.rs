@@ -53,8 +53,7 @@ impl<'a> Motions<'a> {
     ) -> Vec<Motion> {
         let mut motions = vec![Motion::default(); self.wanted.len()];
         let mut on_loads = Vec::new();
-        let here = (inputs, memories);
-        self.model.derivatives_under(here, seen, &self.wanted, |place, change| {
+        self.model.derivatives_under(inputs, memories, seen, &self.wanted, |place, change| {
             match Motion::of(&self.model.arm, seen, change) {
                 Some(motion) => motions[place] = motion,
                 None => on_loads.push((place, *change)),
@@ -167,7 +166,7 @@ impl Yielding {
     ) -> Motion {
         self.response(inputs, seen, step, |yielding, by| {
             let Self { model, memories, loaded, .. } = yielding;
-            model.load_beside((inputs, &*memories), &change.times(by), loaded);
+            model.load_beside(inputs, memories, &change.times(by), loaded);
         })
     }
 
@@ -183,14 +182,14 @@ impl Yielding {
         load(self, -step);
         let mut below = std::mem::take(&mut self.below);
         below.clear();
-        let here = (inputs, &self.memories);
-        self.model.contributions_under(here, &self.loaded, |_, added| below.push(*added));
+        let Self { model, memories, loaded, .. } = &*self;
+        model.contributions_under(inputs, memories, loaded, |_, added| below.push(*added));
         load(self, step);
-        let here = (inputs, &self.memories);
+        let Self { model, memories, loaded, .. } = &*self;
         let mut moved = Motion::default();
-        self.model.contributions_under(here, &self.loaded, |place, above| {
+        model.contributions_under(inputs, memories, loaded, |place, above| {
             let change = above.minus(&below[place]).times(0.5 / step);
-            let of_one = Motion::of(&self.model.arm, seen, &change);
+            let of_one = Motion::of(&model.arm, seen, &change);
             moved = moved.plus(&of_one.unwrap_or_default());
         });
         self.below = below;

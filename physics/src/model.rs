@@ -236,13 +236,14 @@ impl Model {
     ) {
         let mut seen = Evaluation::default();
         self.load_into(inputs, memories, &mut seen);
-        self.contributions_under((inputs, memories), &seen, visit);
+        self.contributions_under(inputs, memories, &seen, visit);
     }
 
     /// [`Model::contributions`] on a geometry and under loads that `seen` has, as of [`Model::load_into`], whoever changed them since.
     pub fn contributions_under(
         &self,
-        (inputs, memories): (&Inputs, &Memories),
+        inputs: &Inputs,
+        memories: &Memories,
         seen: &Evaluation,
         mut visit: impl FnMut(usize, &Contribution),
     ) {
@@ -264,13 +265,14 @@ impl Model {
     ) {
         let mut seen = Evaluation::default();
         self.load_into(inputs, memories, &mut seen);
-        self.derivatives_under((inputs, memories), &seen, wanted, visit);
+        self.derivatives_under(inputs, memories, &seen, wanted, visit);
     }
 
     /// [`Model::derivatives`] at a sample of which [`Model::load_into`] has said where the arm is at rest and what pulls at it.
     pub fn derivatives_under(
         &self,
-        (inputs, memories): (&Inputs, &Memories),
+        inputs: &Inputs,
+        memories: &Memories,
         seen: &Evaluation,
         wanted: &[(usize, usize)],
         mut visit: impl FnMut(usize, &Contribution),

@@ -51,7 +51,8 @@ impl Model {
     /// The loads where the controller's geometry stands in `seen` already, with `beside` as one more change of them.
     pub fn load_beside(
         &self,
-        (inputs, memories): (&Inputs, &Memories),
+        inputs: &Inputs,
+        memories: &Memories,
         beside: &Contribution,
         seen: &mut Evaluation,
     ) {
