@@ -103,8 +103,6 @@ impl From<AskedTier> for Tier {
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Commitment<'a> {
-    schema: &'static str,
-    version: &'static str,
     cases: usize,
     sealed_sha256: &'a str,
 }
@@ -215,13 +213,8 @@ fn put(folder: &Path, drawn: &Drawn) -> Result<(), Failure> {
 }
 
 fn commit(folder: &Folder, cases: usize, sealed_sha256: &str) -> Result<(), Failure> {
-    let said = Commitment {
-        schema: "trued.commitment/1",
-        version: program::version(),
-        cases,
-        sealed_sha256,
-    };
-    let text = serde_json::to_string_pretty(&said).map_err(Failure::system)?;
+    let said = Commitment { cases, sealed_sha256 };
+    let text = program::json("trued.commitment/1", &said).map_err(Failure::system)?;
     write([(folder.0.join("commitment.json"), text + "\n")])
 }
 
