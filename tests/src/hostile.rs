@@ -3,7 +3,7 @@
 use crate::cell_loop::{JOINTS, path};
 use crate::chance::Chance;
 use shm_schema::{
-    Command, ForceBlock, JOINTS_MAX, Reason, Request, RobotState, Text, monotonic_ns,
+    Command, ForceBlock, JOINTS_MAX, Payload, Reason, Request, RobotState, Text, monotonic_ns,
 };
 
 /// What must become of a message.
@@ -83,7 +83,7 @@ impl Sender {
             7 => set(&mut c.joints, 16, refused(Reason::WrongJointCount)),
             8 => set(&mut c.joints, 0, Due::Malformed),
             9 => set(&mut c.joints, u32::MAX, Due::Malformed),
-            10 => set(&mut c.layout, 2, Due::Malformed),
+            10 => set(&mut c.layout, Command::LAYOUT + 1, Due::Malformed),
             11 => set(&mut c, before, refused(Reason::Duplicate)),
             12 => set(&mut c.seq, before.seq.saturating_sub(1), refused(Reason::OutOfOrder)),
             13 => set(&mut c.t_ns, before.t_ns, refused(Reason::OutOfOrder)),
@@ -178,7 +178,7 @@ impl Sender {
         block.t_ns = if chance.below(10) == 0 { u64::MAX } else { monotonic_ns() };
         block.channels = if chance.below(20) == 0 { chance.bits() as u32 } else { 3 };
         block.samples = if chance.below(20) == 0 { chance.bits() as u32 } else { 10 };
-        block.layout = 1 + u32::from(chance.below(20) == 0);
+        block.layout = ForceBlock::LAYOUT + u32::from(chance.below(20) == 0);
         block.flags = chance.bits() as u32;
         block.rate_hz = if chance.below(5) == 0 { self.number() } else { 10_000.0 };
         for i in 0..30 {
