@@ -51,7 +51,7 @@ pub use canvas::Svg;
 pub use heat::HeatMap;
 pub use histogram::Histogram;
 pub use multiples::Multiples;
-pub use number::{count, duration, fixed, quantity, significant};
+pub use number::{capitalised, count, duration, fixed, quantity, significant};
 pub use page::{Number, Page, Tone};
 pub use plot::Plot;
 pub use role::Role;

@@ -132,9 +132,24 @@ pub fn count(number: usize, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
+/// The text with a capital at its start, as a sentence has it.
+#[must_use]
+pub fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_sentence_begins_with_a_capital_whatever_its_letters_are() {
+        assert_eq!(
+            ["", "a", "übrig", "ßa", "1 fault"].map(capitalised),
+            ["", "A", "Übrig", "SSa", "1 fault"]
+        );
+    }
 
     #[test]
     fn rounding_up_to_the_next_decade_keeps_the_digits() {

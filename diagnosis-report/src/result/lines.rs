@@ -2,7 +2,7 @@
 //!
 //! Promises: findings first, the most important ones; what was left out is counted. Never: a number that the file does not hold.
 
-use report::significant;
+use report::{capitalised, significant};
 
 use super::{Alternative, Report, ReportedFinding};
 
@@ -69,14 +69,8 @@ fn line(report: &Report, reported: &ReportedFinding) -> String {
         format!("without it the held-out error would be {without} {unit} instead of {with}")
     });
     let figures: Vec<String> = confidence.into_iter().chain(size).chain(held).collect();
-    let figures = capitalized(&figures.join("; "));
+    let figures = capitalised(&figures.join("; "));
     format!("  {} {figures}{rivals}{together}", reported.says).trim_end().to_owned()
-}
-
-/// The text as the begin of a sentence.
-fn capitalized(text: &str) -> String {
-    let mut letters = text.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// The other findings in one line, with a bound of their sizes where they are all smaller than the first ones.

@@ -264,8 +264,6 @@ pub(super) fn shown(words: &[&str]) -> String {
 
 /// With a capital and a full stop.
 pub(super) fn sentence(text: &str) -> String {
-    let mut letters = text.chars();
-    let first = letters.next().map(char::to_uppercase).into_iter().flatten();
-    let text: String = first.chain(letters).collect();
+    let text = report::capitalised(text);
     if text.ends_with('.') { text } else { text + "." }
 }

@@ -68,7 +68,7 @@ fn next(page: Page, found: &Found) -> Page {
     let worst = found.episodes.iter().find(|episode| alarmed(episode));
     match worst {
         Some(worst) if worst.verdict.advice != Advice::None => {
-            page.next(&format!("{}.", words::capitalised(&worst.verdict.advice.to_string())), None)
+            page.next(&format!("{}.", report::capitalised(&worst.verdict.advice.to_string())), None)
         }
         Some(_) => page.next(
             "Record again with the spindle speed, so that forced vibration can be distinguished from chatter.",
@@ -242,7 +242,7 @@ fn over_path(mut page: Page, subject: &Subject, space: &Space) -> Page {
         page = page.figure(caption, &plots::path(subject, space, unit));
     }
     if let Some(missing) = &space.wheels.missing {
-        page = page.text(&format!("{}.", words::capitalised(missing)));
+        page = page.text(&format!("{}.", report::capitalised(missing)));
     }
     if space.wheels.spread > 0.05 {
         let percent = fixed(100.0 * space.wheels.spread, 0);

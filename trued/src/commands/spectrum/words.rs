@@ -1,6 +1,6 @@
 //! Results as text.
 
-use report::{TextTable, count, fixed, quantity, significant};
+use report::{TextTable, capitalised, count, fixed, quantity, significant};
 use spectrum::{Advice, Class, State, Verdict};
 
 use super::found::Found;
@@ -172,10 +172,7 @@ pub(super) fn why(subject: &Subject, verdict: &Verdict, frequency_hz: f64) -> St
     if reasons.is_empty() {
         format!("Most likely it is {called}{but}.")
     } else {
-        let mut text = reasons.join(", and ");
-        if let Some(first) = text.get(..1).map(str::to_uppercase) {
-            text.replace_range(..1, &first);
-        }
+        let text = capitalised(&reasons.join(", and "));
         format!("{text}: most likely {called}{but}.")
     }
 }
@@ -209,12 +206,6 @@ fn calm(subject: &Subject, found: &Found) -> String {
         quantity(judged.line.amplitude, &channel.unit),
         class(judged.verdict.class)
     )
-}
-
-/// With a capital at the start.
-pub(super) fn capitalised(text: &str) -> String {
-    let mut letters = text.chars();
-    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// What the sensor's health is, one sentence each.
