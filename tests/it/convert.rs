@@ -120,6 +120,46 @@ fn another_programs_table_becomes_a_recording_by_its_mapping() {
     assert_eq!(made.column(Channel::Command(0)).expect("there")[1], (-45.5_f64).to_radians());
 }
 
+#[test]
+fn an_infinite_sample_becomes_a_missing_value_of_a_table_that_every_command_reads() {
+    let place = Place::new();
+    let mut black_box = boxed(&place, "run.mcap");
+    let wrench = [f64::INFINITY, 1.0, 2.0, f64::NEG_INFINITY, 0.0, 0.0];
+    let spoilt = CycleRecord { wrench_used: Few::of(&wrench), ..cycle(CYCLES) };
+    black_box.write_cycle(&spoilt).expect("room");
+    let data = vec![f64::INFINITY, 1.0, 2.0];
+    let block = ForceRecord { rate_hz: 1000.0, channels: 1, data, ..ForceRecord::default() };
+    black_box.write_force(&block).expect("room");
+    black_box.finish().expect("room");
+    let done = place.succeed(&["convert", "--out", "made", "run.mcap"]);
+    assert!(done.err.contains("3 values") && done.err.contains("infinite"), "{}", done.err);
+    place.succeed(&["check", "made.csv", "made-forces.csv"]);
+    let made = read(&place.path("made.csv"), None, Need::Path).expect("a recording");
+    let fx = made.column(Channel::Wrench(0)).map_or(f64::NAN, |fx| fx[CYCLES as usize]);
+    let fy = made.column(Channel::Wrench(1)).expect("there")[CYCLES as usize];
+    assert!(fx.is_nan() && fy == 1.0, "{fx} {fy}");
+}
+
+#[test]
+fn what_cannot_be_converted_or_named_is_refused_with_its_reason_and_leaves_no_file() {
+    let place = Place::new();
+    boxed(&place, "run.mcap").finish().expect("room");
+    let bytes = std::fs::read(place.path("run.mcap")).expect("there");
+    // Within the first chunk of records: there are only the metadata before it.
+    let opening = bytes.len() - 12_000;
+    for length in [2_000, opening / 2] {
+        std::fs::write(place.path("cut.mcap"), &bytes[..length.min(bytes.len())]).expect("room");
+        let done = place.run(&["convert", "--out", "made", "cut.mcap"]);
+        assert_eq!(done.code, Some(2), "{length}: {done:?}");
+        assert!(!done.err.contains("was the daemon sent any command"), "{}", done.err);
+    }
+    for name in [".", "/", "/dev/null", ".."] {
+        let done = place.run(&["convert", "--out", name, "run.mcap"]);
+        assert_eq!(done.code, Some(2), "{name}: {done:?}");
+    }
+    assert_eq!(place.names(), ["cut.mcap", "run.mcap"]);
+}
+
 /// The messages of a file as the public package mcap-ros2-support decodes them; none, loudly, where it cannot be had.
 fn decoded(place: &Place, name: &str) -> Option<Vec<serde_json::Value>> {
     let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));

@@ -249,6 +249,9 @@ fn a_feed_is_only_watched_unless_told_otherwise_and_has_exactly_one_limit() {
     parse(FEED).unwrap_err().assert_say("has no limit");
     let both = format!("{FEED}force_limit_N = 200\ndeflection_limit_mm = 0.1\n");
     parse(&both).unwrap_err().assert_say("has two limits");
+    let air = |limit_n| format!("{FEED}force_limit_N = {limit_n}\nair_N = 200\n");
+    parse(&air(200)).unwrap_err().assert_say("not below force_limit_N");
+    assert!(parse(&air(201)).is_ok());
 }
 
 #[test]
