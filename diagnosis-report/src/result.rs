@@ -147,6 +147,8 @@ pub enum Value {
         value: f64,
         /// Its interval.
         ci95: Interval,
+        /// Whether the data determine it; otherwise the interval is that of its prior.
+        determined: bool,
     },
     /// Several numbers.
     List {
@@ -154,7 +156,22 @@ pub enum Value {
         value: Vec<f64>,
         /// The interval of each.
         ci95: Vec<Interval>,
+        /// Whether the data determine each; otherwise its interval is that of its prior.
+        determined: Vec<bool>,
     },
+}
+
+impl Value {
+    /// A number that the data determine.
+    pub(crate) fn one(value: f64, ci95: Interval) -> Self {
+        Self::One { value, ci95, determined: true }
+    }
+
+    /// Numbers that the data determine.
+    pub(crate) fn list(value: Vec<f64>, ci95: Vec<Interval>) -> Self {
+        let determined = vec![true; value.len()];
+        Self::List { value, ci95, determined }
+    }
 }
 
 /// Of 95 %; none where none is computed.
@@ -434,14 +451,17 @@ fn parameters(finding: &Finding, slides: bool) -> BTreeMap<String, Value> {
             let low = if bounded { (off - spread).max(0.0) } else { off - spread };
             [low, off + spread]
         });
+        let is_determined = finding.determined.get(k).copied().unwrap_or(true);
         let key = entry.parameter.key(kind).to_string();
-        match (entry.parameter.count, all.get_mut(&key)) {
-            (Count::One, _) => drop(all.insert(key, Value::One { value: off, ci95: ci })),
-            (_, Some(Value::List { value, ci95 })) => {
-                value.push(off);
-                ci95.push(ci);
-            }
-            _ => drop(all.insert(key, Value::List { value: vec![off], ci95: vec![ci] })),
+        if entry.parameter.count == Count::One {
+            all.insert(key, Value::One { value: off, ci95: ci, determined: is_determined });
+            continue;
+        }
+        let list = all.entry(key).or_insert_with(|| Value::list(Vec::new(), Vec::new()));
+        if let Value::List { value, ci95, determined } = list {
+            value.push(off);
+            ci95.push(ci);
+            determined.push(is_determined);
         }
     }
     for (stem, numbers) in &finding.settings {
@@ -451,11 +471,11 @@ fn parameters(finding: &Finding, slides: bool) -> BTreeMap<String, Value> {
         let si = parameter.unit.suffix_and_si(kind).1;
         let numbers: Vec<f64> = numbers.iter().map(|x| x / si).collect();
         let value = match numbers.as_slice() {
-            [one] => Value::One { value: *one, ci95: Some([*one; 2]) },
-            _ => Value::List {
-                ci95: numbers.iter().map(|x| Some([*x; 2])).collect(),
-                value: numbers,
-            },
+            [one] => Value::one(*one, Some([*one; 2])),
+            _ => {
+                let ci95 = numbers.iter().map(|x| Some([*x; 2])).collect();
+                Value::list(numbers, ci95)
+            }
         };
         all.insert(parameter.key(kind).to_string(), value);
     }

@@ -88,6 +88,8 @@ pub struct Finding {
     pub had: Option<Vec<f64>>,
     /// The standard uncertainty of each number, SI; none for one that was not fitted.
     pub sigma: Vec<Option<f64>>,
+    /// Whether the data determine each number; the uncertainty of one that they do not is that of its prior.
+    pub determined: Vec<bool>,
     /// Settings of the effect, SI.
     pub settings: Vec<(&'static str, Vec<f64>)>,
     /// The probability that the name is right.

@@ -47,9 +47,7 @@ fn table(title: String, all: &[ReportedFinding]) -> Table {
         "Confidence",
         "Size, rms",
         "largest",
-        "Held out before",
-        "after",
-        "without it alone",
+        "Held out without it",
         "Alternatives",
     ];
     all.iter().fold(Table::new(title, heads.map(Column::new)), |table, reported| {
@@ -61,8 +59,6 @@ fn table(title: String, all: &[ReportedFinding]) -> Table {
             reported.confidence.map_or(NONE.to_owned(), |p| format!("{p:.2}")).into(),
             rms(reported.size.as_ref().map(|size| size.rms)).into(),
             rms(reported.size.as_ref().map(|size| size.max)).into(),
-            rms(reported.heldout_rms_before).into(),
-            rms(reported.heldout_rms_after).into(),
             rms(reported.heldout_rms_without).into(),
             alternatives.join(", ").into(),
         ])
@@ -75,23 +71,31 @@ pub(crate) fn parameters(report: &Report) -> Table {
         Table::new("Parameters, in the units of the model file", heads.map(Column::new));
     for reported in report.claims() {
         for (key, value) in &reported.parameters {
-            let said = |value: f64, ci: &Interval| {
-                let interval = ci.map(|[low, high]| {
-                    format!("{} to {}", significant(low, 4), significant(high, 4))
-                });
-                (significant(value, 4), interval.unwrap_or(NONE.to_owned()))
+            let row = |value: f64, ci: Interval, is_determined: bool| {
+                let interval = match ci {
+                    _ if !is_determined => "not determined".to_owned(),
+                    Some([low, high]) => {
+                        format!("{} to {}", significant(low, 4), significant(high, 4))
+                    }
+                    None => NONE.to_owned(),
+                };
+                (significant(value, 4), interval)
             };
-            let all: Vec<(String, String)> = match value {
-                Value::One { value, ci95 } => vec![said(*value, ci95)],
-                Value::List { value, ci95 } => {
-                    value.iter().zip(ci95).map(|(v, c)| said(*v, c)).collect()
+            let all: Vec<(String, (String, String))> = match value {
+                Value::One { value, ci95, determined } => {
+                    vec![(key.clone(), row(*value, *ci95, *determined))]
+                }
+                Value::List { value, ci95, determined } => {
+                    let rows = value.iter().zip(ci95).zip(determined);
+                    let rows = rows.map(|((value, ci), determined)| row(*value, *ci, *determined));
+                    (1..).map(|k| format!("{key} {k}")).zip(rows).collect()
                 }
             };
-            for (value, interval) in all {
+            for (key, (value, interval)) in all {
                 table = table.row([
                     reported.effect.replace('_', " ").into(),
                     reported.joint.map_or("robot".to_owned(), |joint| joint.to_string()).into(),
-                    key.clone().into(),
+                    key.into(),
                     value.into(),
                     interval.into(),
                 ]);

@@ -123,11 +123,11 @@ pub(crate) fn parameters(entry: &EffectEntry) -> BTreeMap<String, Value> {
         let sigma = parameter.sigma.as_ref().map_or(&[][..], Numbers::as_slice);
         let at = |k: usize| sigma.get(k).copied();
         let value = match &parameter.value {
-            Numbers::One(value) => Value::One { value: *value, ci95: ci(*value, at(0)) },
-            Numbers::List(list) => Value::List {
-                ci95: list.iter().enumerate().map(|(k, value)| ci(*value, at(k))).collect(),
-                value: list.clone(),
-            },
+            Numbers::One(value) => Value::one(*value, ci(*value, at(0))),
+            Numbers::List(list) => {
+                let ci95 = list.iter().enumerate().map(|(k, value)| ci(*value, at(k)));
+                Value::list(list.clone(), ci95.collect())
+            }
         };
         (parameter.key.clone(), value)
     };

@@ -154,7 +154,7 @@ fn reported(diagnosis: &Diagnosis, finding: &Finding) -> ReportedFinding {
             let ci95 = (0..3).map(|k| {
                 Some([force[k] - NINETY_FIVE * sigma[k], force[k] + NINETY_FIVE * sigma[k]])
             });
-            let value = Value::List { value: force.to_vec(), ci95: ci95.collect() };
+            let value = Value::list(force.to_vec(), ci95.collect());
             let said = force.map(|force| significant(force, 3)).join(", ");
             ReportedFinding {
                 effect: "wrench_bias",
@@ -199,7 +199,7 @@ fn chatter(
     is_alone: bool,
 ) -> ReportedFinding {
     // A single tone has no scatter and no held-out rows: no interval is computed.
-    let number = |value: f64| Value::One { value, ci95: None };
+    let number = |value: f64| Value::one(value, None);
     let mut parameters = BTreeMap::from([("frequency_Hz".to_owned(), number(tone.frequency_hz))]);
     if diagnosis.is_force {
         parameters.insert("amplitude_N".to_owned(), number(tone.amplitude));

@@ -62,6 +62,9 @@ pub(super) fn findings(
         Some(Finding {
             seen,
             sigma: (0..effect.values().len()).map(sigma).collect(),
+            determined: (0..effect.values().len())
+                .map(|value| fitted(one, value, last).is_none_or(|k| column(k, last).is_some()))
+                .collect(),
             effect,
             place: one.effect,
             had,
@@ -144,6 +147,16 @@ fn shares(left: &Energies) -> Vec<f64> {
     pairs.map(|(with, without)| 0.5 * (left.with_none - with + without - left.with_all)).collect()
 }
 
+/// The place of a fitted value among the free numbers of the hypothesis.
+fn fitted(one: &Selected, value: usize, last: &Fit) -> Option<usize> {
+    last.hypothesis.free.iter().position(|free| free.effect == one.effect && free.value == value)
+}
+
+/// The column of a free number among those that the data determine.
+fn column(k: usize, last: &Fit) -> Option<usize> {
+    last.columns().iter().position(|column| *column == last.column_of(k))
+}
+
 /// The standard uncertainty of a value of what was named, SI; none for one that neither was fitted nor has variants.
 fn sigma(
     one: &Selected,
@@ -151,12 +164,10 @@ fn sigma(
     value: usize,
     (last, uncertainty): (&Fit, &[f64]),
 ) -> Option<f64> {
-    let free = last.hypothesis.free.iter();
-    let free = free.enumerate().find(|(_, free)| free.effect == one.effect && free.value == value);
-    let fitted = free.map(|(k, free)| {
-        let place = last.columns().iter().position(|column| *column == last.column_of(k));
-        // What the data do not determine is as open as it was believed to be.
-        let sigma = place.map_or(free.sigma, |place| uncertainty[place]);
+    let fitted = fitted(one, value, last).map(|k| {
+        // What the data do not determine has the uncertainty of its prior.
+        let prior = last.hypothesis.free[k].sigma;
+        let sigma = column(k, last).map_or(prior, |place| uncertainty[place]);
         sigma.hypot(FLOOR * effect.values()[value])
     });
     let is_phase =

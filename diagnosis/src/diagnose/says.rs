@@ -110,7 +110,7 @@ fn what(said: &Said<'_>, joint: &str) -> String {
             format!("The base tilts by {} mrad per kNm: compliance of foot, bolts or floor", n(0))
         }
         "tool_compliance" => {
-            format!("The tool deflects by {}, {}, {} um per N along its axes", n(0), n(1), n(2))
+            format!("The tool deflects by {}, {}, {} µm per N along its axes", n(0), n(1), n(2))
         }
         "counterbalance" => {
             format!("{joint} carries the load of a spring, {} N per m: its counterbalance", n(0))
@@ -137,13 +137,12 @@ fn stands(said: &Said<'_>, joint: &str) -> String {
             format!("The flange carries a mass of {} kg that the model does not state", n(0))
         }
         "thermal_growth" => format!(
-            "The link after {} expands with temperature: {} um{}",
+            "The link after {} expands {}",
             joint.to_lowercase(),
-            n(0),
-            per_kelvin(said)
+            by_heat(said, &format!("{} µm", n(0)))
         ),
         "thermal_zero" => {
-            format!("{joint}'s zero drifts with temperature: {} {mrad}{}", n(0), per_kelvin(said))
+            format!("{joint}'s zero drifts {}", by_heat(said, &format!("{} {mrad}", n(0))))
         }
         "axis_wobble" => format!(
             "{joint}'s axis wobbles by {} mrad as it turns: runout of its bearing",
@@ -151,9 +150,9 @@ fn stands(said: &Said<'_>, joint: &str) -> String {
         ),
         "spindle_growth" => match said.effect.fitted().first().map(|p| p.stem) {
             Some("growth_um") => {
-                format!("The spindle expands by {} um per thousand rev/min as it warms up", n(0))
+                format!("The spindle expands by {} µm per thousand rev/min as it warms up", n(0))
             }
-            _ => format!("The spindle expands by {} um per kelvin as it warms up", n(0)),
+            _ => format!("The spindle expands by {} µm per kelvin as it warms up", n(0)),
         },
         "wrench_bias" => format!(
             "The force sensor reads {} N and {} Nm too much",
@@ -196,16 +195,20 @@ fn lags(said: &Said<'_>, joint: &str) -> String {
     }
 }
 
-fn per_kelvin(said: &Said<'_>) -> String {
+/// How much it is: by temperature, or over time where none was recorded.
+fn by_heat(said: &Said<'_>, much: &str) -> String {
     let fitted = said.effect.fitted();
     let stem = |k: usize| fitted.get(k).map(|p| p.stem);
     match (stem(0), stem(1)) {
         (Some("growth" | "drift"), Some("lag")) => {
-            format!(" per kelvin, {} s behind the air", said.number(1))
+            format!("with temperature: {much} per kelvin, {} s behind the air", said.number(1))
         }
-        (Some("growth" | "drift"), _) => " per kelvin".to_owned(),
-        (_, Some("time_constant")) => format!(" over a warm-up of {} s", said.number(1)),
-        _ => String::new(),
+        (Some("growth" | "drift"), _) => format!("with temperature: {much} per kelvin"),
+        (_, Some("time_constant")) => format!(
+            "over the recording, by {much} with a time constant of {} s; no temperature was recorded",
+            said.number(1)
+        ),
+        _ => format!("with temperature: {much}"),
     }
 }
 

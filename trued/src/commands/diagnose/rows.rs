@@ -102,8 +102,8 @@ fn parameters_of(
             ..bare.clone()
         };
     let of_parameter = |(name, value): (&String, &Value)| match value {
-        Value::One { value, ci95 } => vec![number(name, None, *value, *ci95)],
-        Value::List { value, ci95 } => (1..)
+        Value::One { value, ci95, .. } => vec![number(name, None, *value, *ci95)],
+        Value::List { value, ci95, .. } => (1..)
             .zip(value.iter().zip(ci95))
             .map(|(index, (value, interval))| number(name, Some(index), *value, *interval))
             .collect(),
