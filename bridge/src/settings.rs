@@ -1,4 +1,4 @@
-//! The settings by which a bridge decides what a datagram belongs to: the same run, another one, an old datagram.
+//! Thresholds for assigning a datagram to the present run of the controller, to a new run, or to old datagrams.
 
 use std::time::Duration;
 
@@ -10,13 +10,13 @@ pub struct RunRules {
     /// Silence of the controller after which its run has ended, unless its count went on meanwhile. 0.4 to 10 s, default 1 s. Origin: RSI tolerates
     /// `Timeout` = 100 late packets of 4 ms by default; a controller that is set to wait longer needs a larger value (`[timing] run_ends_after_ms`).
     pub ends_after: Duration,
-    /// From this many lost datagrams on, the controller may have started another run near the old count: where the robot stands decides. 10 to 1000,
+    /// With this many lost datagrams or more, the controller may have started another run near the old count; the position of the robot decides. 10 to 1000,
     /// default 50. Origin: 0.2 s of EGM's 4 ms, less than a program needs to start `EGMRunJoint` again.
     pub doubtful_lost: u32,
-    /// The robot has stopped after this many messages in a row that do not guide it; fewer may be old ones, replayed. 1 to 50, default 3.
+    /// The robot has stopped after this many consecutive messages that do not guide it; fewer may be replayed ones. 1 to 50, default 3.
     /// Origin: a burst that a network repeats or reorders is of one or two datagrams.
     pub stopped_after: u32,
-    /// Another mechanical unit is served after this many datagrams in a row once the present one is silent. 1 to 50, default 3. Origin: as `stopped_after`.
+    /// Another mechanical unit is served after this many consecutive datagrams once the present one is silent. 1 to 50, default 3. Origin: as `stopped_after`.
     pub unit_taken_after: u32,
     /// How numbers of datagrams are judged.
     pub sequence: SequenceRules,
@@ -60,8 +60,8 @@ pub struct SequenceRules {
     /// Numbers that may be lost at once without a doubt, of a sender that counts its datagrams. 10 to 100 000, default 1000.
     /// Origin: 4 s of EGM, longer than any network outage in which a run goes on.
     pub lost_max: u32,
-    /// A number that does not follow is believed once this many datagrams in a row count up from it; fewer may be replayed ones. 2 to 50, default 5.
-    /// Origin: as a run's `stopped_after`, and two more, because the price of a mistake is a new run.
+    /// A number outside the expected range is accepted after this many consecutive datagrams that count up from it; fewer may be replayed ones. 2 to 50, default 5.
+    /// Origin: a run's `stopped_after` plus two, because a wrong decision starts a new run.
     pub believed_after: u32,
     /// Each of those is ahead of the one before by at most this. 1 to 10 000, default 100. Origin: RSI counts ms, 12 in a cycle; up to seven in a row may be lost.
     pub ahead_max: u32,
@@ -78,7 +78,7 @@ impl Default for SequenceRules {
 pub struct JoinRules {
     /// How long one attempt may take. 0.1 to 10 s, default 1 s. Origin: forty times what the first answer after a daemon's start took at worst (docs/figures.md).
     pub within: Duration,
-    /// Pause between two attempts. 10 ms to 10 s, default 0.2 s. Origin: a restart is noticed at once to a person, at a negligible load.
+    /// Pause between two attempts. 10 ms to 10 s, default 0.2 s. Origin: a restart is noticed without visible delay, at negligible load.
     pub again_after: Duration,
 }
 

@@ -1,10 +1,10 @@
 //! Calibration: from measurements of the tool to a model with its uncertainty, validated on held-out poses, as JSON (`trued.calibrate/1`), text, HTML page and
 //! model file.
 //!
-//! [`calibrate`] fits three models to the training poses: the model as it is (nominal), with the geometry of every joint (calibrated), and with the effects
-//! that the data ask for (advanced). It compares them on held-out poses, which took part in no fit; the advanced one is the result. Modules in the order in
+//! [`calibrate`] fits three models to the training poses: the given model (nominal), with the geometry of every joint (calibrated), and with the effects
+//! that the data support (advanced). It compares them on held-out poses, which took part in no fit; the advanced one is the result. Modules in the order in
 //! which to read them: `split` (which poses are held out), `calibrated` (fits and held-out errors), `objections` (what speaks against the result),
-//! `sweeps_and_loads` (single joints and loads by themselves), `result`, `text` and `page` (numbers and words), `model_file`.
+//! `sweeps_and_loads` (analyses of single joints and of loads), `result`, `text` and `page` (output), `model_file`.
 //!
 //! The same model, recordings and seed give the same bytes. Writes no file.
 //!
@@ -64,15 +64,15 @@ pub struct Settings {
     pub sag: Sag,
     /// Error of the tool that is allowed, mm; above 0. Default: none, which judges nothing.
     pub tolerance_mm: Option<f64>,
-    /// Training poses with a measured length from which on there is a fit; from 1. Default 6. Origin: a choice; as many as a measuring frame has degrees of freedom.
+    /// Least number of training poses with a measured length; from 1. Default 6. Origin: a choice; as many as a measuring frame has degrees of freedom.
     pub training_poses_least: usize,
     /// Readings in training poses that place a station of the instrument; from 3. Default 3. Origin: three points determine a frame.
     pub station_readings_least: usize,
-    /// A joint whose positions differ by no more stands still, rad or m; above 0. Default 1e-3. Origin: a choice, above the noise of encoders.
+    /// A joint is at rest if its positions differ by no more than this, rad or m; above 0. Default 1e-3. Origin: a choice, above the noise of encoders.
     pub still: f64,
-    /// Standard deviations of its tolerance from which on a number is called implausible; no unit, 1 to 10. Default 3: by chance one in four hundred.
+    /// A parameter is reported as implausible beyond this many standard deviations of its prior; no unit, 1 to 10. Default 3: exceeded by chance once in 400.
     pub implausible_sigmas: f64,
-    /// Condition number from which on a warning is given; no unit, 1e3 to 1e15. Default 1e8: sums of products keep half of the sixteen digits of a double.
+    /// Condition number above which a warning is given; no unit, 1e3 to 1e15. Default 1e8: sums of products keep half of the sixteen digits of a double.
     pub condition_max: f64,
 }
 

@@ -239,7 +239,7 @@ impl Model {
         self.contributions_under(inputs, memories, &seen, visit);
     }
 
-    /// [`Model::contributions`] on a geometry and under loads that `seen` has, as of [`Model::load_into`], whoever changed them since.
+    /// [`Model::contributions`] for the geometry and loads in `seen`, computed by [`Model::load_into`] and possibly changed since.
     pub fn contributions_under(
         &self,
         inputs: &Inputs,

@@ -10,7 +10,7 @@ use glam::DVec3;
 /// When measurements agree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GateRules {
-    /// Consecutive measurements required for a start, a jump or a return; 2 to 100. Default 5: where one measurement in fifty is an outlier, five in a row are one by chance once in 3e8.
+    /// Consecutive measurements required for a start, a jump or a return; 2 to 100. Default 5: if one measurement in fifty is an outlier, five consecutive outliers occur by chance once in 3e8.
     pub in_a_row: u32,
     /// Weight of the newest measurement in the exponential mean; no unit, above 0 to 1. Default 0.25: as the mean of seven (`2/w − 1`), so that noise leaves 0.4 of itself.
     pub newest: f64,

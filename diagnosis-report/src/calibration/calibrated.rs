@@ -1,7 +1,7 @@
 //! The three models on held-out poses, and the model that is the result.
 //!
 //! Promises: held-out poses that recordings keep for validation take no part in the resulting model either; those drawn at random do, after their
-//! figures are taken. Never: words beyond warnings.
+//! figures are taken. Only warnings are text.
 
 use diagnosis::proof::{self, Calibration, Errors, Split};
 use diagnosis::share::tool_shares;
@@ -84,16 +84,16 @@ pub struct Calibrated {
     pub of_recordings: Vec<OfRecording>,
     /// Of the stations of the instrument; empty where there is one.
     pub stationed: Vec<Stationed>,
-    /// Single joints and loads by themselves.
+    /// Analyses of single joints and of loads.
     pub sweeps_and_loads: SweepsAndLoads,
-    /// What is to be looked at, in words.
+    /// Warnings, one sentence each.
     pub warnings: Vec<String>,
-    /// Why the model is not to be used, in words; empty where its proof holds.
+    /// Why the model must not be used, one sentence each; empty if the held-out errors support it.
     pub refused: Vec<String>,
     tolerance_mm: Option<f64>,
 }
 
-/// Calibrates `base` by recordings of one robot; `begins` is told what is computed next, in words.
+/// Calibrates `base` by recordings of one robot. `begins` is called with the name of each step as it starts, for a progress display.
 ///
 /// # Errors
 /// [`Error::GrossFaults`] where recordings and model do not belong together; [`Error::Input`] where recordings cannot be used with this model or hold too few
@@ -132,8 +132,8 @@ impl Fitted {
         begins: &mut dyn FnMut(&'static str),
     ) -> Self {
         let training = &split.training;
-        // Chance only lent the held-out poses: the resulting model is chosen and fitted anew on all of them, so that no seed has a say in it. A recording
-        // that keeps poses for validation means every fit.
+        // Poses that were held out at random are used in the resulting model, which is selected and fitted again on all poses and so does not depend on the
+        // seed. Poses that a recording reserves for validation are used in no fit.
         let used = if seed.is_some() { vec![true; campaign.poses.len()] } else { training.clone() };
         let anew = |used: &[bool]| {
             proof::calibrate(campaign, &base.physics, &base.sigma, used, &mut |_| ()).advanced
@@ -210,7 +210,7 @@ impl Calibrated {
         Some(Tolerance { tolerance_mm, p95_mm, met: p95_mm <= tolerance_mm })
     }
 
-    /// What the data do not tell. A shift along its own axis is none: it is nothing at all.
+    /// Parameters that the data do not determine, except the shift of an axis along itself, which has no effect.
     fn open(&self) -> impl Iterator<Item = &Undetermined> {
         let first = self.fit.column_of(0);
         let is_something = move |open: &&Undetermined| {
@@ -220,7 +220,7 @@ impl Calibrated {
         self.fit.undetermined.iter().filter(is_something)
     }
 
-    /// One sentence per number that the data do not tell.
+    /// One sentence for each parameter that the data do not determine.
     #[must_use]
     pub fn undetermined(&self) -> Vec<String> {
         self.open().map(Undetermined::says).collect()
@@ -232,7 +232,7 @@ impl Calibrated {
         undetermined::sentences(&self.fit, self.open())
     }
 
-    /// How the instruments wandered, in words.
+    /// Drift of the instruments, one sentence each.
     #[must_use]
     pub fn nests(&self) -> Vec<String> {
         let nests = self.campaign.recordings.iter().filter_map(|source| source.nests.as_ref());

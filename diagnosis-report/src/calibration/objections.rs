@@ -54,7 +54,7 @@ pub(super) fn contradictions(
     warnings
 }
 
-/// What the fit says of itself: the residuals against the stated noise, numbers beyond their tolerance, and the conditioning.
+/// Warnings from the fit: residuals against the stated noise, parameters far from their priors, conditioning.
 pub(super) fn checks(campaign: &Campaign, last: &Fit, settings: &super::Settings) -> Vec<String> {
     let mut warnings = Vec::new();
     for (instrument, factor) in campaign.instruments.iter().zip(&last.factors) {

@@ -1,8 +1,8 @@
 //! How late the kernel wakes a thread, and what the worst delay was made of: by `rtla timerlat`, the kernel's own tool.
 //!
 //! The kernel's timerlat tracer wakes a thread of priority FIFO 95 on each core every millisecond and measures its delay; beyond a limit it stops and attributes the delay to
-//! interrupts that were masked, interrupts, soft interrupts, and other threads (`rtla-timerlat-top(1)`). Promises: what the tool says is parsed, nothing is guessed;
-//! where it is missing or refused, that is said. Needs root.
+//! interrupts that were masked, interrupts, soft interrupts, and other threads (`rtla-timerlat-top(1)`). The output of the tool is parsed; if it is missing or refused,
+//! the check is unknown. Needs root.
 
 use std::process::Command;
 
@@ -37,10 +37,10 @@ struct Found {
 /// One part of a delay.
 #[derive(Debug, Clone, PartialEq)]
 struct Part {
-    /// In the tool's words, for example `IRQ handler delay`.
+    /// The tool's name for it, for example `IRQ handler delay`.
     what: String,
     percent: f64,
-    /// Who it was, for example `kworker/3:1:2711`; the largest of several.
+    /// Name and number of the thread or interrupt, for example `kworker/3:1:2711`; the first of several.
     who: Option<String>,
 }
 
@@ -165,7 +165,7 @@ fn total(line: &str) -> Option<f64> {
     line.trim().strip_prefix("Thread latency:")?.split_whitespace().next()?.parse().ok()
 }
 
-/// Who a part is of: a line with a name and a time without a share, such as `objtool:49256       3.79 us`.
+/// Thread or interrupt of a part: a line with a name and a time without a share, such as `objtool:49256       3.79 us`.
 fn who(line: &str) -> Option<String> {
     let mut words = line.split_whitespace();
     let (name, us, unit) = (words.next()?, words.next()?, words.next()?);

@@ -48,7 +48,7 @@ impl Model {
         seen.stand(&self.arm, inputs);
     }
 
-    /// The loads where the controller's geometry stands in `seen` already, with `beside` as one more change of them.
+    /// The loads for the controller's geometry in `seen`, with `beside` as an additional change.
     pub fn load_beside(
         &self,
         inputs: &Inputs,

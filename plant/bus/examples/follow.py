@@ -1,7 +1,7 @@
 """Follow a cell over Zenoh so that every message is seen once and in order: `follow.py ENDPOINT GROUP/CELL FILE`.
 
-Appends one line `STREAM NUMBER KIND` to FILE for each message and goes on where FILE ends. Uses the public package `eclipse-zenoh` alone. What was missed, because this program, the
-bridge or the network was away, is asked for at the key `history` as soon as a number shows the gap.
+Appends one line `STREAM NUMBER KIND` to FILE for each message and goes on where FILE ends. Uses the public package `eclipse-zenoh` alone. Messages that were missed, because this program, the
+bridge or the network was down, are requested at the key `history` as soon as a number reveals the gap.
 """
 
 import json

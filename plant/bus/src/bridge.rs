@@ -1,4 +1,4 @@
-//! The bridge of one cell: looks at its daemon as a [`Monitor`], keeps every message in the spool, then sends it.
+//! The bridge of one cell: reads its daemon as a [`Monitor`], writes every message to the spool, then publishes it.
 //!
 //! The daemon does not wait for a monitor, so nothing here (a full disk, a network that stalls, this process dying) delays its cycle. A message is on disk before it is sent:
 //! what a subscriber missed it finds in the history, also after a restart of the bridge.
@@ -65,9 +65,9 @@ pub struct Bridge {
     kept: Arc<Kept>,
     model_since: ModelSince,
     monitor: Option<Monitor>,
-    /// Why there is no monitor.
+    /// Why the daemon is not connected.
     absent: String,
-    /// Time stamp of the last status of a daemon that went away: it says nothing of the next one.
+    /// Time stamp of the last status of a daemon that ended, so that it is not taken for one of the next daemon.
     former_t_ns: u64,
     status: Option<Status>,
     daemon_version: Option<String>,
@@ -131,7 +131,7 @@ impl Bridge {
     pub fn run(&mut self, stop: &AtomicBool) -> Result<(), BridgeError> {
         let version = env!("CARGO_PKG_VERSION").to_owned();
         let torn_bytes = self.found.torn_bytes;
-        self.tell(Content::Event(Event::BridgeStarted { version, torn_bytes }))?;
+        self.publish(Content::Event(Event::BridgeStarted { version, torn_bytes }))?;
         let period = Duration::from_secs_f64(1.0 / self.settings.summaries_hz);
         while !stop.load(Relaxed) {
             self.look()?;
@@ -143,8 +143,8 @@ impl Bridge {
         Ok(())
     }
 
-    /// Keeps a message, then sends it.
-    fn tell(&mut self, content: Content) -> Result<(), BridgeError> {
+    /// Writes a message to the spool, then publishes it.
+    fn publish(&mut self, content: Content) -> Result<(), BridgeError> {
         let kind = content.kind();
         let mut spool = self.kept.spool();
         let message = Message {
@@ -162,7 +162,7 @@ impl Bridge {
         Ok(self.bus.send(kind, bytes)?)
     }
 
-    /// Takes what the daemon said, and tells what changed.
+    /// Reads the daemon's messages and publishes what changed.
     fn look(&mut self) -> Result<(), BridgeError> {
         self.connect();
         let mut events = Vec::new();
@@ -187,11 +187,11 @@ impl Bridge {
         let hash = report.as_ref().map(|report| report.model.hash.as_str());
         events.extend(self.changes.events(&alarms, hash));
         for event in events {
-            self.tell(Content::Event(event))?;
+            self.publish(Content::Event(event))?;
         }
         let health = health(report.as_ref(), away.as_deref());
         match self.changes.health(health) {
-            Some(health) => self.tell(Content::Health(health)),
+            Some(health) => self.publish(Content::Health(health)),
             None => Ok(()),
         }
     }
@@ -205,7 +205,7 @@ impl Bridge {
         }
     }
 
-    /// Takes the newest status; returns why the daemon does not answer, none where it does.
+    /// Reads the newest status; returns why the daemon does not respond, `None` if it does.
     fn take_status(&mut self) -> Option<String> {
         let Some(monitor) = &mut self.monitor else { return Some(self.absent.clone()) };
         let status = monitor.status();
@@ -250,6 +250,6 @@ impl Bridge {
             spool,
             status,
         };
-        self.tell(Content::Summary(Box::new(summary)))
+        self.publish(Content::Summary(Box::new(summary)))
     }
 }

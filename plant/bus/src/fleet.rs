@@ -1,4 +1,4 @@
-//! All cells as the bus knows them: the last summary of each, asked for once, as rows.
+//! All cells on the bus as rows: one query for the last summary of each.
 
 use std::time::Duration;
 
@@ -18,7 +18,7 @@ pub struct Fleet {
     pub schema: &'static str,
     /// One row for each cell whose bridge answers, by group and name.
     pub cells: Vec<Row>,
-    /// Expected cells (`GROUP/CELL`) whose bridge does not answer.
+    /// Expected cells (`GROUP/CELL`) whose bridge does not respond.
     pub missing: Vec<String>,
     /// Answers that cannot be read, with the reason.
     pub unreadable: Vec<String>,
@@ -31,17 +31,17 @@ pub struct Row {
     pub group: String,
     /// The cell.
     pub cell: String,
-    /// Word of the daemon's health; `null` where no status was ever received.
+    /// Health of the daemon; `null` if no status was ever received.
     pub health: Option<String>,
-    /// Word of the mode, likewise.
+    /// Mode, likewise.
     pub mode: Option<String>,
     /// Whether the cell is bypassed.
     pub bypassed: bool,
-    /// Why the daemon does not answer its bridge; `null` where it does.
+    /// Why the daemon does not respond to its bridge; `null` if it does.
     pub away: Option<String>,
     /// The daemon's message for the operator.
     pub message: String,
-    /// Words of the present alarms.
+    /// Present alarms.
     pub alarms: Vec<String>,
     /// Version of the daemon; `null` where unknown.
     pub daemon_version: Option<String>,
@@ -87,7 +87,7 @@ struct Body {
     bridge_version: String,
     daemon_version: Option<String>,
     away: Option<String>,
-    /// As words: a later version may have other alarms.
+    /// As text: a later version may have other alarms.
     alarms: Vec<String>,
     model_since_unix_ms: Option<u64>,
     correction: Correction,
@@ -128,7 +128,7 @@ struct Model {
 /// A summary as a row.
 ///
 /// # Errors
-/// In words, where it is no summary that this version can read.
+/// Why this version cannot read the summary.
 pub fn row(summary: &[u8]) -> Result<Row, String> {
     let read: Read = serde_json::from_slice(summary).map_err(|why| why.to_string())?;
     if read.schema != SCHEMA {
@@ -181,14 +181,14 @@ pub enum FleetError {
     Nobody,
 }
 
-/// Which cells are asked for.
+/// Which cells to query.
 #[derive(Debug, Clone)]
 pub struct Question {
     /// One group alone; none: all groups.
     pub group: Option<String>,
-    /// Cells (`GROUP/CELL`) that are missing where they do not answer.
+    /// Cells (`GROUP/CELL`) that are reported as missing if they do not respond.
     pub expected: Vec<String>,
-    /// How long answers are waited for.
+    /// Timeout for answers.
     pub within: Duration,
 }
 

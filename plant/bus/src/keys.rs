@@ -43,7 +43,7 @@ impl Keys {
         self.key(kind.word())
     }
 
-    /// Where kept messages are asked for.
+    /// Where kept messages are requested.
     #[must_use]
     pub fn history(&self) -> String {
         self.key("history")

@@ -1,8 +1,8 @@
 //! Cells on the plant's bus: summaries, events and health of a cell over Zenoh, and the cells of a plant as one table.
 //!
-//! Read in this order: [`message`] (what is sent), [`summary`] (how it is made of a daemon's statuses), [`spool`] (what is kept for those who missed it), [`zenoh_bus`] (how it is sent
-//! and answered), [`bridge`] (the loop of one cell), then [`fleet`] and [`text`] (all cells). Promises: a process of its own that only looks; a message is on disk before it is
-//! sent, numbered without gaps, and can be asked for until it falls out of the byte budget. Never: a request to a daemon, an equation, a message that waits for the network.
+//! Read in this order: [`message`] (what is sent), [`summary`] (how it is made of a daemon's statuses), [`spool`] (messages kept for subscribers that missed them), [`zenoh_bus`] (how it is sent
+//! and answered), [`bridge`] (the loop of one cell), then [`fleet`] and [`text`] (all cells). Promises: a separate process that only reads; a message is on disk before it is
+//! sent, numbered without gaps, and can be requested until the byte budget displaces it. Never: a request to a daemon, an equation, a message that waits for the network.
 
 pub mod bridge;
 pub mod fleet;

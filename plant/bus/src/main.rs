@@ -36,10 +36,10 @@ struct Where {
     connect: Vec<String>,
 }
 
-/// Put a cell on the bus: summaries, events, health, and what others missed of them
+/// Publish a cell on the bus: summaries, events, health; keep them for subscribers that missed them
 ///
-/// A process of its own that only looks at the daemon: nothing from the network reaches it, and it does not wait for this process. Runs until interrupted, goes on when daemon
-/// or router go and come back.
+/// A separate process that only reads the daemon's status: nothing from the network reaches the daemon, and the daemon does not wait for this process. Runs until interrupted and
+/// continues after a restart of the daemon or the router.
 #[derive(Debug, Args)]
 struct BridgeOf {
     /// The cell
@@ -51,7 +51,7 @@ struct BridgeOf {
     /// Folder where messages are kept; one for each cell
     #[arg(long, value_name = "DIR")]
     spool: PathBuf,
-    /// Size of the kept messages, MiB; the oldest fall out
+    /// Size of the kept messages, MiB; the oldest are removed
     #[arg(long, value_name = "MIB", default_value_t = Settings::default().spool_bytes >> 20, value_parser = clap::value_parser!(u64).range(1..=1 << 20))]
     spool_mib: u64,
     /// Summaries per second, 0.1 to 10
@@ -59,23 +59,23 @@ struct BridgeOf {
     rate_hz: f64,
     #[command(flatten)]
     bus: Where,
-    /// Address to listen at, for a plant without a router; repeat for several
+    /// Address to listen on, for a plant without a router; repeat for several
     #[arg(long, value_name = "tcp/HOST:PORT")]
     listen: Vec<String>,
 }
 
 /// Show all cells: state, versions, models, corrections, alarms
 ///
-/// Asks the bus alone. LARGEST: largest correction of a joint in the last period over its limit. AGE: for how long the cell has had this model. HEARD: age of the daemon's last status.
+/// Queries the bus only. LARGEST: largest correction of a joint in the last period over its limit. AGE: for how long the cell has had this model. HEARD: age of the daemon's last status.
 #[derive(Debug, Args)]
 struct FleetOf {
     /// One group alone
     #[arg(long, value_name = "NAME")]
     group: Option<String>,
-    /// A cell that has to be there; repeat for several
+    /// A cell that must be present; repeat for several
     #[arg(long, value_name = "GROUP/CELL")]
     expect: Vec<String>,
-    /// How long answers are waited for, s
+    /// Timeout for answers, s
     #[arg(long, value_name = "S", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=60))]
     within_s: u64,
     /// Print JSON (`trued.plant-fleet/1`)

@@ -1,6 +1,6 @@
-//! What is sent of a cell, as JSON: one numbered series of summaries, events and states of health.
+//! Messages of a cell as JSON: one numbered series of summaries, events and states of health.
 //!
-//! Codes are words, units are in the keys. A number that is unknown is `null`. New keys may be added; a reader ignores those it does not know.
+//! Codes are written as words, units are part of the keys. Unknown numbers are `null`. Keys may be added; readers must ignore unknown ones.
 
 use live::report::Report;
 use schemars::JsonSchema;
@@ -25,12 +25,12 @@ pub struct Message {
     pub group: String,
     /// The cell.
     pub cell: String,
-    /// What it says.
+    /// Kind and content.
     #[serde(flatten)]
     pub content: Content,
 }
 
-/// What a message says.
+/// Content of a message.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 #[serde(tag = "kind", content = "body", rename_all = "snake_case")]
 pub enum Content {
@@ -89,15 +89,15 @@ pub struct Summary {
     pub bridge_version: String,
     /// Version of the daemon; `null` where none has announced itself.
     pub daemon_version: Option<String>,
-    /// Why the daemon does not answer; `null` where it does.
+    /// Why the daemon does not respond; `null` if it does.
     pub away: Option<String>,
-    /// What is wrong now, as in [`Alarm`].
+    /// Present alarms.
     pub alarms: Vec<Alarm>,
     /// When this bridge first saw the present model (its hash) in this cell, ms since 1970-01-01 UTC; `null` before the first status.
     pub model_since_unix_ms: Option<u64>,
     /// Statistics of the correction.
     pub correction: CorrectionStatistics,
-    /// What is kept for those who missed messages.
+    /// Messages kept for subscribers that missed them.
     pub spool: SpoolState,
     /// The last status, as of `trued status --json -` (`trued.status/1`); `null` before the first.
     pub status: Option<Report>,
@@ -119,7 +119,7 @@ pub struct CorrectionStatistics {
 /// What the spool holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct SpoolState {
-    /// Number of the oldest message that can be asked for. `first - 1` fell out of the budget.
+    /// Number of the oldest message that can be requested; older ones were removed to keep the budget.
     pub first: u64,
     /// Size on disk, bytes.
     pub bytes: u64,
@@ -130,27 +130,27 @@ pub struct SpoolState {
 /// The daemon's health.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct CellHealth {
-    /// Word of the health (`running`, `degraded`, …); `null` before the first status.
+    /// Health (`running`, `degraded`, …); `null` before the first status.
     pub health: Option<&'static str>,
-    /// Word of the mode; `null` before the first status.
+    /// Mode (`shadow`, `limited`, `full`); `null` before the first status.
     pub mode: Option<&'static str>,
     /// Whether the cell is bypassed.
     pub bypassed: bool,
-    /// Why the daemon does not answer; `null` where it does.
+    /// Why the daemon does not respond; `null` if it does.
     pub away: Option<String>,
-    /// The daemon's message for the operator, or why it is away.
+    /// The daemon's message for the operator, or why it does not respond.
     pub message: String,
 }
 
-/// Something that is wrong.
+/// A condition that needs attention.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Alarm {
-    /// The daemon does not answer.
+    /// The daemon does not respond.
     DaemonAway,
     /// Health `fault`: nothing is corrected.
     Fault,
-    /// Health `degraded`: the message says which restriction.
+    /// Health `degraded`; the message names the restriction.
     Degraded,
     /// A vibration is in state `alarm` or `confirmed`.
     Vibration,
@@ -178,7 +178,7 @@ impl Alarm {
     }
 }
 
-/// Something that happened.
+/// A change in the cell.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
@@ -189,14 +189,14 @@ pub enum Event {
         /// Bytes of the spool that were not written whole and were removed.
         torn_bytes: u64,
     },
-    /// The daemon answers.
+    /// The daemon responds.
     DaemonConnected {
         /// Its process.
         pid: u32,
     },
-    /// The daemon does not answer any more.
+    /// The daemon no longer responds.
     DaemonLost {
-        /// In words, with what to do.
+        /// Reason and remedy.
         why: String,
     },
     /// Another model is in use.
@@ -220,9 +220,9 @@ pub enum Event {
     Vibration {
         /// Number of the vibration, from its first warning to its end.
         vibration: u64,
-        /// Word of the state: `warn`, `alarm`, `confirmed`, `over`.
+        /// State: `warn`, `alarm`, `confirmed`, `over`.
         state: &'static str,
-        /// Word of the class.
+        /// Class.
         class: &'static str,
         /// Its frequency, Hz.
         #[serde(rename = "frequency_Hz")]
@@ -231,7 +231,7 @@ pub enum Event {
         amplitude: f64,
         /// Channel of the force sensor.
         axis: &'static str,
-        /// In words, with the advice.
+        /// Description with the advice.
         sentence: String,
     },
 }

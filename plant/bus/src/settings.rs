@@ -1,4 +1,4 @@
-//! What decides how often and how much is sent and kept, with unit, range, default and origin.
+//! Rates and sizes of a bridge, with unit, range, default and origin.
 
 use std::time::Duration;
 
@@ -12,9 +12,9 @@ pub struct Settings {
     /// Size of the messages in one answer to a query of the history, bytes. Above 0; default 512 KiB. Origin: below the buffers of Zenoh's links, and read from disk
     /// within milliseconds.
     pub page_bytes: usize,
-    /// How often the daemon is looked at. Default 20 ms. Origin: half the time between two statuses.
+    /// Period at which the daemon's status is polled. 1 to 1000 ms, default 20 ms. Origin: half the time between two statuses.
     pub look_every: Duration,
-    /// How long a daemon that is not there is waited for before its absence is told and tried again. Default 500 ms. Origin: a daemon starts within it.
+    /// Timeout of an attempt to connect to the daemon; then its absence is reported and the next attempt starts. 10 ms to 10 s, default 500 ms. Origin: above the time in which a daemon starts.
     pub connect_within: Duration,
 }
 

@@ -1,10 +1,10 @@
-//! An append-only log of numbered records on disk, under a byte budget: what a subscriber missed can be asked for later, in order.
+//! An append-only log of numbered records on disk, under a byte budget: messages that a subscriber missed can be requested later, in order.
 //!
 //! Files `NUMBER.spool`, named by the number of their first record, each at most an eighth of the budget. A file begins with 16 fixed bytes, the stream (u64, little
 //! endian) and the number of its first record (u64); a record is its length (u32), its CRC-32 (u32) and its bytes. Promises: a record is on disk when
 //! [`Spool::append`] returns, so that a number never names two records; the files never exceed the budget: the oldest file makes room, and
-//! [`Spool::first`] tells what is left; a record that was not written whole is removed when the spool is opened, and told. Where files were lost in between,
-//! what is older than the gap is removed as well, because a reader relies on consecutive numbers.
+//! [`Spool::first`] is the oldest record left; an incomplete record is removed and reported when the spool is opened. If a file in between is lost,
+//! older records are removed as well, because readers rely on consecutive numbers.
 
 use std::collections::VecDeque;
 use std::fs::{self, File, OpenOptions};
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 const HEADER: &[u8; 16] = b"trued.spool/1\n\0\0";
 const HEADER_BYTES: u64 = 32;
 const RECORD_HEADER_BYTES: u64 = 8;
-/// Files that share the budget: what falls out at once is one of them.
+/// Files that share the budget; one file is removed at a time.
 const FILES: u64 = 8;
 /// Smallest budget: a summary of 16 joints has 6 kB.
 pub const BUDGET_BYTES_MIN: u64 = 1 << 20;

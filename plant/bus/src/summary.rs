@@ -1,4 +1,4 @@
-//! From statuses and verdicts of a daemon to what is sent: statistics over a period, alarms, and what changed. No clock, no network.
+//! Statistics over a period, alarms and changes from the statuses and verdicts of a daemon. No clock, no network.
 
 use std::collections::BTreeMap;
 
@@ -52,7 +52,7 @@ impl Accumulator {
     }
 }
 
-/// What is wrong with a cell; `away`: its daemon does not answer.
+/// Alarms of a cell; `away`: its daemon does not respond.
 #[must_use]
 pub fn alarms(status: Option<&Status>, away: bool) -> Vec<Alarm> {
     let mut alarms = Vec::new();
@@ -77,7 +77,7 @@ pub fn alarms(status: Option<&Status>, away: bool) -> Vec<Alarm> {
     alarms
 }
 
-/// The health of a cell as it is sent.
+/// The health of a cell as published.
 #[must_use]
 pub fn health(report: Option<&Report>, away: Option<&str>) -> CellHealth {
     let message = report.map_or("", |report| report.message.as_str());
@@ -90,7 +90,7 @@ pub fn health(report: Option<&Report>, away: Option<&str>) -> CellHealth {
     }
 }
 
-/// What was last told of a cell, so that changes alone are events.
+/// Last published state of a cell, so that only changes become events.
 #[derive(Debug, Default)]
 pub struct Changes {
     alarms: Vec<Alarm>,
@@ -115,7 +115,7 @@ impl Changes {
         events
     }
 
-    /// The health where it is another than the one told last. Its message alone, which may hold figures, is no change: the present one is in the summary.
+    /// The health, if it differs from the last published one. A different message alone does not count, because messages may contain figures; the summary has the present one.
     pub fn health(&mut self, health: CellHealth) -> Option<CellHealth> {
         let last = self.health.as_ref();
         let message = health.message.clone();
@@ -126,10 +126,10 @@ impl Changes {
         Some(health)
     }
 
-    /// A verdict where state or class of its vibration are others than those told last.
+    /// An event, if state or class of the vibration differ from the last published ones.
     pub fn vibration(&mut self, verdict: &Verdict) -> Option<Event> {
-        let told = (verdict.state, verdict.class);
-        if self.vibrations.insert(verdict.event, told) == Some(told) {
+        let present = (verdict.state, verdict.class);
+        if self.vibrations.insert(verdict.event, present) == Some(present) {
             return None;
         }
         let state = verdict.state();

@@ -1,7 +1,7 @@
 //! Recordings as MCAP files of standard ROS 2 messages, which `ros2 bag`, Foxglove and the `mcap` packages read without message packages of trued.
 //!
 //! Contract: docs/reference/recording.md, "ROS 2". The messages of a recording of the daemon have its wall-clock times; those of a table count from its first row,
-//! in 1970. Of a table, columns without a standard message are left out and named.
+//! in 1970. Columns of a table without a standard message are left out and listed.
 
 mod messages;
 #[cfg(test)]

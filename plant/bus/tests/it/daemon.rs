@@ -1,4 +1,4 @@
-//! With a real daemon: the bus tells what it corrects, that it dies, that it is back, and what it was.
+//! With a real daemon: the fleet shows its correction, its end and its return.
 
 use std::path::PathBuf;
 use std::process::Command;

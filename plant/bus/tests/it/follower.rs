@@ -103,7 +103,7 @@ fn a_subscriber_in_python_gets_every_message_once_and_in_order_whoever_is_paused
         let spool = spool.to_str().unwrap();
         let words = ["bridge", "cell", "--group", "line", "--spool", spool, "--rate-hz", "10"];
         let mut command = plant(&words);
-        // No daemon is there, which is told as well.
+        // The absence of a daemon is published as well.
         command.args(["--listen", &at]).env("TRUED_RUNTIME_DIR", folder.0.join("run"));
         Process::start(&mut command, "ready")
     };
