@@ -227,6 +227,14 @@ The system has exit from idle latency!
     }
 
     #[test]
+    fn the_remedy_is_for_the_largest_part_wherever_it_stands() {
+        let less = STOPPED.replace("(65.52 %)", "(1.52 %)").replace("(9.03 %)", "(70.03 %)");
+        let check = judge(&less, "", settings(40));
+        assert!(check.found.contains("70 % Blocking thread (objtool:49256), 23 %"), "{check:?}");
+        assert!(check.fix.contains("isolate the core"), "{check:?}");
+    }
+
+    #[test]
     fn a_limit_that_was_kept_passes_with_the_largest_delay_of_all_cores() {
         let table = STOPPED.split("rtla timerlat").next().expect("the table");
         let check = judge(table, "", settings(100));
