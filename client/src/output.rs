@@ -69,7 +69,7 @@ impl Output {
         self.feed.start(feed_override);
     }
 
-    /// The feed override that was handed on last; 1 is the programmed feed.
+    /// The feed override that was returned last; 1 is the programmed feed.
     #[must_use]
     pub fn feed_override(&self) -> f64 {
         self.feed.value()

@@ -14,7 +14,7 @@
 //!
 //! A deflection limit is a force limit over the model's compliance along the force. While the robot is at rest the force does not depend on the feed: `P` and the override are held.
 //!
-//! Promises: in every state a number from the floor to 1, that changes by no more than the rates, from what the client handed on where it says so; the same sequence of inputs gives the same bits. Never: a clock.
+//! Promises: in every state a number from the floor to 1, that changes by no more than the rates, from the override that the client returned last where it states one; the same sequence of inputs gives the same bits. Never: a clock.
 
 #[cfg(test)]
 mod tests;
@@ -47,8 +47,8 @@ pub struct FeedRules {
     pub speed_over_s: f64,
     /// A programmed feed below this counts as a stop, m/s; above 0. Default 1e-4: slower than any machining feed, faster than what setpoints of a robot at rest differ by.
     pub rest_m_s: f64,
-    /// The override that the client handed on may differ from the one sent by as much as it changes in this time, s; 0.01 to 1. Beyond that the client's holds: it has started anew,
-    /// or was without answers. Default 0.05: answers that are a few cycles of a slow controller late.
+    /// The override that the client returned to the cell may differ from the one sent here by as much as it can change in this time, s; 0.01 to 1. Beyond that the client's value holds: it was
+    /// restarted or had no answers. Default 0.05: answers that are a few cycles of a slow controller late.
     pub behind_s: f64,
 }
 
@@ -102,8 +102,8 @@ pub struct FeedInput {
     pub compliance_m_per_n: Option<f64>,
     /// Whether corrections go out.
     pub corrects: bool,
-    /// The override that the client handed on last; none where it does not say.
-    pub handed_on: Option<f64>,
+    /// The override that the client returned to the cell last; `None` if it states none.
+    pub client_override: Option<f64>,
 }
 
 /// State of the feed override.
@@ -238,12 +238,12 @@ impl Feed {
         seconds(now_ns.saturating_sub(before_ns)).min(self.settings.rules.pause_s)
     }
 
-    /// The client limits the override again and owns what the controller gets: where it is elsewhere than the override that was sent here, that one was not in force.
+    /// The client limits the override again, and its value is the one in force: where it differs from the one sent here, this one continues from it.
     fn follow_client(&mut self, input: &FeedInput) {
         let FeedSettings { bounds, rules, .. } = self.settings;
         let behind = rules.behind_s * f64::max(bounds.down_per_s(), bounds.up_per_s());
-        let handed_on = input.handed_on.filter(|o| (0.0..=1.0).contains(o));
-        if let Some(o) = handed_on
+        let client_override = input.client_override.filter(|o| (0.0..=1.0).contains(o));
+        if let Some(o) = client_override
             && (o - self.report.feed_override).abs() > behind
         {
             self.report.feed_override = o;

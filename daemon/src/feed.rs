@@ -43,7 +43,9 @@ impl CellFeed {
             tool_m,
             compliance_m_per_n: self.compliance_m_per_n,
             corrects,
-            handed_on: command.has(Command::HAS_FEED_OVERRIDE).then_some(command.feed_override),
+            client_override: command
+                .has(Command::HAS_FEED_OVERRIDE)
+                .then_some(command.feed_override),
         })
     }
 

@@ -36,7 +36,7 @@ plain_struct! {
         pub wrench: [f64; 6],
         /// Ambient, then one per joint, °C, where `HAS_TEMPERATURE` is set; NaN where unknown.
         pub temperature_c: [f64; JOINTS_MAX + 1],
-        /// The feed override that was handed on last, where `HAS_FEED_OVERRIDE` is set; 1 is the programmed feed.
+        /// The feed override that the client returned to the cell last, where `HAS_FEED_OVERRIDE` is set; 1 is the programmed feed.
         pub feed_override: f64,
     }
 }

@@ -77,7 +77,7 @@ impl Bench {
             tool_m: Some(DVec3::X * self.at_m),
             compliance_m_per_n: None,
             corrects: true,
-            handed_on: None,
+            client_override: None,
         };
         self.cycle(&input, ms)
     }
@@ -269,7 +269,7 @@ fn a_deflection_limit_is_a_force_limit_by_the_compliance_and_none_without_one() 
             tool_m: Some(DVec3::ZERO),
             compliance_m_per_n,
             corrects: true,
-            handed_on: None,
+            client_override: None,
         };
         bench.cycle(&input, 1);
         let report = bench.feed.report();
@@ -296,8 +296,8 @@ fn a_client_that_starts_anew_below_what_was_sent_gets_no_more_force_than_the_lim
     bench.ticks(20_000, 250.0);
     assert!((bench.before - 0.4).abs() < 1e-3, "settled at {}", bench.before);
     // The controller gets what the client hands on: from 0.1 on, at its rate.
-    let mut handed_on = 0.1;
-    let mut in_force = VecDeque::from(vec![handed_on; 61]);
+    let mut client_override = 0.1;
+    let mut in_force = VecDeque::from(vec![client_override; 61]);
     let mut most_n: f64 = 0.0;
     for _ in 0..20_000 {
         let o = in_force.pop_front().expect("61 of them");
@@ -311,13 +311,13 @@ fn a_client_that_starts_anew_below_what_was_sent_gets_no_more_force_than_the_lim
             tool_m: Some(DVec3::X * bench.at_m),
             compliance_m_per_n: None,
             corrects: true,
-            handed_on: Some(handed_on),
+            client_override: Some(client_override),
         });
-        handed_on = asked.clamp(handed_on - 2e-3, handed_on + 2e-4);
-        in_force.push_back(handed_on);
+        client_override = asked.clamp(client_override - 2e-3, client_override + 2e-4);
+        in_force.push_back(client_override);
     }
     assert!(most_n < 1.02 * LIMIT_N, "{most_n} N");
-    assert!((handed_on - 0.4).abs() < 1e-3, "settles at {handed_on}");
+    assert!((client_override - 0.4).abs() < 1e-3, "settles at {client_override}");
 }
 
 #[test]
@@ -386,7 +386,7 @@ proptest! {
                 tool_m: Some(DVec3::Y * at_m),
                 compliance_m_per_n: Some(force * 1e-9),
                 corrects: true,
-            handed_on: None,
+            client_override: None,
             };
             bench.cycle(&input, ms);
         }
