@@ -7,7 +7,7 @@
 //! Promises: no result unless the new parameters explain the run much better than the model's; parameters stay positive. Never: a new effect.
 
 use crate::fourier::{Transform, product};
-use crate::plant::{Plant, Uncertain};
+use joint_dynamics::plant::{Plant, Uncertain};
 use nalgebra::{SMatrix, SVector};
 use realfft::num_complex::Complex64;
 

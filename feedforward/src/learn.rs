@@ -1,6 +1,6 @@
 //! Iterative learning: the commands of the next run from the error of the last one.
 //!
-//! Norm-optimal learning with the model as inverse ([`crate::inverse`]), which converges monotonically for every plant whose parameters deviate by up to the stated
+//! Norm-optimal learning with the model as inverse ([`joint_dynamics::inverse`]), which converges monotonically for every plant whose parameters deviate by up to the stated
 //! fraction. At each frequency the error is weighted by its share above the noise (Wiener filter): for several runs of the same commands the noise is their difference,
 //! for one run the level far above the bandwidth. Differences between runs cannot be learned and are reported as repeatability.
 //!
@@ -11,10 +11,10 @@ use crate::FeedforwardError;
 use crate::fourier::Transform;
 use crate::identify::{self, Refined, refined};
 use crate::measured::{Measured, Seen};
-use crate::plant::{Plant, Plants};
 use crate::preview::{joint_of, settle_s};
 use crate::settings::Settings;
 use crate::step::{Known, Stepped};
+use joint_dynamics::plant::{Plant, Plants};
 use realfft::num_complex::Complex64;
 
 /// Bins over which the power of an error is averaged, to each side.

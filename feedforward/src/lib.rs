@@ -2,31 +2,30 @@
 //!
 //! Each joint is a linear plant of the model: delay, first-order lags, flexible modes ([`plant`]). Its commands come from one step, in the frequency domain and
 //! therefore without causality: `c ← c + λ L e`, with the error e of the path, the regularised inverse L of the plant and a factor λ ≤ 1 that makes
-//! the step robust for any plant whose parameters deviate by a stated fraction ([`inverse`]). With the error that the model predicts this is preview compensation
+//! the step robust for any plant whose parameters deviate by a stated fraction ([`joint_dynamics::inverse`]). With the error that the model predicts this is preview compensation
 //! ([`preview()`]), with an error that was measured it is norm-optimal iterative learning ([`learn()`]).
 //! The result satisfies limits of position, rate and jerk (`envelope`, the limiter of the daemon).
 //!
 //! Sources: Bristow, Tharayil, Alleyne, "A survey of iterative learning control", IEEE Control Systems 26(3), 2006 (norm-optimal ILC, robust monotonic
 //! convergence `|1 − L G| < 1`); Wiener filter for noise.
 //!
-//! Read in this order: [`plant`], [`inverse`], [`step`], [`mod@preview`], [`identify`], [`grid`], [`measured`], [`mod@learn`], [`tool`].
+//! Read in this order: [`joint_dynamics::plant`], [`joint_dynamics::inverse`], [`step`], [`mod@preview`], [`identify`], [`grid`], [`measured`], [`mod@learn`], [`tool`].
 //!
 //! Promises: same input, same bits. Never: a file, a clock, a cycle of the daemon. Couplings between joints through inertia are not modelled;
-//! effects of the model that are not compensated are listed ([`plant::Plants::left_out`]).
+//! effects of the model that are not compensated are listed ([`joint_dynamics::plant::Plants::left_out`]).
 
 pub mod error;
 mod fourier;
 pub mod grid;
 pub mod identify;
-pub mod inverse;
 pub mod learn;
 pub mod measured;
-pub mod plant;
 pub mod preview;
 pub mod settings;
 pub mod step;
 pub mod tool;
 #[cfg(test)]
+#[path = "../../joint-dynamics/src/virtual_joint.rs"]
 mod virtual_joint;
 
 pub use error::FeedforwardError;

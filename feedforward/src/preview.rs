@@ -4,9 +4,9 @@
 
 use crate::FeedforwardError;
 use crate::fourier::Transform;
-use crate::plant::{Plant, Plants};
 use crate::settings::Settings;
 use crate::step::{Joint, Known, Stepped};
+use joint_dynamics::plant::{Plant, Plants};
 use physics::Arm;
 
 /// What became of each joint; all in rad or m, row by row.

@@ -66,3 +66,9 @@ impl Settings {
         Err(FeedforwardError::Sampling { what, step_ms, most_ms, bandwidth_hz })
     }
 }
+
+/// The defaults of the command line.
+#[cfg(test)]
+pub(crate) fn settings() -> Settings {
+    Settings::with_limits(0.2, 1.0, 5000.0).expect("sound")
+}

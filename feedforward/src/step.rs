@@ -7,10 +7,10 @@
 //! smallest RMS error by the model is used; the limiter of the daemon (`envelope`) is applied last, so that limits hold in any case.
 
 use crate::fourier::{Transform, product};
-use crate::inverse::{Design, Gains, Source};
-use crate::plant::Plant;
 use crate::settings::Settings;
 use envelope::Limiter;
+use joint_dynamics::inverse::{Design, Gains, Source};
+use joint_dynamics::plant::Plant;
 use realfft::num_complex::Complex64;
 use std::f64::consts::PI;
 

@@ -22,12 +22,16 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("diagnosis-report", &["diagnosis", "recording", "report", "spectrum", "physics"]),
     ("spectrum-report", &["spectrum", "recording", "report"]),
     ("batch", &["recording"]),
-    ("feedforward", &["diagnosis", "world", "recording", "physics", "envelope"]),
+    ("joint-dynamics", &["recording", "physics"]),
+    ("feedforward", &["joint-dynamics", "diagnosis", "world", "recording", "physics", "envelope"]),
     ("client", &["shm-schema", "envelope"]),
     ("client/c", &["client", "shm-schema"]),
     // Of `physics` the controller's geometry alone: what a correction of joints does to the tool.
     ("bridge", &["client", "recording", "physics"]),
-    ("daemon", &["corrector", "physics", "envelope", "spectrum", "recording", "shm-schema"]),
+    (
+        "daemon",
+        &["corrector", "joint-dynamics", "physics", "envelope", "spectrum", "recording", "shm-schema"],
+    ),
     // Of `daemon` its states as messages of a recording alone.
     ("live", &["client", "shm-schema", "recording", "daemon"]),
     ("challenge", &[]),

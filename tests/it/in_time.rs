@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 use feedforward::learn::expected_error;
-use feedforward::plant::Plants;
+use joint_dynamics::plant::Plants;
 use glam::DVec3;
 use physics::{Arm, Chain, Joints};
 use recording::model::RobotModel;

@@ -1,7 +1,7 @@
 //! Common parts of dynamic compensation: options, and errors of joints and tool as text and JSON.
 
 use clap::Args;
-use feedforward::plant::Plants;
+use joint_dynamics::plant::Plants;
 use feedforward::step::Stepped;
 use feedforward::{FeedforwardError, Settings, tool};
 use physics::JointKind;

@@ -1,8 +1,9 @@
 //! Learning on a joint that is integrated in time: it converges, never diverges, and leaves noise alone.
 
 use super::*;
-use crate::plant::{Mode, Plant, Uncertain};
-use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, rms, settings};
+use crate::settings::settings;
+use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, rms};
+use joint_dynamics::plant::{Mode, Plant, Uncertain};
 use proptest::prelude::*;
 
 fn plants(of: &VirtualJoint, sigma: f64) -> Plants {

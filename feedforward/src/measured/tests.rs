@@ -1,7 +1,8 @@
 //! Clocks, frames and refused measurements.
 
 use super::*;
-use crate::virtual_joint::{STEP_S, settings};
+use crate::settings::settings;
+use crate::virtual_joint::STEP_S;
 use physics::frame::rotation_from_vector;
 use recording::model::RobotModel;
 use std::path::Path;

@@ -1,8 +1,9 @@
 //! Preview compensation on a joint integrated in time: inversion, robustness, limits.
 
 use super::*;
-use crate::plant::{Mode, Uncertain};
-use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, rms, settings};
+use crate::settings::settings;
+use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, rms};
+use joint_dynamics::plant::{Mode, Uncertain};
 use proptest::prelude::*;
 
 /// A model of the joint, sure of its numbers to a share.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use feedforward::learn::{Learned, Next, Runs, expected_error};
 use feedforward::measured::{Clock, Expected, Measured, Seen, links};
-use feedforward::plant::{Plant, Plants, Uncertain};
+use joint_dynamics::plant::{Plant, Plants, Uncertain};
 use feedforward::preview::{check_joint_limits, lead_s};
 use feedforward::{Settings, grid, learn};
 use physics::JointKind;

@@ -1,6 +1,6 @@
 //! `trued correct --dynamic`: preview compensation of a path on top of its static correction.
 
-use feedforward::plant::Plants;
+use joint_dynamics::plant::Plants;
 use feedforward::preview::{check_joint_limits, lead_s};
 use feedforward::{Settings, grid, preview};
 use serde::Serialize;

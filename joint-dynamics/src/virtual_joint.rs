@@ -1,7 +1,5 @@
 //! A joint in the time domain, for tests: a delay line, lags and modes integrated by a Runge-Kutta method. Shares no code with the inverse.
 
-use crate::Settings;
-
 /// The numbers of a joint with one lag and one mode.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct VirtualJoint {
@@ -23,11 +21,6 @@ pub(crate) const JOINT: VirtualJoint = VirtualJoint {
     damping_ratio: 0.02,
     participation: 1.0,
 };
-
-/// The defaults of the command line.
-pub(crate) fn settings() -> Settings {
-    Settings::with_limits(0.2, 1.0, 5000.0).expect("sound")
-}
 
 /// Steps of the integration in one sample.
 const SUBSTEPS: usize = 8;

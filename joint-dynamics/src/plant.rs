@@ -132,7 +132,7 @@ impl Plant {
     }
 
     /// From the command to the motor.
-    pub(crate) fn motor_response(&self, hz: f64) -> Complex64 {
+    pub fn motor_response(&self, hz: f64) -> Complex64 {
         let omega = TAU * hz;
         let delay_s: f64 = self.delays_s.iter().map(|delay| delay.value).sum();
         let delayed = Complex64::cis(-omega * delay_s);
@@ -140,7 +140,7 @@ impl Plant {
     }
 
     /// From the motor to the link.
-    pub(crate) fn link_response(&self, hz: f64) -> Complex64 {
+    pub fn link_response(&self, hz: f64) -> Complex64 {
         let one = Complex64::new(1.0, 0.0);
         self.modes.iter().fold(one, |g, mode| {
             let natural = mode.frequency_hz.value;
@@ -153,19 +153,19 @@ impl Plant {
     }
 
     /// How long it remembers, s: delay, five time constants of its lags.
-    pub(crate) fn reach_s(&self) -> f64 {
+    pub fn reach_s(&self) -> f64 {
         let sum = |numbers: &[Uncertain]| numbers.iter().map(|n| n.value.abs()).sum::<f64>();
         sum(&self.delays_s) + 5.0 * sum(&self.lags_s)
     }
 
     /// How long its slowest mode rings, s: to a hundredth.
-    pub(crate) fn rings_s(&self) -> f64 {
+    pub fn rings_s(&self) -> f64 {
         let decay = |mode: &Mode| TAU * mode.frequency_hz.value * mode.damping_ratio.value;
         self.modes.iter().map(|mode| 4.6 / decay(mode).max(0.5)).fold(0.0, f64::max)
     }
 
     /// The plant with one number after the other off by its standard uncertainty, up and down.
-    pub(crate) fn off_by_sigma(&self) -> Vec<Self> {
+    pub fn off_by_sigma(&self) -> Vec<Self> {
         let count = self.clone().numbers().len();
         let shifted = |at: usize, sign: f64| {
             let mut plant = self.clone();
@@ -186,7 +186,7 @@ impl Plant {
     }
 
     /// Motors whose delay and lags are off by up to a share, each kind by itself.
-    pub(crate) fn motors_off_by(&self, share: f64) -> Vec<Self> {
+    pub fn motors_off_by(&self, share: f64) -> Vec<Self> {
         let scaled = |delay: f64, lag: f64| {
             let mut plant = self.of_motor();
             plant.delays_s.iter_mut().for_each(|number| number.value *= 1.0 + delay);
@@ -199,7 +199,7 @@ impl Plant {
 
     /// Links whose modes are off by up to a share: frequencies together, in steps that hit a peak of 2 % damping; damping at both ends; participation
     /// by three standard uncertainties, and no more than the share.
-    pub(crate) fn links_off_by(&self, share: f64) -> Vec<Self> {
+    pub fn links_off_by(&self, share: f64) -> Vec<Self> {
         if self.modes.is_empty() {
             return vec![Self::default()];
         }

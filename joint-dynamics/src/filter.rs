@@ -1,0 +1,143 @@
+//! The filter over commands that arrive one by one, and the setpoints that are known to follow.
+//!
+//! Setpoints that are not known are assumed to go on at the speed of the last known ones. Without a horizon this is a velocity feedforward: at constant speed the joints are
+//! led exactly; where the speed changes, the lead comes too late by delay and lag. With a horizon as long as delay and lag most of the error is gone.
+//!
+//! Commands count as equally spaced by the period of the cell: times of commands serve to find missed ones, not to measure speeds, since their jitter would appear as one.
+//!
+//! Promises: the lead is zero at rest, and after a restart until the joints move. Never: an allocation after [`Filter::new`], a limit (the corrector's limiter follows).
+
+use crate::taps::Taps;
+use physics::{JOINTS_MAX, Joints};
+
+/// Commands whose times are further apart than this, s, and than [`SILENT_PERIODS`] do not belong to one motion: the robot has stopped meanwhile. Both are those of the
+/// corrector's limiters (`envelope/src/elapsed.rs`).
+const SILENCE_S: f64 = 0.02;
+const SILENT_PERIODS: f64 = 3.0;
+
+/// What the lead was computed from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Ahead {
+    /// Setpoints ahead of the command that were known, at most as many as the filter makes use of.
+    pub known: usize,
+    /// As many as the filter makes use of.
+    pub used_at_most: usize,
+}
+
+/// The filter of one arm.
+#[derive(Clone, Debug)]
+pub struct Filter {
+    taps: Taps,
+    /// The last commands, every period, the newest at `newest`; a ring.
+    past: Vec<Joints>,
+    newest: usize,
+    last_ns: Option<u64>,
+    /// What a joint can move from one command to the next, rad or m; more is a jump.
+    reach: Joints,
+    /// Periods by which the times of the commands are ahead of those counted, −0.5 to 0.5.
+    unspent: f64,
+}
+
+impl Filter {
+    /// A filter without a past, for joints that move by at most `reach` from one command to the next, rad or m; may be infinite.
+    #[must_use]
+    pub fn new(taps: Taps, reach: Joints) -> Self {
+        let length = taps.commands_ahead() + 1;
+        let past = vec![[0.0; JOINTS_MAX]; length];
+        Self { taps, past, newest: 0, last_ns: None, reach, unspent: 0.0 }
+    }
+
+    /// Setpoints ahead of a command that it makes use of.
+    #[must_use]
+    pub fn commands_ahead(&self) -> usize {
+        self.taps.commands_ahead()
+    }
+
+    /// Forgets the path: the next command counts as one of a robot at rest.
+    pub fn restart(&mut self) {
+        self.last_ns = None;
+    }
+
+    /// What the joints are to be commanded beyond `q`, the command for the time `t_ns`, rad or m; `following` are the setpoints after it, a period apart.
+    ///
+    /// A command that is not finite is ignored, and led by nothing. One whose time is not later than that of the command before, or by more than 20 ms and three periods, and one that jumps
+    /// begin anew.
+    pub fn step(&mut self, q: &Joints, t_ns: u64, following: &[Joints]) -> (Joints, Ahead) {
+        let following = &following[..following.len().min(self.commands_ahead())];
+        let ahead = Ahead { known: following.len(), used_at_most: self.commands_ahead() };
+        if !q.iter().all(|q| q.is_finite()) {
+            return ([0.0; JOINTS_MAX], ahead);
+        }
+        self.take(q, t_ns);
+        let mut lead = [0.0; JOINTS_MAX];
+        for (joint, taps) in self.taps.joints().iter().enumerate().filter(|(_, t)| !t.is_empty()) {
+            lead[joint] = self.lead(joint, taps, following);
+        }
+        (lead, ahead)
+    }
+
+    /// The sum over the past commands, the known setpoints and their continuation at constant speed.
+    fn lead(&self, joint: usize, taps: &[f64], following: &[Joints]) -> f64 {
+        let (half, stride) = (taps.len() / 2, self.taps.stride());
+        let now = self.past[self.newest][joint];
+        let before: f64 = (1..=half)
+            .map(|k| taps[half - k] * (self.commanded_before(k * stride)[joint] - now))
+            .sum();
+        // Whole strides of the horizon; what is known beyond them is less than one stride.
+        let known = following.len() / stride;
+        let ahead = |k: usize| following[k * stride - 1][joint];
+        let foreseen: f64 = (1..=known.min(half)).map(|k| taps[half + k] * (ahead(k) - now)).sum();
+        let (end, before_end) = match known {
+            0 => (now, self.commanded_before(stride)[joint]),
+            1 => (ahead(1), now),
+            known => (ahead(known), ahead(known - 1)),
+        };
+        let per_step = end - before_end;
+        let assumed: f64 = (known + 1..=half)
+            .map(|k| taps[half + k] * (end - now + per_step * (k - known) as f64))
+            .sum();
+        before + foreseen + assumed
+    }
+
+    fn commanded_before(&self, commands: usize) -> &Joints {
+        let length = self.past.len();
+        &self.past[(self.newest + length - commands.min(length - 1)) % length]
+    }
+
+    /// Whether a joint moved further than it can in so many periods.
+    fn jumps(&self, q: &Joints, periods: f64) -> bool {
+        let from = &self.past[self.newest];
+        (0..JOINTS_MAX).any(|i| (q[i] - from[i]).abs() > self.reach[i] * periods.max(1.0))
+    }
+
+    /// Takes a command into the past; where some were missed, the way between is even.
+    fn take(&mut self, q: &Joints, t_ns: u64) {
+        let period_ns = self.taps.period_s() * 1e9;
+        let passed_ns = self.last_ns.and_then(|last_ns| t_ns.checked_sub(last_ns));
+        let passed_ns = passed_ns.map_or(f64::INFINITY, |ns| ns as f64);
+        let periods = passed_ns / period_ns;
+        self.last_ns = Some(t_ns);
+        let goes_on = passed_ns > 0.0 && passed_ns <= SILENCE_S.max(SILENT_PERIODS * self.taps.period_s()) * 1e9;
+        if !goes_on || self.jumps(q, periods) {
+            self.past.fill(*q);
+            self.unspent = 0.0;
+            return;
+        }
+        let elapsed = periods + self.unspent;
+        let steps = elapsed.round().max(0.0);
+        self.unspent = elapsed - steps;
+        if steps == 0.0 {
+            self.past[self.newest] = *q;
+            return;
+        }
+        let from = self.past[self.newest];
+        for step in 1..=steps as usize {
+            let share = step as f64 / steps;
+            self.newest = (self.newest + 1) % self.past.len();
+            self.past[self.newest] = std::array::from_fn(|i| from[i] + share * (q[i] - from[i]));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

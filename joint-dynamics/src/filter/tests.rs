@@ -1,0 +1,143 @@
+use super::*;
+use crate::taps::tests::plants_of;
+use crate::taps::{Taps, TapsSettings};
+use crate::virtual_joint::{JOINT, STEP_S, corners, largest, off, rms};
+use proptest::prelude::*;
+
+fn filter(believed: f64) -> Filter {
+    let plants = plants_of(JOINT.believed(believed), 0.02);
+    Filter::new(
+        Taps::new(&plants, STEP_S, &TapsSettings::default()).unwrap(),
+        [f64::INFINITY; JOINTS_MAX],
+    )
+}
+
+fn joints(q: f64) -> Joints {
+    let mut joints = [0.0; JOINTS_MAX];
+    joints[0] = q;
+    joints
+}
+
+/// The commands for a path of which the next `known` setpoints are known at each instant.
+fn commands(filter: &mut Filter, path: &[f64], known: usize) -> Vec<f64> {
+    let path: Vec<Joints> = path.iter().map(|q| joints(*q)).collect();
+    (0..path.len())
+        .map(|at| {
+            let end = (at + 1 + known).min(path.len());
+            let t_ns = (at as f64 * STEP_S * 1e9) as u64;
+            path[at][0] + filter.step(&path[at], t_ns, &path[at + 1..end]).0[0]
+        })
+        .collect()
+}
+
+/// Largest and RMS error in time with the filter, over those without.
+fn left(believed: f64, known: usize) -> (f64, f64) {
+    let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 1.0), (0.05, 0.5)]);
+    let without = off(&path, &JOINT.run(STEP_S, &path));
+    let commanded = commands(&mut filter(believed), &path, known);
+    let with = off(&path, &JOINT.run(STEP_S, &commanded));
+    (largest(&with) / largest(&without), rms(&with) / rms(&without))
+}
+
+#[test]
+fn a_horizon_of_delay_and_lag_leaves_a_tenth_of_the_error_and_a_longer_one_less() {
+    let (largest, rms) = left(1.0, 10);
+    assert!(largest < 0.12 && rms < 0.07, "40 ms: {largest}, {rms}");
+    let (largest, rms) = left(1.0, 25);
+    assert!(largest < 0.05 && rms < 0.03, "100 ms: {largest}, {rms}");
+    let (largest, rms) = left(0.98, 25);
+    assert!(largest < 0.06 && rms < 0.05, "100 ms, parameters off by 2 %: {largest}, {rms}");
+}
+
+#[test]
+fn without_a_horizon_the_rms_error_is_halved() {
+    let (largest, rms) = left(1.0, 0);
+    assert!(largest < 1.0 && rms < 0.6, "{largest}, {rms}");
+}
+
+#[test]
+fn a_model_that_is_off_by_30_per_cent_makes_the_rms_error_no_larger() {
+    for believed in [0.7, 1.3] {
+        for known in [0, 5, 10, 25, 75] {
+            let (_, rms) = left(believed, known);
+            assert!(rms < 1.0, "{believed}, {known} points: {rms}");
+        }
+    }
+}
+
+#[test]
+fn a_robot_at_rest_is_not_led() {
+    let mut filter = filter(1.0);
+    for k in 0..200 {
+        let (lead, ahead) = filter.step(&joints(0.4), k * 4_000_000, &[joints(0.4); 100]);
+        assert_eq!(lead, [0.0; JOINTS_MAX]);
+        assert_eq!(ahead, Ahead { known: 75, used_at_most: 75 });
+    }
+}
+
+#[test]
+fn a_command_that_jumps_begins_anew() {
+    let taps = Taps::new(&plants_of(JOINT, 0.02), STEP_S, &TapsSettings::default()).unwrap();
+    let mut filter = Filter::new(taps, [0.01; JOINTS_MAX]);
+    for k in 0..50 {
+        let (lead, _) = filter.step(&joints(1e-3 * k as f64), k * 4_000_000, &[]);
+        assert!(k < 2 || lead[0] > 0.0);
+    }
+    assert_eq!(filter.step(&joints(0.06), 200_000_000, &[]).0, [0.0; JOINTS_MAX]);
+}
+
+#[test]
+fn jitter_of_the_times_is_no_speed() {
+    let (mut even, mut shaken) = (filter(1.0), filter(1.0));
+    for k in 0..500_u64 {
+        let q = joints(1e-3 * k as f64);
+        let jitter_ns = [0, 900_000, 300_000, 1_700_000][k as usize % 4];
+        let (lead, _) = even.step(&q, k * 4_000_000, &[]);
+        let (found, _) = shaken.step(&q, k * 4_000_000 + jitter_ns, &[]);
+        assert_eq!(lead, found);
+    }
+}
+
+#[test]
+fn commands_that_were_missed_are_made_good() {
+    let (mut all, mut some) = (filter(1.0), filter(1.0));
+    for k in 0..500_u64 {
+        let q = joints(1e-3 * k as f64);
+        let (lead, _) = all.step(&q, k * 4_000_000, &[]);
+        if k % 7 == 3 || k % 7 == 4 {
+            continue;
+        }
+        let (found, _) = some.step(&q, k * 4_000_000, &[]);
+        assert!((lead[0] - found[0]).abs() < 1e-12, "{k}");
+    }
+}
+
+#[test]
+fn after_a_gap_a_restart_or_a_clock_set_back_the_path_begins_anew() {
+    for (t_ns, restarts) in [(1_000_000_000, false), (399_000_000, false), (404_000_000, true)] {
+        let mut filter = filter(1.0);
+        for k in 0..101 {
+            let _ = filter.step(&joints(1e-3 * k as f64), k * 4_000_000, &[]);
+        }
+        if restarts {
+            filter.restart();
+        }
+        assert_eq!(filter.step(&joints(0.3), t_ns, &[]).0, [0.0; JOINTS_MAX]);
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_numbers_give_a_finite_lead(
+        steps in prop::collection::vec((-1e3..1e3_f64, 0..100_000_000_u64, 0..200_usize), 1..60),
+    ) {
+        let (mut filter, mut t_ns) = (filter(1.0), 0_u64);
+        for (q, dt_ns, known) in steps {
+            t_ns += dt_ns;
+            let (lead, _) = filter.step(&joints(q), t_ns, &vec![joints(-q); known]);
+            prop_assert!(lead.iter().all(|lead| lead.is_finite()));
+        }
+        let (lead, _) = filter.step(&joints(f64::NAN), t_ns + 1, &[]);
+        prop_assert_eq!(lead, [0.0; JOINTS_MAX]);
+    }
+}

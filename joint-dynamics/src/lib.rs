@@ -1,0 +1,17 @@
+//! How joints follow their commands in time, by the model, and what the commands have to lead by.
+//!
+//! Each joint is a linear plant of the model: delay, first-order lags, flexible modes ([`plant`]). Its regularised inverse in the frequency domain ([`inverse`])
+//! serves whole paths (crate `feedforward`). As taps of a finite impulse response ([`taps`]) it serves a path that arrives point by point: [`filter`] adds up
+//! the past commands and the setpoints that are known ahead.
+//!
+//! Units: SI, rad or m for joints. Couplings between joints through inertia are not modelled. Never: a file, a clock.
+
+pub mod filter;
+pub mod inverse;
+pub mod plant;
+pub mod taps;
+#[cfg(test)]
+mod virtual_joint;
+
+pub use filter::{Ahead, Filter};
+pub use taps::{Taps, TapsError, TapsSettings};

@@ -1,0 +1,182 @@
+//! The inverse of a joint as taps of a finite impulse response: from the path about an instant to what the command leads by at that instant.
+//!
+//! `c(t) = Σ_k w_k (q(t + k Δ) − q(t))`, with `w` the inverse Fourier transform of [`Design::gains`] of a path (Wiener's inverse, scaled to be robust), faded out by a
+//! raised cosine towards both ends of the window (window method of filter design; Oppenheim, Schafer, *Discrete-Time Signal Processing*, section 7.5).
+//! Differences to the present point leave a joint at rest uncorrected. The taps are adjusted by a term that is odd in `k`, such that a path at constant speed is led by exactly
+//! the sum of delay and lags.
+//!
+//! The response outlasts the window: the more, the less damped a mode is and the larger the share by which parameters may deviate. With a mode of 2 % damping the window of
+//! 0.3 s leaves out 2 to 4 % of the sum of all taps.
+
+use crate::inverse::{Design, Source};
+use crate::plant::{Plant, Plants, Uncertain};
+use physics::JOINTS_MAX;
+use realfft::RealFftPlanner;
+use std::f64::consts::PI;
+
+/// Settings of the filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TapsSettings {
+    /// Where the weight of the correction's third derivative equals that of the path's error, Hz, 1 to 100. Default 40, as for whole paths.
+    pub bandwidth_hz: f64,
+    /// No plant whose parameters deviate by up to this share makes the RMS error of a path that is known ahead larger, 0 to 0.5. Default 0.3, as for whole paths.
+    pub robust_to: f64,
+    /// Standard uncertainty of parameters whose model states none, as a share of each, 0 to 1. Default 0.1, as for whole paths.
+    pub unstated: f64,
+    /// How far the filter reaches into the past and into the future, s, 0.05 to 1. Default 0.3: more than two periods of a mode of 8 Hz; for delay and lags alone
+    /// a third is enough.
+    pub reach_s: f64,
+    /// Spacing of the taps, s, 1e-4 to 0.02; rounded up to a multiple of the commands' period. Default 0.004: a sixth of the period of the default bandwidth.
+    pub spacing_s: f64,
+}
+
+impl Default for TapsSettings {
+    fn default() -> Self {
+        Self { bandwidth_hz: 40.0, robust_to: 0.3, unstated: 0.1, reach_s: 0.3, spacing_s: 0.004 }
+    }
+}
+
+/// Why there are no taps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TapsError {
+    /// No joint of the model has a delay, a lag or a mode.
+    NothingInTime,
+    /// Commands come too slowly for the bandwidth: their period and the longest that it allows, s.
+    Sampling {
+        /// Between two commands, s.
+        period_s: f64,
+        /// The longest that the bandwidth allows, s.
+        longest_s: f64,
+    },
+}
+
+/// Samples per period of the bandwidth that a filter needs.
+const SAMPLES_PER_PERIOD: f64 = 4.0;
+/// The response is computed over so many windows, so that what lies outside of one does not alias into it.
+const WINDOWS: usize = 16;
+/// The outer share of each side over which taps fade.
+const FADED: f64 = 0.4;
+
+/// Taps of all joints of an arm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Taps {
+    /// Commands from one tap to the next.
+    stride: usize,
+    /// Between two commands, s.
+    period_s: f64,
+    /// Of each joint, from the farthest past to the farthest future; empty where it has no dynamics.
+    joints: Vec<Vec<f64>>,
+}
+
+impl Taps {
+    /// Taps for commands every `period_s` of a robot whose joints are `plants`.
+    ///
+    /// # Errors
+    /// [`TapsError`].
+    pub fn new(plants: &Plants, period_s: f64, settings: &TapsSettings) -> Result<Self, TapsError> {
+        if plants.is_empty() {
+            return Err(TapsError::NothingInTime);
+        }
+        let longest_s = 1.0 / (SAMPLES_PER_PERIOD * settings.bandwidth_hz);
+        if period_s > longest_s {
+            return Err(TapsError::Sampling { period_s, longest_s });
+        }
+        let spacing_s = settings.spacing_s.min(longest_s);
+        // Rounding of a period that divides the spacing must not double it.
+        let stride = ((spacing_s / period_s - 1e-6).ceil() as usize).max(1);
+        let stride = if stride as f64 * period_s > longest_s { stride - 1 } else { stride }.max(1);
+        let step_s = stride as f64 * period_s;
+        let half = (settings.reach_s / step_s).ceil() as usize;
+        let of_joint = |plant: &Plant| {
+            if plant.is_identity() { Vec::new() } else { taps(plant, half, step_s, settings) }
+        };
+        let joints = plants.joints.iter().take(JOINTS_MAX).map(of_joint).collect();
+        Ok(Self { stride, period_s, joints })
+    }
+
+    /// Commands from one tap to the next.
+    #[must_use]
+    pub fn stride(&self) -> usize {
+        self.stride
+    }
+
+    /// Between two commands, s.
+    #[must_use]
+    pub fn period_s(&self) -> f64 {
+        self.period_s
+    }
+
+    /// Taps on each side of the present one.
+    #[must_use]
+    pub fn half(&self) -> usize {
+        self.joints.iter().map(|taps| taps.len() / 2).max().unwrap_or(0)
+    }
+
+    /// Setpoints ahead of a command that the filter makes use of.
+    #[must_use]
+    pub fn commands_ahead(&self) -> usize {
+        self.half() * self.stride
+    }
+
+    /// Of each joint, from the farthest past to the farthest future; empty where it has no dynamics.
+    #[must_use]
+    pub fn joints(&self) -> &[Vec<f64>] {
+        &self.joints
+    }
+}
+
+/// Taps of one joint, from `-half` (past) to `half` (future).
+fn taps(plant: &Plant, half: usize, step_s: f64, settings: &TapsSettings) -> Vec<f64> {
+    let TapsSettings { bandwidth_hz, robust_to, .. } = *settings;
+    let length = (WINDOWS * 2 * half).next_power_of_two();
+    let bins_hz: Vec<f64> = (0..=length / 2).map(|k| k as f64 / (length as f64 * step_s)).collect();
+    let design = Design { plant, bandwidth_hz, robust_to, source: Source::Path };
+    let mut gains = design.gains(&bins_hz).gains;
+    // Of a real signal both are real.
+    let last = gains.len() - 1;
+    (gains[0].im, gains[last].im) = (0.0, 0.0);
+    let mut response = vec![0.0; length];
+    let done = RealFftPlanner::new().plan_fft_inverse(length).process(&mut gains, &mut response);
+    debug_assert!(done.is_ok(), "the lengths are the plan's own");
+    let at = |k: isize| {
+        // A tap of the future answers to the response before its cause.
+        let place = (-k).rem_euclid(length as isize) as usize;
+        response[place] / length as f64 * faded(k.unsigned_abs(), half)
+    };
+    let half = half as isize;
+    let mut taps: Vec<f64> = (-half..=half).map(at).collect();
+    lead_exactly(&mut taps, step_s, lead_s(plant));
+    taps
+}
+
+/// What a path at constant speed is late by, s.
+fn lead_s(plant: &Plant) -> f64 {
+    let sum = |numbers: &[Uncertain]| numbers.iter().map(|number| number.value).sum::<f64>();
+    sum(&plant.delays_s) + sum(&plant.lags_s)
+}
+
+/// 1 in the middle, 0 beyond the ends of the window.
+fn faded(k: usize, half: usize) -> f64 {
+    let place = k as f64 / (half + 1) as f64;
+    let share = ((place - (1.0 - FADED)) / FADED).max(0.0);
+    0.5 + 0.5 * (PI * share).cos()
+}
+
+/// Adds to the taps what is odd in `k` and fades with them, so that a path at constant speed is led by `lead_s`.
+fn lead_exactly(taps: &mut [f64], step_s: f64, lead_s: f64) {
+    let half = (taps.len() / 2) as isize;
+    let place = |at: usize| at as isize - half;
+    let slope = |taps: &[f64]| -> f64 {
+        taps.iter().enumerate().map(|(at, tap)| tap * place(at) as f64 * step_s).sum()
+    };
+    let odd: Vec<f64> = (0..taps.len())
+        .map(|at| place(at) as f64 * faded(place(at).unsigned_abs(), half as usize))
+        .collect();
+    let share = (lead_s - slope(taps)) / slope(&odd);
+    if share.is_finite() {
+        taps.iter_mut().zip(&odd).for_each(|(tap, odd)| *tap += share * odd);
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

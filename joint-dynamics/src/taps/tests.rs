@@ -1,0 +1,51 @@
+use super::*;
+use crate::plant::Mode;
+use crate::virtual_joint::{JOINT, VirtualJoint};
+
+pub(crate) fn plants_of(joint: VirtualJoint, sigma: f64) -> Plants {
+    let of = |value: f64| Uncertain { value, sigma: sigma * value };
+    let mode = Mode {
+        frequency_hz: of(joint.frequency_hz),
+        damping_ratio: of(joint.damping_ratio),
+        participation: Uncertain { value: joint.participation, sigma: 0.0 },
+    };
+    let plant = Plant {
+        delays_s: vec![of(joint.delay_s)],
+        lags_s: vec![of(joint.lag_s)],
+        modes: vec![mode],
+    };
+    Plants { joints: vec![plant], left_out: Vec::new() }
+}
+
+#[test]
+fn a_path_at_constant_speed_is_led_by_delay_and_lag() {
+    for period_s in [0.0005, 0.001, 0.002, 0.004] {
+        let plants = plants_of(JOINT, 0.02);
+        let taps = Taps::new(&plants, period_s, &TapsSettings::default()).unwrap();
+        let step_s = taps.stride() as f64 * period_s;
+        let of_joint = &taps.joints()[0];
+        let half = taps.half() as f64;
+        let lead_s: f64 =
+            of_joint.iter().enumerate().map(|(at, tap)| tap * (at as f64 - half) * step_s).sum();
+        assert!((lead_s - JOINT.delay_s - JOINT.lag_s).abs() < 1e-12, "{period_s}: {lead_s}");
+        assert!(step_s <= 0.004 + 1e-9 && taps.half() as f64 * step_s >= 0.3 - 1e-9);
+    }
+}
+
+#[test]
+fn commands_that_are_too_slow_for_the_bandwidth_have_no_taps() {
+    let plants = plants_of(JOINT, 0.02);
+    let settings = TapsSettings::default();
+    assert!(Taps::new(&plants, 0.006, &settings).is_ok());
+    let refused = Taps::new(&plants, 0.012, &settings);
+    assert_eq!(refused, Err(TapsError::Sampling { period_s: 0.012, longest_s: 0.00625 }));
+    let slower = TapsSettings { bandwidth_hz: 20.0, ..settings };
+    assert!(Taps::new(&plants, 0.012, &slower).is_ok());
+}
+
+#[test]
+fn a_model_without_dynamics_has_no_taps() {
+    let plants = Plants { joints: vec![Plant::default(); 6], left_out: Vec::new() };
+    let none = Taps::new(&plants, 0.004, &TapsSettings::default());
+    assert_eq!(none, Err(TapsError::NothingInTime));
+}
