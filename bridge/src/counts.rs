@@ -1,6 +1,6 @@
 //! Counters of the bridge: one per kind of datagram and handling.
 //!
-//! Promises: the loop only increments atomics; reporting is done by a separate thread.
+//! The loop only increments atomics; a separate thread reports them.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -10,21 +10,21 @@ use crate::link::Correction;
 
 macro_rules! counters {
     ($($(#[$doc:meta])* $name:ident = $words:literal, $fault:literal;)*) => {
-        /// What is counted.
+        /// A kind of event.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         pub enum Count { $($(#[$doc])* $name,)* }
 
         impl Count {
-            /// All of them.
+            /// All kinds.
             pub const ALL: &'static [Self] = &[$(Self::$name),*];
 
-            /// In words, as the bridge prints it.
+            /// Name in the bridge's output.
             #[must_use]
             pub const fn words(self) -> &'static str {
                 match self { $(Self::$name => $words),* }
             }
 
-            /// Whether a rise is worth a warning.
+            /// Whether an increase is reported as a warning.
             #[must_use]
             pub const fn is_fault(self) -> bool {
                 match self { $(Self::$name => $fault),* }
@@ -34,29 +34,29 @@ macro_rules! counters {
 }
 
 counters! {
-    /// Good datagrams of the controller.
+    /// Valid datagrams of the controller.
     Robot = "datagrams of the robot", false;
-    /// Good datagrams of the application.
+    /// Valid datagrams of the application.
     Application = "datagrams of the application", false;
     /// Answers to the controller.
     Sent = "answers to the robot", false;
-    /// Answers that hold the daemon's correction for this very target.
+    /// Answers with the daemon's correction for this target.
     Corrected = "answers with this target's own correction", false;
-    /// Answers with the correction of an earlier target, as the daemon was late.
+    /// Answers with the correction of an earlier target, because the daemon was late.
     Late = "answers with the last correction, the daemon being late", true;
-    /// Answers while the correction was on its way out or in by the client's rule.
+    /// Answers while the client library ramped the correction.
     Ramping = "answers with a correction on its way", false;
     /// Answers without a correction.
     Plain = "answers without correction", false;
-    /// Targets that the daemon refused: they pass, and the correction ramps out.
+    /// Targets that the daemon refused: they are sent, and the correction ramps to zero.
     Refused = "targets that the daemon refused", true;
-    /// Runs of the robot that were seen to begin.
+    /// Runs of the robot that started.
     Sessions = "sessions", false;
-    /// Datagrams of the controller that never came, by their numbers.
+    /// Missing datagrams of the controller, by their numbers.
     RobotMissed = "datagrams of the robot missed", true;
-    /// Datagrams of the application that never came, by their numbers.
+    /// Missing datagrams of the application, by their numbers.
     ApplicationMissed = "datagrams of the application missed", true;
-    /// Cycles of a guided robot in which the application said nothing.
+    /// Cycles of a guided robot without a datagram of the application.
     Silent = "cycles without a word of the application", true;
     /// Repeated datagrams.
     Repeated = "repeated datagrams", true;
@@ -64,23 +64,23 @@ counters! {
     Old = "overtaken datagrams", true;
     /// Datagrams that were superseded by newer ones before they could be answered.
     Superseded = "superseded datagrams", true;
-    /// Datagrams from somebody else.
+    /// Datagrams from other addresses.
     Foreign = "foreign datagrams", true;
-    /// Datagrams from another port of the controller than the one that is served: a second mechanical unit.
+    /// Datagrams from another port of the controller: a second mechanical unit.
     OtherUnit = "datagrams of another mechanical unit", true;
-    /// Datagrams that are no message of the protocol, or hold no number where one must be.
+    /// Datagrams that are not messages of the protocol, or lack a required number.
     Broken = "broken datagrams", true;
-    /// Datagrams of the application while no robot is there.
+    /// Datagrams of the application without a connected robot.
     Early = "datagrams of the application without a robot", true;
     /// Targets that this bridge does not correct: poses, other numbers of joints.
     NotCorrected = "targets passed uncorrected", true;
-    /// Force samples handed to the watch.
+    /// Force samples passed to the vibration monitor.
     Forces = "force samples", false;
-    /// Force samples lost on the way to the watch.
+    /// Force samples lost before the vibration monitor.
     ForcesLost = "force samples lost", true;
     /// Datagrams that the system did not send.
     NotSent = "datagrams not sent", true;
-    /// Answers that the controller says came late.
+    /// Answers that the controller reports as late.
     ControllerLate = "answers late by the controller's count", true;
 }
 
@@ -98,11 +98,11 @@ impl Counts {
 
     /// Counts several.
     pub fn add(&self, what: Count, several: u64) {
-        // The enum has as many names as the array has places.
+        // The enum has as many variants as the array has elements.
         self.of[what as usize].fetch_add(several, Relaxed);
     }
 
-    /// Counts an answer by what its correction is.
+    /// Counts an answer by the source of its correction.
     pub fn answer(&self, made: &Correction) {
         self.one(match made.source {
             _ if made.is_refused => Count::Refused,
@@ -113,20 +113,20 @@ impl Counts {
         });
     }
 
-    /// How many so far.
+    /// The present count.
     #[must_use]
     pub fn get(&self, what: Count) -> u64 {
         self.of[what as usize].load(Relaxed)
     }
 
-    /// `words: number`, one line for each that is not zero.
+    /// `words: number`, one line for each count above zero.
     #[must_use]
-    pub fn told(&self) -> String {
+    pub fn summary(&self) -> String {
         let seen = Count::ALL.iter().filter(|what| self.get(**what) > 0);
         seen.map(|what| format!("{}: {}\n", what.words(), self.get(*what))).collect()
     }
 
-    /// Faults that rose since `before`, which is brought up to date.
+    /// Warnings whose count has risen since `before`, which is updated.
     pub fn risen(&self, before: &mut [u64; Count::ALL.len()]) -> Vec<String> {
         let mut risen = Vec::new();
         for (what, before) in Count::ALL.iter().zip(before) {
@@ -149,7 +149,7 @@ mod tests {
         let (counts, mut before) = (Counts::default(), [0; Count::ALL.len()]);
         counts.one(Count::Robot);
         counts.add(Count::Foreign, 3);
-        assert_eq!(counts.told(), "datagrams of the robot: 1\nforeign datagrams: 3\n");
+        assert_eq!(counts.summary(), "datagrams of the robot: 1\nforeign datagrams: 3\n");
         assert_eq!(counts.risen(&mut before), ["foreign datagrams: 3 more, 3 in all"]);
         assert!(counts.risen(&mut before).is_empty());
     }

@@ -1,16 +1,16 @@
 //! Displacement of the tool by a correction of the joints, in the controller's geometry.
 //!
-//! Promises: no allocation. Never: effects; these belong to the daemon.
+//! No allocation. Effects are evaluated by the daemon only.
 
 use glam::DVec3;
 use physics::{Arm, Chain, Frame, JOINTS_MAX, Joints};
 
-/// Moves shorter than this, m, tell no direction.
+/// Motions shorter than this give no direction, m.
 const MOVE_MIN_M: f64 = 1e-6;
-/// The sine of an angle below which two directions are one.
+/// Sine of the angle below which two directions count as parallel.
 const PARALLEL: f64 = 1e-3;
 
-/// Where the tool is at `q`, and where it is once `correction` is added, rad.
+/// Tool pose at `q`, and with `correction` added, rad.
 pub(crate) fn displaced(arm: &Arm, q: &[f64], correction: &[f64; JOINTS_MAX]) -> (Frame, Frame) {
     let mut at: Joints = [0.0; JOINTS_MAX];
     at.iter_mut().zip(q).for_each(|(to, q)| *to = *q);
@@ -27,7 +27,7 @@ pub(crate) struct PathFrame {
 }
 
 impl PathFrame {
-    /// The path goes on to `tool`. Where it stands, or runs along the tool's z, the frame stays.
+    /// Advances the path to `tool`. At rest, or along the tool's z, the frame is kept.
     pub(crate) fn follow(&mut self, tool: &Frame) {
         let Some(before) = self.before else {
             self.before = Some(tool.origin);
@@ -46,7 +46,8 @@ impl PathFrame {
         }
     }
 
-    /// A shift, m, base axes, as y and z of the path, m; nothing before the path has a direction.
+    /// Components of a shift (m, base axes) along y and z of the path, m; zero before the path has
+    /// a direction.
     pub(crate) fn across(&self, shift: DVec3) -> (f64, f64) {
         self.across.map_or((0.0, 0.0), |(y, z)| (y.dot(shift), z.dot(shift)))
     }
@@ -58,7 +59,7 @@ mod tests {
     use glam::DMat3;
 
     fn at(x: f64, y: f64) -> Frame {
-        // A tool that looks down.
+        // A tool that points down.
         let down = DMat3::from_cols(DVec3::X, -DVec3::Y, -DVec3::Z);
         Frame::new(down, DVec3::new(x, y, 0.5))
     }

@@ -1,10 +1,10 @@
-//! Why a bridge does not start.
+//! Errors of the start of a bridge.
 
 use std::net::SocketAddr;
 
 use recording::files::FileError;
 
-/// A bridge does not start.
+/// Why a bridge did not start.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
     /// A file cannot be used.
@@ -18,15 +18,15 @@ pub enum BridgeError {
         /// What to do.
         fix: String,
     },
-    /// A port cannot be had.
+    /// A port that cannot be opened.
     #[error("cannot listen at {at}: {why}; is another program there, or another bridge?")]
     Listen {
         /// The address.
         at: SocketAddr,
-        /// The system's word.
+        /// The system's error.
         why: std::io::Error,
     },
-    /// The system refused something else.
+    /// Any other error of the system.
     #[error("the system refused a thread or a socket: {0}")]
     System(#[from] std::io::Error),
 }

@@ -1,34 +1,36 @@
 //! The correction for each target, whatever the state of the daemon.
 //!
-//! The client library limits the correction; this module decides where a run of the robot begins. Never waits longer than its time
-//! limit; without a daemon the correction is zero.
+//! The client library limits the correction; this module decides where a run of the robot begins.
+//! It never waits longer than its time limit; without a daemon the correction is zero.
 
 use crate::joining::Joining;
 use crate::link::{Correction, Link};
 use trued_client::JOINTS_MAX;
 
-/// Where the robot is as a run begins.
+/// Position of the robot at the start of a run.
 #[derive(Debug, Clone, Copy)]
 enum Start {
-    /// At its command: the controller begins to add up corrections anew.
+    /// At its command: the controller accumulates corrections from zero.
     AtZero,
     /// At these joints, rad.
     At([f64; JOINTS_MAX]),
 }
 
 impl Start {
-    /// Whether the correction `last` is in the robot's position, `q` being its newest target without it, and `before` the one that was corrected last. So it is
-    /// if the robot clearly stands where it was sent last, or does not clearly stand at `q` itself.
+    /// Whether the robot's position includes the correction `last`; `q` is its newest target
+    /// without correction, `before` the one that was corrected last. True if the robot is clearly
+    /// at its last corrected target, or not clearly at `q` itself.
     fn is_corrected(&self, q: &[f64], before: Option<&[f64]>, last: &[f64; JOINTS_MAX]) -> bool {
         let Self::At(present) = self else { return false };
         let square = |q, share| off_squared(present, q, last, share);
-        // Clearly: half as far as from the other. What lies between is a run that went on.
+        // Clearly: at most half as far as from the other. Between them the run is taken to have
+        // continued.
         before.is_some_and(|q| 4.0 * square(q, 1.0) < square(q, 0.0))
             || 4.0 * square(q, 0.0) > square(q, 1.0)
     }
 }
 
-/// The square of how far `joints` are from `q` with this share of a correction.
+/// The square of the distance of `joints` from `q` with this share of a correction.
 fn off_squared(
     joints: &[f64; JOINTS_MAX],
     q: &[f64],
@@ -39,20 +41,20 @@ fn off_squared(
     off.map(|off| off * off).sum()
 }
 
-/// Corrections, and where the runs of a robot begin.
+/// Corrections, and the start of a robot's runs.
 pub struct Feed<L = Joining> {
     link: L,
-    /// A run begins with the next target.
+    /// Set if a run starts with the next target.
     start: Option<Start>,
-    /// The newest target that was passed on as commanded, since the last that was corrected, rad. A robot whose first message of a run was lost
-    /// has followed it already.
+    /// The newest target sent as commanded since the last corrected one, rad. A robot whose first
+    /// message of a run was lost has already followed it.
     passed: Option<[f64; JOINTS_MAX]>,
-    /// The newest target that was corrected, without its correction, rad.
+    /// The newest corrected target, without its correction, rad.
     corrected: Option<[f64; JOINTS_MAX]>,
 }
 
 impl<L: Link> Feed<L> {
-    /// Over that link.
+    /// With this link.
     pub fn over(link: L) -> Self {
         Self { link, start: None, passed: None, corrected: None }
     }
@@ -83,39 +85,43 @@ impl<L: Link> Feed<L> {
         self.link.command(q)
     }
 
-    /// A target goes out as commanded.
+    /// Stores a target that is sent as commanded.
     pub fn pass(&mut self, q: &[f64; JOINTS_MAX]) {
         self.passed = Some(*q);
     }
 
-    /// Whether there is a correction in what was sent last.
+    /// Whether the last target sent contained a correction.
     pub fn is_correcting(&self) -> bool {
         self.passed.is_none() && self.link.last_correction() != [0.0; JOINTS_MAX]
     }
 
-    /// Whether a robot at `joints`, rad, stands at the target `q` itself: a tenth as far from it as from the corrected one.
+    /// Whether a robot at `joints`, rad, is at the target `q` itself: a tenth as far from it as
+    /// from the corrected one.
     pub fn is_at_target(&self, q: &[f64], joints: &[f64; JOINTS_MAX]) -> bool {
         let last = self.link.last_correction();
         100.0 * off_squared(joints, q, &last, 0.0) <= off_squared(joints, q, &last, 1.0)
     }
 
-    /// The correction as it is now, for a target that the daemon knows already.
+    /// The present correction, for a target that the daemon already knows.
     pub fn repeat(&mut self, q: &[f64]) -> Correction {
         self.link.repeat(q)
     }
 
-    /// The next target is the first of a run, whose corrections the controller adds up from zero.
+    /// The next target is the first of a run, in which the controller accumulates corrections from
+    /// zero.
     pub fn start_at_zero(&mut self) {
         self.start = Some(Start::AtZero);
     }
 
-    /// The next target is the first of a run, and the robot is at `joints`, rad. If that is where it was sent last, the correction in
-    /// force is kept; otherwise the target is sent as commanded.
+    /// The next target is the first of a run, with the robot at `joints`, rad. If that is its last
+    /// corrected target, the correction in force is kept; otherwise the target is sent as
+    /// commanded.
     pub fn start_at(&mut self, joints: &[f64; JOINTS_MAX]) {
         self.start = Some(Start::At(*joints));
     }
 
-    /// The controller has used no more than this of what was sent, rad: the correction goes on from there.
+    /// The controller has used only this part of the corrections sent, rad: the correction
+    /// continues from there.
     pub fn go_on_from(&mut self, used: &[f64; JOINTS_MAX]) {
         self.link.start_from(used);
     }
@@ -126,7 +132,7 @@ pub(crate) mod stub {
     use super::*;
     use trued_client::{RobotState, Source};
 
-    /// A link that has corrected the first joint by this last.
+    /// A link whose last correction of the first joint was this.
     pub(crate) struct Corrected(pub(crate) f64);
 
     impl Link for Corrected {
@@ -168,7 +174,8 @@ mod tests {
     use super::stub::{Corrected, first};
     use super::*;
 
-    /// What the first target of a run, 1 mrad further, is corrected by where the robot stands at `stands` and the last correction was -1 mrad.
+    /// Correction of the first target of a run, 1 mrad further, with the robot at `stands` and a
+    /// last correction of -1 mrad.
     fn begun(stands: f64, passed: Option<f64>) -> f64 {
         let mut feed = Feed::over(Corrected(-1e-3));
         if let Some(passed) = passed {
@@ -196,7 +203,7 @@ mod tests {
     #[test]
     fn a_robot_that_has_followed_a_target_as_commanded_goes_on_without_a_correction() {
         assert_eq!(begun(0.0, Some(0.0)).to_bits(), 0.0_f64.to_bits());
-        // It stood still at the corrected position, and the target went to nobody.
+        // The robot stood at the corrected position, and the target was not received.
         assert_eq!(begun(-1e-3, Some(0.0)).to_bits(), (-1e-3_f64).to_bits());
     }
 }

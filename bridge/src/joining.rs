@@ -12,12 +12,12 @@ use trued_client::{
 use crate::link::{Correction, Link};
 use crate::settings::JoinRules;
 
-/// What the feed has to say, for whoever logs.
+/// Events of the connection, for the log.
 #[derive(Debug)]
-pub enum News {
+pub enum Event {
     /// A daemon was joined for the first time.
     Joined,
-    /// It cannot be joined; told once for each reason.
+    /// It cannot be joined; reported once for each reason.
     Away(ConnectError),
     /// The connection changed since.
     Connection(trued_client::ConnectionEvent),
@@ -27,7 +27,7 @@ pub enum News {
 pub struct Joining {
     client: Option<Client>,
     joined: Receiver<Client>,
-    news: Sender<News>,
+    events: Sender<Event>,
     over: Arc<AtomicBool>,
     answer_within: Duration,
     /// The feed override before a daemon is joined.
@@ -35,8 +35,9 @@ pub struct Joining {
 }
 
 impl Joining {
-    /// Starts joining the daemon of `cell` in a thread; its news go to `news`. An answer is awaited for `answer_within`,
-    /// and counts as fresh for `fresh`. Until then the feed override is `lost_feed`.
+    /// Starts joining the daemon of `cell` in a thread; events are sent to `events`. An answer is
+    /// awaited for `answer_within`, and counts as fresh for `fresh`. Until then the feed override
+    /// is `lost_feed`.
     ///
     /// # Errors
     /// The thread cannot be started.
@@ -45,21 +46,21 @@ impl Joining {
         answer_within: Duration,
         fresh: Duration,
         lost_feed: f64,
-        news: Sender<News>,
+        events: Sender<Event>,
     ) -> std::io::Result<Self> {
         let (tell, joined) = channel();
         let over = Arc::new(AtomicBool::new(false));
-        let (cell, say, until) = (cell.to_owned(), news.clone(), Arc::clone(&over));
+        let (cell, say, until) = (cell.to_owned(), events.clone(), Arc::clone(&over));
         std::thread::Builder::new().name("trued-join".to_owned()).spawn(move || {
             let found = keep_trying(|within| Client::connect(&cell, within), &say, &until);
             if let Some(mut client) = found {
                 client.set_fresh(fresh);
                 client.start_feed(lost_feed);
-                // Nobody takes it any more where the bridge has ended.
+                // The receiver is gone if the bridge has ended.
                 let _ = tell.send(client);
             }
         })?;
-        Ok(Self { client: None, joined, news, over, answer_within, lost_feed })
+        Ok(Self { client: None, joined, events, over, answer_within, lost_feed })
     }
 
     /// The client, once joined.
@@ -67,12 +68,12 @@ impl Joining {
         if self.client.is_none()
             && let Ok(client) = self.joined.try_recv()
         {
-            let _ = self.news.send(News::Joined);
+            let _ = self.events.send(Event::Joined);
             self.client = Some(client);
         }
         let client = self.client.as_mut()?;
         while let Some(event) = client.next_event() {
-            let _ = self.news.send(News::Connection(event));
+            let _ = self.events.send(Event::Connection(event));
         }
         Some(client)
     }
@@ -114,7 +115,7 @@ impl Link for Joining {
 
     fn send_state(&mut self, state: &RobotState) {
         if let Some(client) = self.client() {
-            // What was not sent is missing in a recording, and nowhere else.
+            // A lost state is only missing in a recording.
             let _ = client.send_state(state);
         }
     }
@@ -126,11 +127,11 @@ impl Link for Joining {
 
 #[cfg(test)]
 impl Joining {
-    /// One that never finds a daemon.
+    /// A link that never finds a daemon.
     pub(crate) fn nowhere() -> Self {
-        let (joined, news) = (channel().1, channel().0);
+        let (joined, events) = (channel().1, channel().0);
         let (over, answer_within) = (Arc::default(), Duration::ZERO);
-        Self { client: None, joined, news, over, answer_within, lost_feed: 1.0 }
+        Self { client: None, joined, events, over, answer_within, lost_feed: 1.0 }
     }
 }
 
@@ -149,7 +150,7 @@ fn send(client: &mut Client, setpoint: &Setpoint) -> Result<u64, NotSent> {
 }
 
 fn correction(client: &mut Client, q: &[f64]) -> Correction {
-    // A target with no number in it never comes as far as here; if it did, what was sent last goes on.
+    // Targets without finite values are filtered earlier; otherwise the last target is repeated.
     let target = client.target_for(q, trued_client::monotonic_ns()).ok();
     let rejected = CorrectionStatus::Rejected.code();
     Correction {
@@ -159,10 +160,10 @@ fn correction(client: &mut Client, q: &[f64]) -> Correction {
     }
 }
 
-/// Tries until it succeeds or the bridge ends; says each obstacle once.
+/// Tries until it succeeds or the bridge ends; reports each obstacle once.
 pub(crate) fn keep_trying<T>(
     mut connect: impl FnMut(Duration) -> Result<T, ConnectError>,
-    news: &Sender<News>,
+    events: &Sender<Event>,
     over: &AtomicBool,
 ) -> Option<T> {
     let rules = JoinRules::default();
@@ -174,7 +175,7 @@ pub(crate) fn keep_trying<T>(
                 let words = why.to_string();
                 if words != said {
                     said = words;
-                    let _ = news.send(News::Away(why));
+                    let _ = events.send(Event::Away(why));
                 }
             }
         }

@@ -1,11 +1,12 @@
 //! Bridges between controllers' protocols and the daemon: ABB EGM ([`egm`]), KUKA RSI ([`rsi`]).
 //!
-//! Promises: the daemon is accessed only through the client library ([`feed`]); no datagram makes a bridge
-//! panic or wait; a bridge without a daemon forwards targets unchanged. Nothing in a bridge's loop allocates (except the
-//! transport's one block per command), locks or logs; events are counted ([`counts`]) and reported by another thread.
-//! Never: a correction of its own, access to the daemon other than by the client library.
+//! The daemon is accessed only through the client library ([`feed`]); a bridge computes no
+//! correction of its own. No datagram makes a bridge panic or wait; a bridge without a daemon
+//! forwards targets unchanged. Nothing in a bridge's loop allocates (except the transport's one
+//! block per command), locks or logs; events are counted ([`counts`]) and reported by another
+//! thread.
 //!
-//! Read in this order: [`feed`], [`egm::middle`], [`rsi::answer`]; `docs/bridge.md` describes the handling of every datagram.
+//! Read in this order: [`feed`], [`egm::forwarder`], [`rsi::answer`]; `docs/bridge.md` describes the handling of every datagram.
 
 pub mod counts;
 mod displacement;
@@ -14,12 +15,12 @@ mod error;
 pub mod feed;
 pub mod joining;
 pub mod link;
+mod reporter;
 pub mod rsi;
 pub mod sequence;
 pub mod settings;
 mod socket;
 mod start;
-mod teller;
 
 pub use counts::{Count, Counts};
 pub use error::BridgeError;

@@ -5,42 +5,42 @@ use trued_client::{JOINTS_MAX, RobotState, Source};
 /// The answer to one target.
 #[derive(Debug, Clone, Copy)]
 pub struct Correction {
-    /// What is to be added to the target, rad.
+    /// To be added to the target, rad.
     pub rad: [f64; JOINTS_MAX],
-    /// Where it comes from.
+    /// Its source.
     pub source: Source,
-    /// The daemon refused the target; it passes, while the correction ramps out.
+    /// The daemon refused the target; it is sent while the correction ramps to zero.
     pub is_refused: bool,
 }
 
 impl Correction {
-    /// None.
+    /// No correction.
     pub const ZERO: Self =
         Self { rad: [0.0; JOINTS_MAX], source: Source::Plain, is_refused: false };
 
-    /// Whether the target goes out as it came.
+    /// Whether the target is sent unchanged.
     #[must_use]
     pub fn is_zero(&self) -> bool {
         self.rad == [0.0; JOINTS_MAX]
     }
 }
 
-/// Where corrections come from: the daemon, through the client library, or a simulation.
+/// A source of corrections: the daemon, through the client library, or a simulation.
 pub trait Link {
     /// The correction for a new target, rad (m where prismatic).
     fn command(&mut self, q: &[f64]) -> Correction;
-    /// The correction as it is now, for a target that the daemon knows already.
+    /// The present correction, for a target that the daemon already knows.
     fn repeat(&mut self, q: &[f64]) -> Correction;
     /// The correction that was sent last, rad.
     fn last_correction(&self) -> [f64; JOINTS_MAX];
-    /// The share of the programmed feed to go on with, above 0 to 1: what belongs to the last correction.
+    /// The feed override that belongs to the last correction, above 0 to 1.
     fn feed_override(&self) -> f64;
-    /// A run begins, and the robot stands where it was sent last: the correction goes on as it was.
+    /// A run starts with the robot at its last target: the correction continues.
     fn start_anew(&mut self);
-    /// The robot begins a run at its command plus this correction, rad.
+    /// A run starts with the robot at its command plus this correction, rad.
     fn start_from(&mut self, correction: &[f64; JOINTS_MAX]);
-    /// What the robot measures of itself.
+    /// Sends the measured state of the robot.
     fn send_state(&mut self, state: &RobotState);
-    /// Nothing is to be sent for a while: the daemon is looked for.
+    /// Nothing is to be sent for a while: checks the connection to the daemon.
     fn look(&mut self);
 }

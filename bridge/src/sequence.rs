@@ -9,28 +9,28 @@ use recording::files::content_hash;
 
 use crate::settings::SequenceRules;
 
-/// A datagram's place in its sender's sequence.
+/// Position of a datagram in its sender's sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
-    /// The next, after this many that were lost.
+    /// The next, after a number of lost ones.
     Next {
-        /// Numbers left out.
+        /// Number of lost datagrams.
         lost: u32,
     },
     /// The last one, byte for byte.
     Repeated,
-    /// Older than one that was taken already.
+    /// Older than one that was already accepted.
     Old,
     /// The first of a sender, or of one that restarted.
     First,
 }
 
-/// The datagrams of one sender.
+/// The sequence of one sender.
 #[derive(Debug, Clone, Copy)]
 pub struct Sequence {
     rules: SequenceRules,
     last: Option<Last>,
-    /// The newest number of another count, and how many it has had.
+    /// The newest number of another count, and how many datagrams it has had.
     other: Option<(u32, u32)>,
 }
 
@@ -41,19 +41,20 @@ struct Last {
 }
 
 impl Sequence {
-    /// Of a sender that counts each datagram, anew in each of its runs.
+    /// For a sender that counts its datagrams, starting again in each of its runs.
     #[must_use]
     pub const fn counting(rules: SequenceRules) -> Self {
         Self { rules, last: None, other: None }
     }
 
-    /// Of a sender whose number is a clock that goes on from run to run: however many were lost, a number ahead follows.
+    /// For a sender whose number is a clock that continues from run to run: any number ahead
+    /// follows, however many were lost.
     #[must_use]
     pub const fn clock(rules: SequenceRules) -> Self {
         Self::counting(SequenceRules { lost_max: u32::MAX / 2, ..rules })
     }
 
-    /// Judges a datagram, and remembers it unless it is old.
+    /// Classifies a datagram, and stores it unless it is old.
     pub fn judge(&mut self, number: Option<u32>, datagram: &[u8]) -> Standing {
         let hash = content_hash(datagram);
         let standing = match self.last {
@@ -127,7 +128,7 @@ mod tests {
         let mut sequence = Sequence::counting(SequenceRules::default());
         for number in 1000..1100 {
             sequence.judge(Some(number), &[0]);
-            // Those far ahead are of another run.
+            // Numbers far ahead belong to another run.
             for off in [-1, -20, -40, -900, 5000, 1 << 20] {
                 let old = number.wrapping_add_signed(off);
                 assert_eq!(sequence.judge(Some(old), &[1]), Standing::Old);
@@ -140,7 +141,7 @@ mod tests {
         let said = judged(&[900, 0, 4, 8, 12, 16, 20].map(|number| (Some(number), number as u8)));
         let (first, old) = (Standing::First, Standing::Old);
         assert_eq!(said, [first, old, old, old, old, first, next(3)]);
-        // One of the count before in between: that sender lives.
+        // One of the previous count in between: that sender is still active.
         let said = judged(&[900, 0, 1, 2, 3, 901, 4].map(|number| (Some(number), number as u8)));
         assert_eq!(said, [first, old, old, old, old, next(0), old]);
     }

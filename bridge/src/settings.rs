@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use recording::bridge::Common;
 
-/// When a run of the controller has ended, and which datagrams are of it.
+/// Rules for the end of a controller's run, and for the datagrams that belong to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunRules {
     /// Silence of the controller after which its run has ended, unless its count went on meanwhile. 0.4 to 10 s, default 1 s. Origin: RSI tolerates
@@ -18,7 +18,7 @@ pub struct RunRules {
     pub stopped_after: u32,
     /// Another mechanical unit is served after this many consecutive datagrams once the present one is silent. 1 to 50, default 3. Origin: as `stopped_after`.
     pub unit_taken_after: u32,
-    /// How numbers of datagrams are judged.
+    /// Rules for the numbers of datagrams.
     pub sequence: SequenceRules,
 }
 
@@ -54,16 +54,18 @@ impl RunRules {
     }
 }
 
-/// How the number of a datagram is judged against the count before it.
+/// Rules for the number of a datagram relative to the previous count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SequenceRules {
-    /// Numbers that may be lost at once without a doubt, of a sender that counts its datagrams. 10 to 100 000, default 1000.
-    /// Origin: 4 s of EGM, longer than any network outage in which a run goes on.
+    /// Numbers that may be lost at once, for a sender that counts its datagrams. 10 to 100 000,
+    /// default 1000. Origin: 4 s of EGM, longer than any network outage during which a run
+    /// continues.
     pub lost_max: u32,
     /// A number outside the expected range is accepted after this many consecutive datagrams that count up from it; fewer may be replayed ones. 2 to 50, default 5.
     /// Origin: a run's `stopped_after` plus two, because a wrong decision starts a new run.
     pub believed_after: u32,
-    /// Each of those is ahead of the one before by at most this. 1 to 10 000, default 100. Origin: RSI counts ms, 12 in a cycle; up to seven in a row may be lost.
+    /// Largest step between two of these. 1 to 10 000, default 100. Origin: RSI counts ms, 12 per
+    /// cycle; up to seven in a row may be lost.
     pub ahead_max: u32,
 }
 
@@ -73,7 +75,7 @@ impl Default for SequenceRules {
     }
 }
 
-/// How the daemon is joined.
+/// Rules for joining the daemon.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct JoinRules {
     /// How long one attempt may take. 0.1 to 10 s, default 1 s. Origin: forty times what the first answer after a daemon's start took at worst (docs/figures.md).

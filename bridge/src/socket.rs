@@ -1,6 +1,6 @@
 //! Non-blocking datagram sockets, and one wait for all of them.
 //!
-//! Promises: no allocation; a datagram larger than the buffer is discarded.
+//! No allocation; a datagram larger than the buffer is discarded.
 
 use std::io::ErrorKind;
 use std::net::{SocketAddr, UdpSocket};
@@ -11,35 +11,35 @@ use crate::error::BridgeError;
 
 /// The largest datagram that is read: EGM's and RSI's are below 4 kB.
 pub(crate) const DATAGRAM_MAX: usize = 16_384;
-/// Most datagrams taken from one side before the other is looked at.
+/// Limit on datagrams taken from one side before the other is checked.
 pub(crate) const DRAIN_MAX: usize = 64;
 
-/// A bound socket that never waits.
+/// A bound non-blocking socket.
 pub(crate) fn bind(at: SocketAddr) -> Result<UdpSocket, BridgeError> {
     let socket = UdpSocket::bind(at).map_err(|why| BridgeError::Listen { at, why })?;
     socket.set_nonblocking(true)?;
     Ok(socket)
 }
 
-/// Takes a datagram into `buffer`; none where there is none now.
+/// Receives a datagram into `buffer`; `None` if there is none.
 pub(crate) fn receive(socket: &UdpSocket, buffer: &mut [u8]) -> Option<(usize, SocketAddr)> {
     loop {
         match socket.recv_from(buffer) {
-            // A datagram that fills the buffer may have been cut.
+            // A datagram that fills the buffer may have been truncated.
             Ok((length, from)) if length < buffer.len() => return Some((length, from)),
             Ok((_, from)) => return Some((0, from)),
             Err(why) if why.kind() == ErrorKind::Interrupted => {}
-            // A peer that is not there yet is told by an error once: the next datagram is not.
+            // An absent peer is reported as an error once: the next call receives datagrams again.
             Err(why) if why.kind() == ErrorKind::ConnectionRefused => {}
             Err(_) => return None,
         }
     }
 }
 
-/// Waits until one of the sockets has something, at most `limit_ns`.
+/// Waits until one of the sockets has a datagram, at most `limit_ns`.
 pub(crate) fn wait(sockets: [Option<&UdpSocket>; 2], limit_ns: u32) {
     let limit = Timespec { tv_sec: 0, tv_nsec: i64::from(limit_ns) };
-    // A wait that a signal ends early is as good: whoever waits looks again.
+    // A signal may end the wait early: the caller checks again.
     let _ = match sockets {
         [Some(one), Some(other)] => poll(
             &mut [PollFd::new(one, PollFlags::IN), PollFd::new(other, PollFlags::IN)],

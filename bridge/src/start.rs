@@ -15,35 +15,37 @@ use recording::model::RobotModel;
 use crate::counts::Counts;
 use crate::error::BridgeError;
 use crate::feed::Feed;
-use crate::joining::{Joining, News};
-use crate::teller;
+use crate::joining::{Event, Joining};
+use crate::reporter;
 
 /// Time between a controller's cycles, s.
 pub(crate) const CYCLE_S: f64 = 0.004;
 
-/// How a bridge is run, beside its configuration.
+/// Options of a bridge besides its configuration.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
     /// Ends the bridge once set.
     pub stop: Arc<AtomicBool>,
-    /// What is counted.
+    /// Counters.
     pub counts: Arc<Counts>,
-    /// Rises with every turn of the loop, with datagrams or without: 250 times a second or more.
+    /// Incremented in every iteration of the loop, with or without datagrams: 250 times a second or
+    /// more.
     pub turns: Arc<AtomicU64>,
 }
 
-/// What the loop stands on.
-pub(crate) struct Ground {
+/// Common resources of a bridge's loop.
+pub(crate) struct Resources {
     pub(crate) cell: CellConfig,
     pub(crate) arm: physics::Arm,
     pub(crate) feed: Feed,
-    pub(crate) news: Sender<News>,
-    pub(crate) teller: JoinHandle<()>,
+    pub(crate) events: Sender<Event>,
+    pub(crate) reporter: JoinHandle<()>,
 }
 
-impl Ground {
-    /// Reads the cell and its model, holds them against a bridge that commands every `period_s`, and starts joining.
-    pub(crate) fn lay(
+impl Resources {
+    /// Reads the cell and its model, checks them for a bridge that commands every `period_s`, and
+    /// starts joining.
+    pub(crate) fn prepare(
         common: &Common,
         period_s: f64,
         options: &Options,
@@ -58,14 +60,14 @@ impl Ground {
                  compensation off, calibrate the model with it off, and set absolute_accuracy = \"off\""
             );
         }
-        let (news, heard) = channel();
-        let teller = teller::start(Arc::clone(&options.counts), heard)?;
+        let (events, heard) = channel();
+        let reporter = reporter::start(Arc::clone(&options.counts), heard)?;
         let within = Duration::from_secs_f64(common.answer_within_s);
         let fresh = Duration::from_secs_f64((2.5 * period_s).max(0.01));
         let lost_feed = cell.lost_feed();
-        let link = Joining::start(&cell.cell, within, fresh, lost_feed, news.clone())?;
+        let link = Joining::start(&cell.cell, within, fresh, lost_feed, events.clone())?;
         let feed = Feed::over(link);
-        Ok(Self { cell, arm, feed, news, teller })
+        Ok(Self { cell, arm, feed, events, reporter })
     }
 }
 

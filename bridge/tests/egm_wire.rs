@@ -1,5 +1,5 @@
-//! The reader of EGM's messages against `prost`: the same values, the same verdict on what is broken, and in a corrected
-//! datagram nothing else is changed.
+//! Comparison of the reader of EGM messages with `prost`: the same values, the same decision on
+//! invalid messages, and in a corrected datagram nothing else is changed.
 
 mod proto;
 
@@ -66,7 +66,7 @@ prop_compose! {
     }
 }
 
-/// Bits, so that no-numbers compare too.
+/// Bits, so that NaN compare too.
 fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|value| value.to_bits()).collect()
 }
@@ -94,7 +94,8 @@ fn same_posture(ours: &Posture, theirs: Option<&partial::Posture>) -> bool {
     same_joints(ours, theirs.joints.as_ref(), theirs.external.as_ref())
 }
 
-/// Ours and `prost`'s verdict on the same bytes. Two differences are ours by decision: groups, and more joints than any robot has.
+/// Compares the decisions of `prost` and of our reader on the same bytes. Two differences are
+/// intended: groups, and more joints than any robot has.
 fn judge_alike(bytes: &[u8]) -> Result<(), TestCaseError> {
     let excused = |broken: &Broken| {
         matches!(broken, Broken::TooManyJoints | Broken::WrongType { wire_type: 3 | 4, .. })
@@ -106,7 +107,7 @@ fn judge_alike(bytes: &[u8]) -> Result<(), TestCaseError> {
             prop_assert!(same_posture(&ours.planned, theirs.planned.as_ref()));
         }
         (Err(ours), Ok(theirs)) => {
-            // A force that is none is broken for us; `prost` was not asked for it.
+            // An invalid force is refused by our reader; `prost` does not validate it.
             let force =
                 proto::Robot::decode(bytes).is_err() || proto::OldRobot::decode(bytes).is_err();
             prop_assert!(excused(&ours) || force, "{ours:?} for {theirs:?}");
@@ -127,7 +128,7 @@ fn judge_alike(bytes: &[u8]) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// How a datagram is spoilt.
+/// A damaged datagram.
 fn spoilt(mut bytes: Vec<u8>, at: usize, byte: u8, cut: usize) -> Vec<u8> {
     if !bytes.is_empty() {
         let at = at % bytes.len();

@@ -1,8 +1,9 @@
-//! One correction in batches, for whoever wants to time it beside something else: `cargo xtask peers`.
+//! Times one correction in batches, for comparison with other libraries: `cargo xtask peers`.
 //!
-//! `beside arm` tells the arm, and the poses that are gone through: joints (their number; each: axis, point, mass, centre), tool (TCP, mass, centre), gravity,
-//! poses (their number; each: its joints), SI. `beside correct` takes orders from standard input, one a line: `look` (TCP and gravity torques of each pose),
-//! `batch N` (time of one of N corrections, ns, and Newton steps of one). Never: a decision.
+//! `beside arm` prints the arm and the poses that are evaluated: joints (count; each: axis, point,
+//! mass, centre), tool (TCP, mass, centre), gravity, poses (count; each: its joints), SI. `beside
+//! correct` reads commands from standard input, one per line: `look` (TCP and gravity torques of
+//! each pose), `batch N` (mean time of N corrections, ns, and Newton steps of one).
 #![expect(
     clippy::expect_used,
     clippy::print_stdout,
@@ -20,7 +21,7 @@ use std::io::BufRead;
 use std::time::Instant;
 use support::{load, pose, twenty};
 
-/// Poses that are gone through, about the nominal one, rad.
+/// Poses that are evaluated, around the nominal one, rad.
 const POSES: usize = 64;
 const ABOUT: f64 = 0.2;
 
@@ -92,7 +93,7 @@ fn main() {
                 }
             }
         }
-        // As a bench among others it has nothing to say.
+        // Run by `cargo bench` without arguments: nothing to do.
         _ => {}
     }
 }

@@ -1,4 +1,5 @@
-//! What one cycle of the corrector costs, from command to bounded target: `cargo bench -p corrector`.
+//! Time of one cycle of the corrector, from command to limited correction: `cargo bench -p
+//! corrector`.
 #![expect(clippy::expect_used, reason = "the arms of the tests are sound")]
 
 #[path = "../tests/support/mod.rs"]
@@ -31,7 +32,8 @@ fn cycles(criterion: &mut Criterion, name: &str, model: Model, stiffness: Option
     });
 }
 
-/// The parts of one correction: gravity and wrench act, at a pose amid the arm's range.
+/// The parts of one correction with gravity and a wrench, at a pose in the middle of the arm's
+/// range.
 fn stages(criterion: &mut Criterion) {
     let (model, q) = (twenty(), pose());
     let inputs = Inputs { wrench_base: load(), ..Inputs::at_rest(q) };

@@ -1,6 +1,8 @@
-//! One stage of a correction so many times, for a tool that counts instructions: `counted STAGE TIMES`, or without arguments the stages' names.
+//! Runs one stage of a correction a given number of times, for a tool that counts instructions:
+//! `counted STAGE TIMES`; without arguments it lists the stages.
 //!
-//! `cargo xtask instructions` runs it under callgrind and compares with what is stored; time on a shared machine would tell nothing of a few per cent.
+//! `cargo xtask instructions` runs it under callgrind and compares with the stored counts; on a
+//! shared machine times are too noisy to show a change of a few per cent.
 #![expect(
     clippy::expect_used,
     clippy::print_stdout,
@@ -15,7 +17,7 @@ use physics::{Chain, Evaluation, Inputs, JOINTS_MAX, Memories};
 use std::hint::black_box;
 use support::{DT_NS, Run, envelope, load, pose, twenty};
 
-/// The stages, the whole cycle last: of a robot that stands, and of one that moves.
+/// The stages; the last two are whole cycles, of a robot at rest and of a moving one.
 const STAGES: [&str; 5] = ["geometry", "evaluation", "correction", "cycle", "moving"];
 
 fn run(stage: &str, times: u64) {
@@ -51,7 +53,7 @@ fn run(stage: &str, times: u64) {
                 WrenchSample { wrench: load(), in_base: true, age_ns: DT_NS, faulty: false };
             run.world = World { wrench: Some(sample), ..World::default() };
             (0..times).for_each(|cycle| {
-                // To and fro at half a rad a second at most, joints against each other.
+                // Oscillates at up to 0.5 rad/s, neighbouring joints in opposite directions.
                 let turn = way_rad * (5e-9 * (cycle * DT_NS) as f64).sin();
                 let q: [f64; 6] =
                     std::array::from_fn(|i| q[i] + if i % 2 == 0 { turn } else { -0.7 * turn });

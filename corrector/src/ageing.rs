@@ -1,7 +1,8 @@
 //! Detects that a model no longer holds, from occasional measurements of the tool: a sequential test (CUSUM).
 //!
-//! Each measurement gives a whitened residual `z = (measured − predicted)/σ`, three numbers that are standard normal while the model holds. Sums run
-//! along it (Page, Biometrika 41, 1954), each the log-likelihood of a change against none, and never below zero:
+//! Each measurement gives a whitened residual `z = (measured − predicted)/σ`, three numbers that
+//! are standard normal while the model holds. Over them run cumulative sums (Page, Biometrika 41,
+//! 1954): the log-likelihood ratio of a change against no change, clipped at zero from below.
 //!
 //! ```text
 //! shift along d:  S ← max(0, S + d·z − k)                            alarm if S > h
@@ -15,16 +16,17 @@
 //! Thresholds are set for more than 10⁴ measurements on average between false alarms of all sums (test
 //! `a_model_that_holds_is_doubted_once_in_thousands_of_measurements`): at one measurement every ten minutes, months.
 //!
-//! Promises: an alarm persists until the state is reset to [`Ageing::default`]. Never: a clock, a heap, a statement about the cause.
+//! Invariant: an alarm persists until the state is reset to [`Ageing::default`]. The test says
+//! nothing about the cause.
 
 use glam::DVec3;
 use libm::log;
 
-/// Half of the shift that is sought, σ.
+/// Half of the shift to be detected, σ.
 const SHIFT: f64 = 0.5;
-/// Where a shift is said.
+/// Alarm threshold of a shift.
 const SHIFT_SAID: f64 = 10.5;
-/// Along the axes and the space diagonals; each also the other way.
+/// Directions: axes and space diagonals; each is also tested with the opposite sign.
 const WAYS: [DVec3; 7] = [
     DVec3::X,
     DVec3::Y,
@@ -36,16 +38,16 @@ const WAYS: [DVec3; 7] = [
 ];
 /// 1/√3.
 const DIAGONAL: f64 = 0.577_350_269_189_625_8;
-/// The spread that is sought, σ.
+/// The standard deviation to be detected, relative to σ.
 const SPREAD: f64 = 1.5;
-/// Where a spread is said, log-likelihood.
+/// Alarm threshold of a spread, log-likelihood ratio.
 const SPREAD_SAID: f64 = 8.0;
-/// A residual is cut at so many σ.
+/// Residuals are clipped at this multiple of σ.
 const CUT: f64 = 4.0;
-/// Measurements after which the root mean square is told; older ones fade (exponentially weighted).
+/// Memory of the exponentially weighted root mean square, in measurements.
 const REMEMBERED: f64 = 20.0;
 
-/// A sum that never falls below zero, and since when it is above.
+/// A cumulative sum that is never below zero, and the time since which it is above zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Sum {
     height: f64,
@@ -61,7 +63,7 @@ impl Sum {
     }
 }
 
-/// What is known of a model's age.
+/// State of the test for a change of the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ageing {
     shifts: [[Sum; 2]; WAYS.len()],
@@ -72,8 +74,9 @@ pub struct Ageing {
 }
 
 impl Ageing {
-    /// Takes a measurement: `residual` m, measured minus predicted; `sigma_m` above zero, the standard uncertainty of each of its numbers, instrument and model
-    /// as proven together; `t_ns` not before the last. What is not finite, or has no sigma, is passed over: false.
+    /// Adds a measurement: `residual` m, measured minus predicted; `sigma_m` above zero, standard
+    /// uncertainty per axis of instrument and model together; `t_ns` not before the last one.
+    /// Returns false, without effect, if a value is not finite or sigma is not above zero.
     pub fn take(&mut self, residual: DVec3, sigma_m: f64, t_ns: u64) -> bool {
         let z = residual / sigma_m;
         if !z.is_finite() || sigma_m <= 0.0 {
@@ -99,17 +102,18 @@ impl Ageing {
         true
     }
 
-    /// Since when the model does not hold, in the measurements' time; none while it does.
+    /// Time of the measurement since which the model no longer holds; `None` while it holds.
     pub fn broken_since_ns(&self) -> Option<u64> {
         self.broken_since_ns
     }
 
-    /// How many measurements were taken.
+    /// Number of measurements used.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Root mean square distance of the last measurements (about twenty) from what was predicted, m; NaN before the first.
+    /// Root mean square distance between recent measurements (about twenty) and predictions, m; NaN
+    /// before the first.
     pub fn residual_m(&self) -> f64 {
         if self.count > 0 { libm::sqrt(self.mean_square) } else { f64::NAN }
     }
@@ -122,7 +126,7 @@ mod tests {
     const SIGMA_M: f64 = 5e-5;
     const MINUTE_NS: u64 = 60_000_000_000;
 
-    /// Standard normal numbers by Box and Muller over a linear congruential row.
+    /// Standard normal numbers by the Box-Muller transform over a linear congruential generator.
     struct Chance(u64);
 
     impl Chance {
@@ -144,7 +148,8 @@ mod tests {
         }
     }
 
-    /// Measurements until it is said, and the one from which on, counted from the first; `drift` in σ by the measurement's number.
+    /// Number of measurements until the alarm, and the one from which the change is dated, counted
+    /// from the first; `drift` in σ by the number of the measurement.
     fn run(chance: &mut Chance, most: u64, drift: &dyn Fn(u64) -> DVec3) -> Option<(u64, u64)> {
         let mut ageing = Ageing::default();
         for k in 0..most {

@@ -1,6 +1,7 @@
-//! A strictly convex quadratic problem within bounds on each joint, by a primal active-set method.
+//! Minimises a strictly convex quadratic function within bounds on each joint, by a primal
+//! active-set method.
 //!
-//! Promises: the answer is within the bounds, whatever the matrix; no heap. Never: knowledge of the robot.
+//! Invariant: the result is within the bounds for any matrix. No heap; independent of the robot.
 
 use libm::sqrt;
 use physics::{JOINTS_MAX, Joints};
@@ -8,27 +9,29 @@ use physics::{JOINTS_MAX, Joints};
 /// A symmetric matrix of the joints.
 pub(crate) type Square = [Joints; JOINTS_MAX];
 
-/// The most changes of the active set per joint: random problems take fewer than two.
+/// Limit on changes of the active set, per joint: random problems take fewer than two.
 const CHANGES_PER_JOINT: usize = 6;
-/// A multiplier counts as violated beyond this share of the largest slope: rounding.
+/// A multiplier counts as violated beyond this share of the largest gradient component; less is
+/// rounding.
 const VIOLATED: f64 = 1e-12;
 
-/// How far each joint may go, rad or m.
+/// Range of each joint, rad or m.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
     pub(crate) low: Joints,
     pub(crate) high: Joints,
 }
 
-/// The lowest point of `½ xᵀ A x − gᵀ x` within bounds.
+/// The minimum of `½ xᵀ A x − gᵀ x` within bounds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lowest {
     pub(crate) x: Joints,
-    /// Joints that a bound holds back.
+    /// Joints at an active bound.
     pub(crate) held: [bool; JOINTS_MAX],
 }
 
-/// Minimises from `start`; none where the matrix is not positive definite or holds a value that is not finite.
+/// Minimises from `start`; `None` if the matrix is not positive definite or holds a value that is
+/// not finite.
 pub(crate) fn lowest(
     count: usize,
     a: &Square,
@@ -68,7 +71,8 @@ pub(crate) fn lowest(
             None => return Some(Lowest { x, held }),
         }
     }
-    // Changes that rounding repeats without end: what is reached is within the bounds and as low as they allow to rounding.
+    // Rounding repeats changes of the active set without end: the point reached is within the
+    // bounds and minimal up to rounding.
     Some(Lowest { x, held })
 }
 
@@ -83,7 +87,7 @@ fn downhill(count: usize, a: &Square, g: &Joints, x: &Joints) -> Joints {
     slope
 }
 
-/// The share of a step that stays within the bounds, and the joint that ends it.
+/// The largest share of a step that stays within the bounds, and the joint whose bound limits it.
 fn longest(
     count: usize,
     x: &Joints,
@@ -102,7 +106,8 @@ fn longest(
     (share, blocking)
 }
 
-/// Newton's step of the joints that are not held, by Cholesky's factors; those that are held become rows of the unit matrix.
+/// The Newton step of the free joints, by Cholesky factorisation; rows of joints at a bound become
+/// rows of the unit matrix.
 pub(crate) fn free_step(
     count: usize,
     a: &Square,
@@ -120,7 +125,7 @@ pub(crate) fn free_step(
             };
             let rest = entry - (0..k).map(|j| l[i][j] * l[k][j]).sum::<f64>();
             if i == k {
-                // Also false for what is not a number.
+                // Also false for NaN.
                 if !(rest > 0.0 && rest < f64::INFINITY) {
                     return None;
                 }

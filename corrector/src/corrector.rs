@@ -17,7 +17,7 @@ use envelope::{Elapsed, Intervals, Limiters, Limits};
 use glam::DVec3;
 use physics::{Arm, Chain, Evaluation, Frame, Inputs, JOINTS_MAX, Joints, Model, Wrench};
 
-/// Share of the envelope's rate at which a correction is taken back ahead of a joint limit.
+/// Share of the rate limit at which a correction is taken back ahead of a joint limit.
 const TAKEN_BACK_SHARE: f64 = 0.5;
 
 /// The correction of one robot.
@@ -29,21 +29,22 @@ pub struct Corrector {
     wrench: WrenchPath,
     solver: Solver,
     limiters: Limiters<JOINTS_MAX>,
-    /// What the last good solution asked for.
+    /// The correction that the last good solution required.
     last_wanted: Joints,
     refused_ns: u64,
-    /// Why the correction is not yet what is wanted; kept until it is.
+    /// Why the correction is not yet the requested one; kept until it is.
     cause: Reason,
     bypassed: bool,
-    /// Share of the envelope's angle in the mode that corrects, kept through shadow mode: on its way out a correction goes no further.
+    /// Share of the position limit in the last mode that corrects; kept through shadow mode, so
+    /// that a correction on its way out goes no further.
     angle_share: f64,
     intervals: Intervals,
 }
 
-/// What a cycle wants to publish, before the bounds.
+/// The requested correction of a cycle, before limiting.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted {
-    /// The correction asked for, rad or m.
+    /// The requested correction, rad or m.
     correction: Joints,
     status: Status,
     reason: Reason,
@@ -55,7 +56,7 @@ pub struct Wanted {
 }
 
 impl Corrector {
-    /// A corrector at rest.
+    /// A corrector without history and correction.
     pub fn new(settings: Settings) -> Self {
         Self {
             settings,
@@ -73,7 +74,7 @@ impl Corrector {
         }
     }
 
-    /// Takes the correction out (`true`) or lets it in again, ramped.
+    /// Ramps the correction to zero (`true`) or back in (`false`).
     pub fn set_bypass(&mut self, bypassed: bool) {
         if self.bypassed && !bypassed {
             self.cause = Reason::Bypass;
@@ -81,7 +82,7 @@ impl Corrector {
         self.bypassed = bypassed;
     }
 
-    /// Changes how much may be corrected, ramped.
+    /// Sets how much may be corrected; the change is ramped.
     pub fn set_mode(&mut self, mode: Mode) {
         if mode != self.settings.mode {
             self.cause = Reason::Starting;
@@ -100,19 +101,21 @@ impl Corrector {
         self.settings.mode
     }
 
-    /// Lets a wrench gate that closed for its loop gain try again.
+    /// Opens a wrench gate that closed for its loop gain, as a new trial.
     pub fn rearm_wrench(&mut self) {
         self.wrench.rearm();
     }
 
-    /// Says that `model` replaces the one before. Its effects remember nothing yet: they settle from the present directions.
+    /// Replaces the model. The new effects have no memory yet: they settle from the present
+    /// directions.
     pub fn model_changed(&mut self, model: &Model) {
         self.path.settle_anew(model);
         self.solver = Solver::default();
         self.cause = Reason::ModelChanged;
     }
 
-    /// What the model wants for this command. `now_ns` is the cycle's time (live `CLOCK_MONOTONIC`, in lockstep the command's).
+    /// The requested correction for this command. `now_ns` is the cycle's time (live
+    /// `CLOCK_MONOTONIC`, in lockstep the command's).
     pub fn correct(
         &mut self,
         model: &Model,
@@ -134,7 +137,7 @@ impl Corrector {
             self.cause = told;
         }
         if self.settings.lockstep && follows.after_ns().is_none() {
-            // The time of a recording may begin anew.
+            // The time of a recording may start again.
             self.intervals = Intervals::new();
             self.elapse(now_ns, command.t_ns);
         }
@@ -142,21 +145,21 @@ impl Corrector {
         self.path.follow(model, &self.settings, command, &world, follows);
         let settled = command.settled && self.settings.lockstep;
         let gate = self.take_wrench(model, &world, elapsed, settled);
-        // Poses at rest do not lead to each other.
+        // Poses at rest are not connected by motion.
         if settled || follows.after_ns().is_none() {
             self.solver.forget();
         }
         let blank = Wanted { gate, settled, reason: told, ..Wanted::nothing(elapsed) };
         let task = Task { offset_m: world.trim_m, ..self.settings.task };
         let reach = self.reach();
-        // Followed just now: there is a last command.
+        // `follow` has just stored the command, so that one is there.
         let Some(inputs) = self.path.last() else { return blank };
         let solution = self.solver.track(model, inputs, self.path.memories(), &task, &reach);
         let q_cmd = inputs.q;
         self.wanted(&q_cmd, &solution, blank)
     }
 
-    /// Limits what is wanted to the correction that is proposed.
+    /// Limits the requested correction to the one that is sent.
     pub fn bound(&mut self, model: &Model, wanted: &Wanted) -> Outcome {
         let joints = model.arm.count();
         let mut outcome = Outcome {
@@ -180,8 +183,9 @@ impl Corrector {
         outcome
     }
 
-    /// What is left of the tool error at the last accepted command with this correction, by the model: one more evaluation, for reports. None before
-    /// the first command, and where an effect is beyond what its law holds for.
+    /// Residual of the tool pose at the last accepted command with this correction, by the model:
+    /// one more evaluation, for reports. `None` before the first command, and if an effect is
+    /// outside the range of its law.
     pub fn left_with(&self, model: &Model, correction: &Joints) -> Option<Residual> {
         let inputs = self.path.last()?;
         let task = &self.settings.task;
@@ -190,7 +194,8 @@ impl Corrector {
         (left.m.is_finite() && left.rad.is_finite()).then_some(left)
     }
 
-    /// Where the model puts the tool at the last accepted command with this correction, base frame: one more evaluation. None where [`Corrector::left_with`] has none.
+    /// Pose of the tool by the model at the last accepted command with this correction, base frame:
+    /// one more evaluation. `None` as for [`Corrector::left_with`].
     pub fn tool_with(&self, model: &Model, correction: &Joints) -> Option<Frame> {
         let mut there = *self.path.last()?;
         apply(&mut there.q, correction);
@@ -219,8 +224,8 @@ impl Corrector {
         !self.bypassed && self.settings.mode != Mode::Shadow
     }
 
-    /// What later cycles need and this one's target does not: to be called once that is out. The gate of a wrench in a contact of known stiffness
-    /// stays closed without it.
+    /// Work for later cycles that does not affect the present target: to be called after the target
+    /// was sent. Without it the gate of a wrench in a contact of known stiffness stays closed.
     pub fn prepare(&mut self, model: &Model) {
         let Some(inputs) = self.path.last() else { return };
         if self.settings.wrench.enabled && self.settings.wrench.process_stiffness.is_some() {
@@ -228,7 +233,8 @@ impl Corrector {
         }
     }
 
-    /// The time since the last call. After a silence the robot has stopped, and the correction is constant.
+    /// The time since the last call. After a silence the robot has stopped, and the correction is
+    /// constant.
     fn elapse(&mut self, now_ns: u64, stamp_ns: u64) -> Elapsed {
         self.intervals.elapse(now_ns, Some(stamp_ns)).unwrap_or_else(|| {
             self.limiters.rest();
@@ -236,7 +242,7 @@ impl Corrector {
         })
     }
 
-    /// A refused command: the last good correction holds for a while, then ramps out.
+    /// A refused command: the last good correction is held for a while, then ramps to zero.
     fn refuse(&mut self, reason: Reason, elapsed: Elapsed) -> Wanted {
         self.cause = reason;
         self.refused_ns = self.refused_ns.saturating_add(nanoseconds(elapsed));
@@ -245,12 +251,13 @@ impl Corrector {
         Wanted { correction, status: Status::Rejected, reason, ..blank }
     }
 
-    /// Whether what was refused is recent enough to hold the last good correction.
+    /// Whether the refusal is recent enough to hold the last good correction.
     fn holds(&self) -> bool {
         self.refused_ns <= self.settings.hold_ns
     }
 
-    /// Takes the measured wrench to the last command, as far as its gate lets it; what the gate says.
+    /// Applies the measured wrench to the last command, as far as its gate allows; returns the
+    /// state of the gate.
     fn take_wrench(
         &mut self,
         model: &Model,
@@ -278,7 +285,8 @@ impl Corrector {
         gate
     }
 
-    /// A refused solution holds the last good one for a while, then ramps out; at a pose at rest it is out already.
+    /// The requested correction of a solution. If the solve failed, the last good one is held for a
+    /// while, then ramps to zero; at a pose at rest it is zero at once.
     fn wanted(&mut self, q_cmd: &Joints, solution: &Solution, blank: Wanted) -> Wanted {
         let mut wanted = Wanted { residual: solution.residual, steps: solution.steps, ..blank };
         if solution.converged || solution.limited.is_some() {
@@ -302,7 +310,7 @@ impl Corrector {
         Wanted { correction, status, reason: Reason::NotConverged, ..wanted }
     }
 
-    /// What the limiters are to reach, and whether a joint limit cut it.
+    /// The goal of the limiters, and whether a joint limit reduced it.
     fn goal(&self, arm: &Arm, wanted: &Wanted) -> (Joints, bool) {
         if !self.corrects() {
             return ([0.0; JOINTS_MAX], false);
@@ -319,8 +327,9 @@ impl Corrector {
         (goal, is_cut)
     }
 
-    /// How far joint `i` may be corrected without leaving its limits. Ahead of a limit that the command approaches it is as little as can
-    /// be taken back before the command is there: a correction that is cut only at the limit itself would stop at once.
+    /// How far joint `i` may be corrected without leaving its limits. Ahead of a limit that the
+    /// command approaches, the range shrinks so that the correction can be taken back before the
+    /// command reaches the limit: a correction that is cut only at the limit would stop at once.
     fn room(&self, arm: &Arm, inputs: &Inputs, i: usize) -> (f64, f64) {
         let (min, max) = arm.joints()[i].limits;
         let q = inputs.q[i];
@@ -331,7 +340,7 @@ impl Corrector {
         ((min - q).min(0.0) * share(-moved), (max - q).max(0.0) * share(moved))
     }
 
-    /// One step of the joints' limiters, and how far they got.
+    /// One step of the joints' limiters, and whether they reached the goal.
     fn step(&mut self, joints: usize, goal: &Joints, wanted: &Wanted) -> (Joints, Reached) {
         let mut allowed = [0.0; JOINTS_MAX];
         for (i, allowed) in allowed[..joints].iter_mut().enumerate() {
@@ -355,7 +364,7 @@ impl Corrector {
         (bounded, reached)
     }
 
-    /// Says how and why the correction was made.
+    /// Sets status and reason of the outcome.
     fn name(&mut self, outcome: &mut Outcome, reached: Reached, is_cut: bool) {
         let is_limited = outcome.status == Status::Limited;
         let solved = is_limited || outcome.status == Status::Corrected;
@@ -379,7 +388,7 @@ impl Corrector {
                 _ if is_limited => outcome.reason,
                 _ if is_cut => Reason::JointLimit,
                 Reached::Bound => Reason::Envelope,
-                // Told in the one cycle in which it happens, whatever the correction does.
+                // Reported in the cycle in which it happens, whatever the correction is.
                 _ if outcome.reason == Reason::CommandJump => Reason::CommandJump,
                 _ => Reason::None,
             };
@@ -395,11 +404,11 @@ impl Corrector {
     }
 }
 
-/// How far the limiters got.
+/// Whether the limiters reached the goal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reached {
     Goal,
-    /// The envelope's angle, short of the goal.
+    /// At the position limit, short of the goal.
     Bound,
     NotYet,
 }

@@ -1,15 +1,17 @@
-//! The damping that keeps a bounded correction continuous through singular poses: only in directions in which the joints hardly move the tool.
+//! Damping that keeps a bounded correction continuous through singular poses; it acts only in
+//! directions in which the joints hardly move the tool.
 //!
-//! It is a function of the matrix `JᵀJ` alone (each eigenvalue becomes its damping), thus as continuous as that function, also where eigenvalues meet.
+//! It is a function of the matrix `JᵀJ` alone (each eigenvalue is mapped to its damping), hence
+//! continuous also where eigenvalues coincide.
 
 use crate::bounded::Square;
 use libm::sqrt;
 use physics::JOINTS_MAX;
 
-/// Directions in which the tool moves by less than this with a unit of the joints are damped, m/rad.
-/// Below the 0.07 m/rad of a regular wrist whose radian counts 0.1 m.
+/// Directions in which a unit joint motion moves the tool by less than this are damped, m/rad.
+/// Below the 0.07 m/rad of a regular wrist with a radian weighted as 0.1 m.
 const WEAK: f64 = 0.06;
-/// Sweeps of Jacobi's method: six take matrices of this size to rounding.
+/// Sweeps of the Jacobi eigenvalue method: six suffice for matrices of this size, to rounding.
 const SWEEPS: usize = 12;
 
 /// The matrix with the eigenvectors of `of` and the eigenvalues `most · (1 − of / WEAK²)²`, none where `of` is at least `WEAK²`.
@@ -27,7 +29,7 @@ pub(crate) fn damping(count: usize, of: &Square, most: f64) -> Square {
     damped
 }
 
-/// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by Jacobi's rotations.
+/// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by Jacobi rotations.
 fn eigen(count: usize, of: &Square) -> ([f64; JOINTS_MAX], Square) {
     let mut a = *of;
     let mut v = [[0.0; JOINTS_MAX]; JOINTS_MAX];

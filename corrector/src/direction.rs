@@ -1,7 +1,7 @@
 //! Direction of the last motion of each joint, with a deadband against encoder noise.
 //!
-//! Promises: a reversal is detected only after the command has moved by the deadband against the last motion.
-//! Never: a speed.
+//! Invariant: a reversal is detected only after the command has moved by the deadband against the
+//! last motion. It gives directions, no speed.
 
 use physics::{JOINTS_MAX, Joints};
 
@@ -14,7 +14,7 @@ pub(crate) struct Directions {
 }
 
 impl Directions {
-    /// Nothing has moved yet.
+    /// No joint has moved yet.
     pub(crate) fn at(q: &Joints) -> Self {
         Self { signs: [0.0; JOINTS_MAX], furthest: *q }
     }

@@ -14,7 +14,9 @@
 //!
 //! A deflection limit is a force limit over the model's compliance along the force. While the robot is at rest the force does not depend on the feed: `P` and the override are held.
 //!
-//! Promises: in every state a number from the floor to 1, that changes by no more than the rates, from the override that the client returned last where it states one; the same sequence of inputs gives the same bits. Never: a clock.
+//! Invariants: in every state a finite value from the floor to 1 that changes by no more than the
+//! rates, starting from the override that the client last returned, if it states one; the same
+//! sequence of inputs gives the same bits.
 
 #[cfg(test)]
 mod tests;
@@ -41,9 +43,11 @@ pub enum FeedLimit {
 /// Constants that a cell does not set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeedRules {
-    /// A cycle that comes later than this counts as that long, s; above the longest cycle. Default 0.1: commands have paused, and nothing is made up for at once.
+    /// A cycle that comes later than this counts as this long, s; above the longest cycle. Default
+    /// 0.1: commands have paused, and the missed time is not made up for at once.
     pub pause_s: f64,
-    /// Over so long the speed of the tool is measured, s; above 0. Default 0.01: longer than the cycle of most controllers, which repeat a setpoint within one.
+    /// Time over which the speed of the tool is measured, s; above 0. Default 0.01: longer than the
+    /// cycle of most controllers, which repeat a setpoint within a cycle.
     pub speed_over_s: f64,
     /// A programmed feed below this counts as a stop, m/s; above 0. Default 1e-4: slower than any machining feed, faster than what setpoints of a robot at rest differ by.
     pub rest_m_s: f64,
@@ -58,7 +62,7 @@ impl Default for FeedRules {
     }
 }
 
-/// What a cell sets of its feed.
+/// Settings of a cell for its feed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeedSettings {
     /// Whether the override is sent; otherwise it is computed and reported, and 1 is sent.
@@ -69,38 +73,39 @@ pub struct FeedSettings {
     pub bounds: OverrideLimits,
     /// The override where no force is known; from the floor to 1.
     pub lost: f64,
-    /// The largest override in the air; from the floor to 1.
+    /// The largest override while the tool is in the air; from the floor to 1.
     pub air: f64,
-    /// Forces below this are none: the tool is in the air, N.
+    /// The tool is in the air while the force is below this, N.
     pub air_n: f64,
     /// Without a force the override holds for this time, s; then it goes to `lost`.
     pub hold_s: f64,
     /// A force older than this is unknown, s.
     pub stale_s: f64,
-    /// From an override to the force that comes of it, as it is known here, s; at most 0.5.
+    /// Delay from an override to the force that results from it, as measured here, s; at most 0.5.
     pub delay_s: f64,
     /// Time constant of the estimate, s; at least [`FEED_DELAYS`] delays.
     pub time_constant_s: f64,
     /// How the force grows with the feed: `F ∝ feedᵐ`; above 0 to 1.
     pub exponent: f64,
-    /// A force beyond so many limits takes the override down at once, as fast as it may; above 1.
+    /// A force above this multiple of the limit lowers the override at once, at the largest rate;
+    /// above 1.
     pub relief: f64,
     /// Constants that a cell does not set.
     pub rules: FeedRules,
 }
 
-/// What is known in a cycle.
+/// Inputs of a cycle.
 #[derive(Clone, Copy, Debug)]
 pub struct FeedInput {
     /// The cycle's time, ns.
     pub now_ns: u64,
     /// The newest wrench.
     pub wrench: Option<WrenchSample>,
-    /// Where the command puts the tool, base frame, m; none where the command was refused.
+    /// Tool position of the command, base frame, m; `None` if the command was refused.
     pub tool_m: Option<DVec3>,
-    /// The model's compliance at the tool along the force, m/N; none where it is unknown.
+    /// The model's compliance at the tool along the force, m/N; `None` if unknown.
     pub compliance_m_per_n: Option<f64>,
-    /// Whether corrections go out.
+    /// Whether corrections are sent.
     pub corrects: bool,
     /// The override that the client returned to the cell last; `None` if it states none.
     pub client_override: Option<f64>,
@@ -111,21 +116,21 @@ pub struct FeedInput {
 pub struct FeedReport {
     /// State.
     pub state: FeedState,
-    /// Why.
+    /// Why it is in this state.
     pub reason: FeedReason,
     /// The override sent; 1 is the programmed feed.
     pub feed_override: f64,
-    /// The override that keeps the force at its limit.
+    /// The override that would keep the force at its limit.
     pub wanted: f64,
     /// The process force, low-passed, N; NaN where unknown.
     pub force_n: f64,
-    /// What it would be at the programmed feed, N; NaN where unknown.
+    /// The force at the programmed feed, N; NaN where unknown.
     pub programmed_force_n: f64,
     /// The limit as a force, N; NaN where unknown.
     pub limit_n: f64,
     /// Speed of the commanded tool, m/s; NaN where unknown.
     pub speed_m_s: f64,
-    /// Wrenches that were refused: no numbers.
+    /// Refused wrenches: values that are not finite.
     pub refused: u64,
 }
 
@@ -140,11 +145,11 @@ struct Load {
 #[derive(Clone, Copy, Debug)]
 struct Found {
     force_n: DVec3,
-    /// The override in force when the force arose, to the exponent.
+    /// The override in force when the force arose, raised to the exponent.
     share: f64,
 }
 
-/// The feed of one tool.
+/// Adapts the feed of one tool.
 #[derive(Clone, Debug)]
 pub struct Feed {
     settings: FeedSettings,
@@ -154,13 +159,13 @@ pub struct Feed {
     /// When a force was last known.
     known_ns: Option<u64>,
     stepped_ns: Option<u64>,
-    /// When the wrench was measured that was refused last.
+    /// Time of measurement of the last refused wrench.
     refused_ns: Option<u64>,
     report: FeedReport,
 }
 
 impl Feed {
-    /// Nothing known yet: the override starts at its value for a missing force.
+    /// Without measurements: the override starts at its value for a missing force.
     #[must_use]
     pub fn new(settings: FeedSettings, corrects: bool) -> Self {
         let begins = if settings.is_sent && corrects { settings.lost } else { 1.0 };
@@ -227,7 +232,7 @@ impl Feed {
         &self.settings
     }
 
-    /// The filtered force, in the axes that it came in, N; none where none is known.
+    /// The filtered force, in the axes of the input, N; `None` if unknown.
     #[must_use]
     pub fn force_n(&self) -> Option<DVec3> {
         self.found.map(|found| found.force_n)
@@ -238,7 +243,8 @@ impl Feed {
         seconds(now_ns.saturating_sub(before_ns)).min(self.settings.rules.pause_s)
     }
 
-    /// The client limits the override again, and its value is the one in force: where it differs from the one sent here, this one continues from it.
+    /// The client limits the override again, and its value is the one in force: if it differs from
+    /// the one sent here, this one continues from it.
     fn follow_client(&mut self, input: &FeedInput) {
         let FeedSettings { bounds, rules, .. } = self.settings;
         let behind = rules.behind_s * f64::max(bounds.down_per_s(), bounds.up_per_s());
@@ -251,13 +257,13 @@ impl Feed {
         }
     }
 
-    /// Whether the tool moves. An unknown speed is none.
+    /// Whether the tool moves; false if its speed is unknown.
     fn moves(&self) -> bool {
         let FeedReport { speed_m_s, feed_override, .. } = self.report;
         speed_m_s > self.settings.rules.rest_m_s * feed_override
     }
 
-    /// The force, if valid, with its limit.
+    /// The force with its limit, if valid.
     fn load(&mut self, input: &FeedInput) -> Result<Load, FeedReason> {
         let sample = input.wrench.ok_or(FeedReason::NoWrench)?;
         if seconds(sample.age_ns) > self.settings.stale_s {
@@ -355,7 +361,7 @@ impl Feed {
 }
 
 impl FeedReport {
-    /// The programmed feed, and nothing found.
+    /// The programmed feed, without an estimate.
     #[must_use]
     pub fn nothing(state: FeedState) -> Self {
         Self {
@@ -372,7 +378,7 @@ impl FeedReport {
     }
 }
 
-/// How fast the commanded tool moves, over [`FeedRules::speed_over_s`].
+/// Speed of the commanded tool, over [`FeedRules::speed_over_s`].
 #[derive(Clone, Copy, Debug)]
 struct Speed {
     from: Option<(u64, DVec3)>,

@@ -2,15 +2,18 @@
 //!
 //! A ring of [`KEPT`] points, at least [`SPACING_NS`] apart: it reaches back a second at least, at any rate of commands. Linear interpolation between points, and linear extrapolation beyond
 //! the newest by at most its distance from the previous one, because a present measurement lies between the last command and the next.
-//! Never: a point before the first, later than that, or across a gap of more than [`GAP_NS`].
+//! `None` before the first point, later than the extrapolation allows, or across a gap of more than
+//! [`GAP_NS`].
 
 use core::ops::{Add, Mul};
 
 /// Points kept.
 const KEPT: usize = 1024;
-/// Points that follow each other faster are thinned, ns: between points 1 ms apart a straight line is off by 0.1 µm per m/s² of acceleration.
+/// Points closer than this are dropped, ns: between points 1 ms apart, linear interpolation is off
+/// by 0.1 µm per m/s² of acceleration.
 const SPACING_NS: u64 = 1_000_000;
-/// Points further apart do not lead to each other, ns: commands have paused, and nothing is known of what the robot did between.
+/// No interpolation between points further apart, ns: commands have paused, and the robot's motion
+/// between them is unknown.
 const GAP_NS: u64 = 50_000_000;
 
 #[derive(Clone, Copy, Debug)]
@@ -23,7 +26,7 @@ struct Point<V> {
 #[derive(Clone, Debug)]
 pub(crate) struct History<V> {
     points: [Point<V>; KEPT],
-    /// Where the next one goes.
+    /// Index of the next point.
     next: usize,
     count: usize,
 }
@@ -33,12 +36,12 @@ impl<V: Copy + Default + Add<Output = V> + Mul<f64, Output = V>> History<V> {
         Self { points: [Point { t_ns: 0, value: V::default() }; KEPT], next: 0, count: 0 }
     }
 
-    /// Forgets all of it.
+    /// Drops all points.
     pub(crate) fn clear(&mut self) {
         self.count = 0;
     }
 
-    /// Keeps a point; one that is not later than the newest begins the ring anew.
+    /// Adds a point; one that is not later than the newest clears the ring first.
     pub(crate) fn keep(&mut self, t_ns: u64, value: V) {
         match self.back(0) {
             Some(newest) if t_ns <= newest.t_ns => self.clear(),
@@ -52,7 +55,7 @@ impl<V: Copy + Default + Add<Output = V> + Mul<f64, Output = V>> History<V> {
         self.count = (self.count + 1).min(KEPT);
     }
 
-    /// The value at that time.
+    /// The value at time `t_ns`.
     pub(crate) fn at(&self, t_ns: u64) -> Option<V> {
         let mut later = self.back(0)?;
         for age in 1..self.count {
@@ -68,7 +71,7 @@ impl<V: Copy + Default + Add<Output = V> + Mul<f64, Output = V>> History<V> {
         None
     }
 
-    /// The point kept so many before the newest.
+    /// The point `age` places before the newest.
     fn back(&self, age: usize) -> Option<Point<V>> {
         let index = (self.next + KEPT).checked_sub(1 + age)? % KEPT;
         self.points.get(index).filter(|_| age < self.count).copied()

@@ -1,6 +1,6 @@
-//! Reductions over the joints, four lanes at a time, so that they do not depend on each other.
+//! Reductions over the joints, in four independent lanes.
 //!
-//! Promises: no early exit, so that the compiler can vectorise them. Never: a decision.
+//! There is no early exit, so that the compiler can vectorise the loops.
 
 use core::array;
 use physics::lanes::{Lanes, Plain, WIDTH, Work, widest};
@@ -18,12 +18,12 @@ pub(crate) fn off(a: &Joints, b: &Joints) -> Joints {
     array::from_fn(|i| a[i] - b[i])
 }
 
-/// The largest of a step, whichever way; what is not a number does not count.
+/// The largest absolute value of a step; NaN is ignored.
 pub(crate) fn largest(step: &Joints) -> f64 {
     largest_in(Plain::<{ JOINTS_MAX / WIDTH }>, step)
 }
 
-/// The same, with these lanes.
+/// The same, with the given lanes.
 #[inline(always)]
 pub(crate) fn largest_in<S: Lanes>(lanes: S, step: &Joints) -> f64 {
     let mut most = lanes.same(0.0);
@@ -33,7 +33,7 @@ pub(crate) fn largest_in<S: Lanes>(lanes: S, step: &Joints) -> f64 {
     lanes.largest(most)
 }
 
-/// The sum of a step, all taken as ways to the same side.
+/// The sum of the absolute values of a step.
 pub(crate) fn length(step: &Joints) -> f64 {
     sum(&step.map(f64::abs))
 }
@@ -52,7 +52,7 @@ fn sum(of: &Joints) -> f64 {
     (a + b) + (c + d)
 }
 
-/// Whether `q`, one step on, is within `reach` of `centre`, for an arm of so many joints; what is not a number is not.
+/// Whether `q + step` is within `reach` of `centre`, for an arm of `count` joints; false for NaN.
 pub(crate) fn stays_within(
     count: usize,
     q: &Joints,
@@ -86,7 +86,7 @@ impl Work for Stays<'_> {
     }
 }
 
-/// Whether each is within so many times what is allowed of it; what is not a number is not.
+/// Whether each absolute value is within `times` the allowed one; false for NaN.
 pub(crate) fn are_within(step: &Joints, allowed: &Joints, times: f64) -> bool {
     step.iter().zip(allowed).fold(true, |are, (x, allowed)| are & (x.abs() <= times * allowed))
 }

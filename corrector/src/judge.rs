@@ -1,30 +1,30 @@
 //! Validation of a command: count, finite values, range, order, age.
 //!
-//! Promises: data of another process is not trusted; a command that passes is safe to compute with, one that fails gets a reason.
-//! Never: modification of a command.
+//! A command that passes is safe to compute with; one that fails gets a reason. Commands are never
+//! modified.
 
 use crate::outcome::Reason;
 use crate::settings::Settings;
 use physics::{Arm, JOINTS_MAX, Joints};
 
-/// A commanded joint target, as it came.
+/// A commanded joint target, as received.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
     /// Identifies the run of the sender; the path history is reset when it changes.
     pub session: u64,
-    /// Counts up within a session.
+    /// Increases within a session.
     pub seq: u64,
     /// When the target holds, ns, by the sender's clock; increases within a session, unless that clock is set.
     pub t_ns: u64,
     /// How long ago it was sent, ns.
     pub age_ns: u64,
-    /// How many joints it holds.
+    /// Number of joints.
     pub joints: usize,
     /// rad or m.
     pub q: Joints,
     /// Directions of approach (−1, 0, 1 each) where the sender knows them.
     pub direction: Option<Joints>,
-    /// A pose at rest: no bound on rate and jerk. Believed only in lockstep.
+    /// A pose at rest: no limits on rate and jerk. Used in lockstep only.
     pub settled: bool,
 }
 
@@ -40,16 +40,17 @@ impl Command {
     }
 }
 
-/// How a command follows its forerunner.
+/// How a command continues the previous one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Follows {
     /// The first of a session: memory of the path is reset.
     Anew,
     /// The commands' clock was set: it went on by more than really passed, or far back; memory of the path is reset.
     TimeJump,
-    /// A joint moved faster than it can; memory of the path is reset.
+    /// The clock of the commands was set: it advanced by more than the elapsed time, or went far
+    /// back; memory of the path is reset.
     CommandJump,
-    /// By this many ns.
+    /// After this many ns.
     After(u64),
 }
 
@@ -74,14 +75,14 @@ struct Passed {
     q: Joints,
 }
 
-/// By how much the commands' time and the cycle's may part from one command to the next, ns.
+/// Largest difference between the commands' time and the cycle's from one command to the next, ns.
 const TIME_JUMP_NS: u64 = 1_000_000_000;
 
 impl Judge {
-    /// Judges a command that is looked at `now_ns`; one that passes becomes the forerunner of the next.
+    /// Validates a command received at `now_ns`; a valid one becomes the predecessor of the next.
     ///
     /// # Errors
-    /// The reason why it does not pass.
+    /// Why it is invalid.
     pub(crate) fn judge(
         &mut self,
         arm: &Arm,
@@ -122,7 +123,8 @@ impl Judge {
             return Err(Reason::Duplicate);
         }
         let Some(dt_ns) = command.t_ns.checked_sub(last.t_ns).filter(|dt_ns| *dt_ns > 0) else {
-            // A later number far back in time: a clock that was set. Less than that it makes good itself while it is refused.
+            // A later number far back in time: the clock was set. A smaller step back resolves
+            // itself while commands are refused.
             let was_set = command.seq > last.seq && last.t_ns - command.t_ns > TIME_JUMP_NS;
             return if was_set { Ok(Follows::TimeJump) } else { Err(Reason::OutOfOrder) };
         };
@@ -135,9 +137,9 @@ impl Judge {
     }
 }
 
-/// Whether a joint went further than its stated speed allows, by the settings' margin.
+/// Whether a joint moved faster than its stated speed allows, with the margin of the settings.
 fn jumps(arm: &Arm, settings: &Settings, from: &Joints, to: &Joints, dt_ns: u64) -> bool {
-    // Stamps that lie closer than a cycle say nothing of speed.
+    // Stamps closer than a cycle give no reliable speed.
     let dt_s = dt_ns.max(settings.period_ns) as f64 * 1e-9;
     arm.joints()
         .iter()

@@ -8,7 +8,7 @@
 //!
 //! Invariants for any input: `allowed.correction` is finite, within the position limit, and changes within the rate and jerk
 //! limits; the same sequence of inputs gives the same bits.
-//! Never: a clock (time comes with the call), a heap, a log, a panic.
+//! No clock (time is an argument), no heap, no log, no panic.
 #![cfg_attr(not(test), no_std)]
 
 mod ageing;

@@ -8,7 +8,7 @@
 //! observable directions, and decreases with the inverse of its size beyond. They are not continuous where an exact solution reaches its limit for less than a
 //! nanometre of tool error: rounding hides such directions.
 //!
-//! Promises: within the bounds; never worse for the tool than no correction. Never: influence on an exact solution.
+//! Invariants: the correction is within the bounds, and the tool error is never larger than without correction. An exact solution is not affected.
 
 use crate::bounded::{Bounds, Square, free_step, lowest};
 use crate::damping::damping;
@@ -21,40 +21,44 @@ use crate::solve::{Case, Solution, Solver};
 use libm::sqrt;
 use physics::{Chain, Inputs, JOINTS_MAX, Joints};
 
-/// What a radian counts beside the task's length.
+/// Weight of a radian relative to the task's length.
 const ORIENTATION_SHARE: f64 = 0.5;
-/// An exact solution up to so many times the envelope's angle is not damped.
+/// An exact solution up to this multiple of the position limit is not damped.
 const DAMPED_FROM: f64 = 1.25;
-/// From so many times on it is damped in full.
+/// From this multiple on it is fully damped.
 const DAMPED_IN_FULL: f64 = 5.0;
-/// What the whole envelope moves the tool by counts as nothing below this, m: some thousand times the rounding of its square.
+/// A tool motion below this, for a joint motion over the whole position limit, counts as zero, m:
+/// about a thousand times the rounding of its square.
 const HARDLY_M: f64 = 3e-10;
-/// What a unit of the joints moves the tool by counts as nothing below this, m/rad, for the same reason.
+/// A tool motion per unit joint motion below this counts as zero, m/rad, for the same reason.
 const HARDLY_PER_UNIT: f64 = 1e-7;
-/// The correction passes from bound to bound while the tool's least motion per unit of the joints goes from minus to plus this, m/rad.
+/// The correction passes from bound to bound while the tool's least motion per unit of the joints
+/// goes from minus to plus this, m/rad.
 const PASSES: f64 = 0.03;
-/// Damping of all directions, relative to the mean of the diagonal: what makes the lowest point unique for redundant arms.
+/// Damping of all directions, relative to the mean of the diagonal: makes the minimum unique for
+/// redundant arms.
 const UNIQUE: f64 = 1e-9;
-/// Steps that are damped in full, before it is known by how much.
+/// Fully damped steps, before the amount of damping is known.
 const FULLY_DAMPED: u32 = 4;
-/// The most Gauss-Newton steps.
+/// Limit on Gauss-Newton steps.
 const STEPS_MAX: u32 = 20;
-/// The correction has settled once a step changes no joint by more than this, rad or m.
+/// Converged if a step changes no joint by more than this, rad or m.
 const STEP_DONE: f64 = 1e-11;
-/// The task is served in full once this is left of it, m.
+/// The task is reached if less than this remains, m.
 const SERVED_M: f64 = 1e-9;
 
-/// The quadratic problem at one trial: what of it does not come from the slopes there.
+/// The quadratic problem at one trial, apart from the linearisation.
 struct Problem {
     damping: Square,
-    /// The correction that damping draws to, rad or m.
+    /// The correction towards which damping pulls, rad or m.
     reference: Joints,
     share: f64,
     bounds: Bounds,
 }
 
 impl Solver {
-    /// `exact` where it is one within the joint limits; else the best within bounds, from the command.
+    /// `exact`, if it converged within the joint limits; otherwise the best solution within bounds,
+    /// starting at the command.
     #[inline(always)]
     pub(crate) fn within_bounds(&mut self, case: &Case<'_>, exact: Solution) -> Solution {
         if exact.converged && case.model.arm.within_limits(&exact.q) {
@@ -93,7 +97,7 @@ impl Solver {
             }
         }
         let left = problem.length(&error);
-        // No number is no better either.
+        // Also discards NaN.
         if left.is_nan() || left > problem.length(&uncorrected) {
             return refused;
         }
@@ -104,7 +108,8 @@ impl Solver {
         Solution { q, converged: is_served, limited, residual: error.residual(task), steps }
     }
 
-    /// What is left with a correction, and the slopes there; none where an effect's law does not hold, or a value is not finite.
+    /// The task error with a correction, and the linearisation there; `None` if an effect is
+    /// outside the range of its law, or a value is not finite.
     fn look(&mut self, case: &Case<'_>, rows: &Rows, x: &Joints) -> Option<TaskError> {
         let mut trial: Inputs = *case.inputs;
         crate::joints::apply(&mut trial.q, x);
@@ -136,8 +141,10 @@ impl Solver {
         problem
     }
 
-    /// Damps by how far the exact solution would be beyond the envelope, and draws to it, by the slopes at `x`. At the command itself a wrist may be singular where the
-    /// correction of other joints takes it away from that; a fully damped correction has done this already.
+    /// Sets damping by how far the exact solution would exceed the position limit, and the
+    /// reference to that solution, from the linearisation at `x`. At the command itself a wrist may
+    /// be singular although the corrections of other joints move it away from the singularity; a
+    /// fully damped correction already has.
     fn damp(&mut self, case: &Case<'_>, problem: &mut Problem, error: &TaskError, x: &Joints) {
         let rates = &self.slopes.rates;
         let done = |row: usize| rates[row].iter().zip(x).map(|(rate, x)| rate * x).sum::<f64>();
@@ -149,7 +156,7 @@ impl Solver {
         self.damp_by(case, problem, &whole, part);
     }
 
-    /// Takes this part of the damping that an error asks for.
+    /// Applies the share `part` of the damping that an error requires.
     fn damp_by(&self, case: &Case<'_>, problem: &mut Problem, error: &TaskError, part: f64) {
         let (reach, count) = (case.reach, case.model.arm.count());
         problem.damping = [[0.0; JOINTS_MAX]; JOINTS_MAX];
@@ -165,7 +172,7 @@ impl Solver {
 }
 
 impl Solver {
-    /// The exact correction by the slopes seen.
+    /// The exact correction by the present linearisation.
     fn exact(&mut self, count: usize, error: &TaskError, reach: &Joints) -> Exact {
         let slopes = &mut self.slopes;
         if !slopes.serve_all() {
@@ -187,11 +194,11 @@ impl Solver {
     }
 }
 
-/// An exact correction where the slopes hold.
+/// An exact correction, as far as the linearisation holds.
 struct Exact {
     /// rad or m
     by: Joints,
-    /// How many times the envelope's angle it takes: at most one where it fits.
+    /// Its size as a multiple of the position limit: at most one if it fits.
     times: f64,
 }
 
@@ -199,8 +206,8 @@ impl Exact {
     const NONE: Self = Self { by: [0.0; JOINTS_MAX], times: f64::INFINITY };
 }
 
-/// `(J U² Jᵀ + least²)⁻¹ error`, `U` being the joints' units: by the rows, as what an inverse of `JᵀJ` says of a direction in which the tool does not move at all
-/// is rounding.
+/// `(J U² Jᵀ + least²)⁻¹ error`, `U` being the joints' units. Solved in task space: in directions
+/// in which the tool does not move at all, an inverse of `JᵀJ` holds only rounding.
 fn by_rows(rates: &Rates, error: &TaskError, units: &Joints, least: f64) -> Option<Joints> {
     let (mut a, mut e) = ([[0.0; JOINTS_MAX]; JOINTS_MAX], [0.0; JOINTS_MAX]);
     e[..ROWS].copy_from_slice(&error.0);
@@ -219,13 +226,13 @@ impl Problem {
         if row < ROWS / 2 { 1.0 } else { self.share }
     }
 
-    /// How much is left, m.
+    /// Norm of the error, m.
     fn length(&self, error: &TaskError) -> f64 {
         let weighted = |(row, x): (usize, &f64)| self.weight(row) * x;
         sqrt(error.0.iter().enumerate().map(weighted).map(|x| x * x).sum())
     }
 
-    /// Matrix and slope of the quadratic problem where `x` leaves `error`.
+    /// Matrix and gradient of the quadratic problem at `x`, which leaves `error`.
     fn at(&self, slopes: &Slopes, count: usize, error: &TaskError, x: &Joints) -> (Square, Joints) {
         let mut a = self.damping;
         let mut g: Joints = core::array::from_fn(|i| {
@@ -244,7 +251,7 @@ impl Problem {
         (a, g)
     }
 
-    /// What holds the correction back.
+    /// What limits the correction.
     fn reason(&self, case: &Case<'_>, x: &Joints, held: &[bool; JOINTS_MAX]) -> Reason {
         let by_limit = |i: usize| x[i].abs() < case.reach[i];
         let count = case.model.arm.count();

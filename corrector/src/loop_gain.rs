@@ -6,13 +6,14 @@
 //! force itself; g does not, and serves as instrumental variable. Source: Söderström and Stoica, Instrumental variable methods, 1983.
 //!
 //! Not valid if the contact changes within the window; the residual then widens the standard error.
-//! Promises: γ counts as known only if it is significantly different from one half. Never: a decision on the share; that is the gate's.
+//! Invariant: γ counts as known only if it differs significantly from one half. The gate decides on
+//! the share.
 
 use crate::low_pass::{LowPass, Pace};
 use glam::DVec3;
 use nalgebra::{Matrix3, Vector3};
 
-/// A contact has begun, or is over, as the filtered force crosses this, N.
+/// A contact begins or ends as the filtered force crosses this, N.
 pub(crate) const CONTACT_N: f64 = 1.0;
 /// Loop gain from which on the wrench is taken as zero.
 pub(crate) const GAIN_MAX: f64 = 0.5;
@@ -20,25 +21,27 @@ pub(crate) const GAIN_MAX: f64 = 0.5;
 const SETTLING_S: f64 = 0.5;
 /// Steady: changed by less than this share, or by less than [`CONTACT_N`].
 const STEADY: f64 = 0.05;
-/// A force that is not steady for as long is watched as it is, s.
+/// A force that has not become steady after this time is used as it is, s.
 const PATIENCE_S: f64 = 3.0;
-/// Watched before the share rises, s.
+/// Baseline before the share rises, s.
 const BASELINE_S: f64 = 0.8;
-/// Between samples, s: the filter makes nearer ones alike.
+/// Interval between samples, s: closer ones are correlated by the filter.
 const SPACING_S: f64 = 0.1;
 const SAMPLES: usize = 25;
-/// Standard errors by which γ must be clear of its bound. Half of them make up for samples that are still alike.
+/// Required distance between γ and its bound, in standard errors. Half of it allows for samples
+/// that are still correlated.
 const CLEAR_BY: f64 = 6.0;
-/// Added to the standard error: the robot's lag and the model's bends are not in the equation.
+/// Added to the standard error, for the robot's lag and the model's nonlinearity, which the
+/// equation neglects.
 const FLOOR: f64 = 0.005;
 
-/// What is known of the loop.
+/// State of the estimate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) enum Verdict {
-    /// No contact, or its force is being watched before the share rises.
+    /// No contact, or the baseline is being measured before the share rises.
     #[default]
     Waiting,
-    /// The share rises, or γ could not be told from its bound: half a share is safe.
+    /// The share rises, or γ is not significantly different from its bound: one half is safe.
     Unknown,
     /// Below its bound.
     Low,
@@ -46,17 +49,17 @@ pub(crate) enum Verdict {
     High,
 }
 
-/// One finding per contact.
+/// Estimates γ once per contact.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LoopGain {
     verdict: Verdict,
-    /// Unit vector of the force watched, base axes.
+    /// Unit vector of the observed force, base axes.
     direction: DVec3,
     /// Since the contact began, and since the force last changed by more than is steady, s.
     contact_s: f64,
     steady_s: f64,
     steady_at: DVec3,
-    /// Since the watch began, s; none before.
+    /// Time since the baseline began, s; `None` before.
     watched_s: Option<f64>,
     share: LowPass,
     taken: LowPass,
@@ -80,22 +83,22 @@ impl LoopGain {
         self.verdict
     }
 
-    /// The direction along which it was found, base axes.
+    /// The direction along which γ was estimated, base axes.
     pub(crate) fn direction(&self) -> DVec3 {
         self.direction
     }
 
-    /// γ of this contact, once found.
+    /// γ of this contact, once estimated.
     pub(crate) fn gain(&self) -> Option<f64> {
         self.gain
     }
 
-    /// Forgets this contact.
+    /// Discards the estimate of this contact.
     pub(crate) fn rearm(&mut self) {
         *self = Self { direction: self.direction, ..Self::default() };
     }
 
-    /// Takes the filtered force (base axes, N) and the share in use.
+    /// Adds the filtered force (base axes, N) and the present share.
     pub(crate) fn watch(&mut self, force: DVec3, share: f64, corner_hz: f64, dt_s: f64) {
         if force.length_squared() < CONTACT_N * CONTACT_N {
             return self.rearm();
@@ -104,7 +107,7 @@ impl LoopGain {
             *watched_s += dt_s;
         } else {
             self.wait(force, dt_s);
-            // A share left over from before would be no baseline.
+            // A share left over from before would spoil the baseline.
             let ready = self.steady_s >= SETTLING_S || self.contact_s >= PATIENCE_S;
             if !ready || share != 0.0 {
                 return;
@@ -151,7 +154,7 @@ impl LoopGain {
                     self.verdict = Verdict::High;
                 }
             }
-            // The force has doubled or turned round: another contact than the one that was found.
+            // The force has doubled or reversed: not the contact for which γ was estimated.
             Verdict::Low if far_from(force, self.found_at) => self.verdict = Verdict::Unknown,
             _ => {}
         }

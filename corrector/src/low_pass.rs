@@ -3,22 +3,23 @@
 //! `y'' = ω²(u − y) − √2 ω y'` with `u` linear between samples, solved exactly over each step: the state is the output and its rate per
 //! second, and decays at the same rate for any step. (With past outputs as state, the implied rate changes with the step length: a
 //! pause between short steps made it diverge.) Source: any text on linear systems, the matrix exponential of a damped oscillator.
-//! Promises: finite in, finite out for inputs below 1e100; unit gain at rest; its state never diverges. Never: a reaction to a step of zero duration.
+//! Invariants: finite output for inputs below 1e100; unit gain at rest; the state never diverges. A
+//! step of zero duration changes nothing.
 
 use core::f64::consts::{PI, SQRT_2};
 
-/// Up to here the series of [`decay`] is exact to the last bit.
+/// Below this the series of [`decay`] is exact to the last bit.
 const SMALL: f64 = 1.0 / 32.0;
 
-/// How one step goes, for all signals of one corner.
+/// Coefficients of one step, for all signals with one corner frequency.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pace {
     per_s: f64,
-    /// What decays at this rate swings at it too, rad/s: `ω/√2`.
+    /// Decay rate and angular frequency of the impulse response, rad/s: `ω/√2`.
     rate: f64,
-    /// One over that.
+    /// Its inverse, s.
     time_s: f64,
-    /// What is left of a swing, times its cosine and its sine.
+    /// Decay over one step, times cosine and sine.
     cos: f64,
     sin: f64,
 }
@@ -32,7 +33,8 @@ impl Pace {
     }
 }
 
-/// `e⁻ˣ cos x` and `e⁻ˣ sin x`: real and imaginary part of `exp((−1 + i) x)`, for what is small by its series.
+/// `e⁻ˣ cos x` and `e⁻ˣ sin x`: real and imaginary part of `exp((−1 + i) x)`, for small x by its
+/// series.
 fn decay(x: f64) -> (f64, f64) {
     if x > SMALL {
         let (left, (sin, cos)) = (libm::exp(-x), libm::sincos(x));
@@ -51,18 +53,19 @@ fn decay(x: f64) -> (f64, f64) {
 pub(crate) struct LowPass {
     input: f64,
     pub(crate) output: f64,
-    /// How the output changes, per s.
+    /// Rate of change of the output, per s.
     change: f64,
 }
 
 impl LowPass {
-    /// Takes one sample, a step after the last; its output.
+    /// Filters one sample, one step after the last; returns the output.
     pub(crate) fn step(&mut self, input: f64, pace: &Pace) -> f64 {
         let Pace { per_s, rate, time_s, cos, sin } = *pace;
         if per_s <= 0.0 {
             return self.output;
         }
-        // Behind a straight input the output follows at its slope, by a constant; what it lacks of that swings out.
+        // For a ramp as input, the output follows with the same slope and a constant lag; the
+        // deviation from that decays.
         let slope = (input - self.input) * per_s;
         let behind = slope * time_s;
         let (lacks, slower) = (self.output - (self.input - behind), self.change - slope);
@@ -78,7 +81,7 @@ mod tests {
     use super::*;
     use core::f64::consts::TAU;
 
-    /// Amplitude that is left of a sine of unit amplitude.
+    /// Amplitude of the filtered sine of unit amplitude.
     fn gain_at(hz: f64, corner_hz: f64) -> f64 {
         let (mut filter, dt_s) = (LowPass::default(), 1e-3);
         let mut largest = 0.0_f64;
@@ -124,7 +127,7 @@ mod tests {
 
     #[test]
     fn how_time_is_cut_into_steps_does_not_matter() {
-        // A ramp, seen at an even pace and in short steps with pauses amid them.
+        // A ramp, sampled at an even pace and in short steps with pauses between them.
         let at = |steps: &[f64]| {
             let (mut filter, mut t_s) = (LowPass::default(), 0.0);
             let mut last = steps.iter().cycle().map(|dt_s| {
@@ -156,7 +159,8 @@ mod tests {
             let dt_s = 0.5_f64.powi(((chance >> 40) % 30) as i32);
             let output =
                 filter.step(if chance >> 63 == 1 { 1.0 } else { -1.0 }, &Pace::of(3.0, dt_s));
-            // What overshoots a step by 4.3 % overshoots the worst of steps by little more.
+            // The overshoot for a unit step is 4.3 %; for the worst sequence of steps it is little
+            // more.
             assert!(output.abs() < 1.1, "{output} at {k}");
         }
     }

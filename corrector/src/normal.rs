@@ -1,6 +1,6 @@
-//! Normal equations of at most six rows, inverted for many right-hand sides.
+//! Inverts the normal equations of at most six rows, for many right-hand sides.
 //!
-//! Promises: what is not positive definite has no inverse. Never: a heap, an external index.
+//! Invariant: a matrix that is not positive definite has no inverse.
 
 use physics::lanes::{Lanes, WIDTH};
 use physics::{JOINTS_MAX, Joints};
@@ -8,14 +8,15 @@ use physics::{JOINTS_MAX, Joints};
 /// Rows of a task.
 pub(crate) const ROWS: usize = 6;
 
-/// As many rows, of a number for each joint.
+/// A matrix with a row per task coordinate and a column per joint.
 pub(crate) type Matrix = [Joints; ROWS];
 
-/// A symmetric matrix of that many rows in lanes; the two columns too many are zero.
+/// A symmetric matrix of that size in lanes; the two unused columns are zero.
 pub(crate) type Normal<S> = [[<S as Lanes>::Four; 2]; ROWS];
 
-/// The inverse of a matrix with `more` on its diagonal; none where it is not positive definite. Rows are swept out in their order (Gauss and Jordan), two
-/// at a time, as each sweep waits for the quotient of the one before, and all lanes at once.
+/// The inverse of a matrix with `more` added to its diagonal; `None` if it is not positive
+/// definite. Gauss-Jordan elimination in row order, two rows at a time, because each elimination
+/// waits for the quotient of the previous one; all lanes at once.
 #[inline(always)]
 pub(crate) fn invert<S: Lanes>(
     lanes: S,
@@ -33,19 +34,21 @@ pub(crate) fn invert<S: Lanes>(
     Some(rows)
 }
 
-/// Sweeps rows `K` and `L` out, which are known to the compiler so that all rows stay in registers; none where their block is not positive definite.
+/// Eliminates rows `K` and `L`, which are compile-time constants so that all rows stay in
+/// registers; `None` if their block is not positive definite.
 #[inline(always)]
 fn sweep<S: Lanes, const K: usize, const L: usize>(lanes: S, rows: &mut Normal<S>) -> Option<()> {
     let (first, both) = (entry::<S, K>(lanes, &rows[K]), entry::<S, L>(lanes, &rows[K]));
     let second = entry::<S, L>(lanes, &rows[L]);
     let determinant = first * second - both * both;
-    // Not a number is not positive either.
+    // Also false for NaN.
     if !(first > 0.0 && determinant > 0.0 && determinant < f64::INFINITY) {
         return None;
     }
     let inverse = lanes.same(1.0 / determinant);
     let [first, both, second] = [first, both, second].map(|number| lanes.same(number));
-    // The columns that are swept out make room for those of the inverse: with one more on the diagonal in their place, what all other columns do does that too.
+    // Columns of the inverse replace the eliminated columns: with a one on the diagonal in their
+    // place, the operations on all other columns also produce them.
     let ones = [K, L].map(|i| [lanes.part(&ONE[i], 0), lanes.part(&ONE[i], 1)]);
     let (mut swept, mut swept_too) = (ones[0], ones[1]);
     for part in 0..2 {
@@ -79,7 +82,7 @@ fn entry<S: Lanes, const K: usize>(lanes: S, row: &[S::Four; 2]) -> f64 {
     lanes.numbers(row[K / WIDTH])[K % WIDTH]
 }
 
-/// One where the column is the row's.
+/// Rows of the unit matrix.
 static ONE: Matrix = {
     let mut rows = [[0.0; JOINTS_MAX]; ROWS];
     let mut i = 0;

@@ -1,6 +1,7 @@
 //! Result of a cycle: a correction with its status and reason.
 //!
-//! The words are those of docs/reference/status.md; the transport has the same codes as numbers.
+//! The names are those of docs/reference/status.md; the shared memory holds the same codes as
+//! numbers.
 
 use physics::{JOINTS_MAX, Joints};
 
@@ -12,15 +13,15 @@ pub enum Status {
     Corrected,
     /// The last correction is held.
     Held,
-    /// The correction is on its way to another state, or to zero.
+    /// The correction is ramping to another state, or to zero.
     Ramping,
-    /// By order, nothing is corrected.
+    /// Bypassed by request: nothing is corrected.
     Bypassed,
-    /// The command was refused; the correction is held for a while, then ramps out.
+    /// The command was refused; the correction is held for a while, then ramps to zero.
     Rejected,
     /// No correction is sent; `wanted` holds what it would be.
     Shadow,
-    /// The best correction within bounds: something is left, see the residual and the reason.
+    /// The best correction within bounds; residual and reason say what remains.
     Limited,
 }
 
@@ -30,39 +31,40 @@ pub enum TrimState {
     /// The cell has no instrument, or it is switched off.
     #[default]
     Off,
-    /// No measurement is believed yet, or none comes any more: nothing is trimmed.
+    /// No valid measurement yet, or none any more: nothing is trimmed.
     Waiting,
     /// The model's error is estimated and reported; nothing is trimmed.
     Observing,
-    /// The tool is trimmed.
+    /// The trim is applied.
     Trimming,
     /// Measurements are missing; the trim is held.
     Holding,
-    /// The trim is on its way to zero.
+    /// The trim is ramping to zero.
     Ramping,
 }
 
-/// Why the trim is so.
+/// Why the trim is in this state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TrimReason {
-    /// Nothing to say.
+    /// No particular reason.
     #[default]
     None,
     /// No measurement comes.
     NoMeasurement,
-    /// The measurement holds a number that is none, or is further away than any robot.
+    /// The measurement holds a value that is not finite, or is further away than any robot reaches.
     NotFinite,
-    /// It is not later than its forerunner.
+    /// It is not later than the previous one.
     OutOfOrder,
-    /// It is older than twice what is stated.
+    /// It is older than twice the stated latency.
     Late,
-    /// Its stamp lies ahead of the clock.
+    /// Its stamp is ahead of the clock.
     Ahead,
-    /// The model does not say where the tool was then: no command, a refused one, or an effect beyond its law.
+    /// The model gives no tool position for that time: no command, a refused one, or an effect
+    /// outside the range of its law.
     NotPredicted,
-    /// The instrument has jumped: its registration is to be looked after.
+    /// The instrument has jumped: check its registration.
     Jumped,
-    /// The trim is at its bound.
+    /// The trim is at its limit.
     Bounded,
 }
 
@@ -72,7 +74,8 @@ pub enum FeedState {
     /// The cell has no limit for its feed, or it is switched off.
     #[default]
     Off,
-    /// No force is known: the override is at the one that the cell has set for that, or on its way there.
+    /// No force is known: the override is at the value that the cell sets for this case, or on its
+    /// way there.
     Lost,
     /// The override is computed and reported; the programmed feed is used.
     Observing,
@@ -84,79 +87,79 @@ pub enum FeedState {
     Holding,
 }
 
-/// Why the feed override is so.
+/// Why the feed override is in this state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FeedReason {
-    /// Nothing to say.
+    /// No particular reason.
     #[default]
     None,
-    /// No wrench has come.
+    /// No wrench was received.
     NoWrench,
     /// The wrench is older than the cell allows.
     Stale,
     /// The force stream or one of its channels has a fault.
     SensorFault,
-    /// The wrench holds a number that is none, or is larger than any robot's.
+    /// The wrench holds a value that is not finite, or is larger than any robot's.
     NotFinite,
-    /// The model does not tell how far the tool gives way.
+    /// The model gives no deflection.
     NoDeflection,
     /// The robot is at rest: the force does not depend on the feed.
     AtRest,
-    /// The floor of the override does not keep the limit.
+    /// Even the lowest override exceeds the limit.
     AtFloor,
 }
 
-/// Why it was made so.
+/// Why a correction was made in this way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reason {
-    /// Nothing to say.
+    /// No particular reason.
     #[default]
     None,
-    /// The command holds a number that is none.
+    /// The command holds a value that is not finite.
     NotFinite,
     /// The command is outside the joint limits.
     OutOfLimits,
-    /// The command is older than its forerunner.
+    /// The command is older than the previous one.
     OutOfOrder,
-    /// The command is too old, or none comes.
+    /// The command is too old, or none is received.
     Stale,
-    /// The same command again.
+    /// The command was repeated.
     Duplicate,
     /// The command has another number of joints than the model.
     WrongJointCount,
-    /// The solve failed: an effect is beyond what its law holds for, or a value is not finite.
+    /// The solve failed: an effect is outside the range of its law, or a value is not finite.
     NotConverged,
-    /// The envelope bounds the correction.
+    /// The envelope limits the correction.
     Envelope,
-    /// Bypass was asked for.
+    /// Bypass was requested.
     Bypass,
-    /// The model was swapped; its change is ramped.
+    /// The model was replaced; the change is ramped.
     ModelChanged,
-    /// The correction comes in from zero.
+    /// The correction ramps in from zero.
     Starting,
     /// The commands' time jumped; memory of the path is reset.
     TimeJump,
     /// Shadow mode.
     ShadowMode,
-    /// The joint limits cut the correction.
+    /// The joint limits reduce the correction.
     JointLimit,
     /// The command moved faster than the joints' stated speeds allow; memory of the path is reset.
     CommandJump,
-    /// A singular pose: the joints cannot move the tool the way that is needed.
+    /// A singular pose: the joints cannot move the tool in the required direction.
     Singular,
 }
 
-/// Whether the wrench takes part.
+/// Use of the measured wrench.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Gate {
-    /// No wrench has come.
+    /// No wrench was received.
     #[default]
     Absent,
-    /// It takes part in full.
+    /// Used in full.
     Open,
-    /// It takes part with a share: it is fading, or its loop gain is not known.
+    /// Used in part: it is fading, or its loop gain is not known.
     Partly,
-    /// Its loop gain is too high: taken as zero until the contact is over.
+    /// Its loop gain is too high: taken as zero until the contact ends.
     GainTooHigh,
     /// It is stale: fading out.
     Stale,
@@ -166,7 +169,7 @@ pub enum Gate {
     SensorFault,
 }
 
-/// How far the tool is from where it should be, by the model, at the solution.
+/// Remaining error of the tool pose at the solution, by the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Residual {
     /// Position, m.
@@ -175,26 +178,26 @@ pub struct Residual {
     pub rad: f64,
 }
 
-/// What one cycle makes.
+/// Result of one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
-    /// What is to be added to the command, rad or m.
+    /// Correction to be added to the command, rad or m.
     pub correction: Joints,
     /// Rate of the correction, rad/s or m/s, from which another process can continue.
     pub correction_rate: Joints,
-    /// How fast that changes, rad/s² or m/s².
+    /// Acceleration of the correction, rad/s² or m/s².
     pub correction_acceleration: Joints,
-    /// The correction required by the model, before the envelope, rad or m.
+    /// The correction required by the model, before limiting, rad or m.
     pub wanted: Joints,
     /// How it was made.
     pub status: Status,
-    /// Why so.
+    /// Why.
     pub reason: Reason,
-    /// What the solution leaves over.
+    /// Remaining tool error of the solution.
     pub residual: Residual,
-    /// Newton steps spent.
+    /// Newton steps taken.
     pub steps: u32,
-    /// Whether the wrench took part.
+    /// State of the force-compensation gate.
     pub gate: Gate,
     /// Process stiffness times the robot's compliance, dimensionless; NaN where unknown.
     pub loop_gain: f64,

@@ -1,6 +1,6 @@
 //! The commanded path and the memory of the effects.
 //!
-//! Promises: memory advances once per accepted command; time is that of the commands. Never: a solution.
+//! Memory advances once per accepted command, by the time of the commands.
 
 use crate::direction::Directions;
 use crate::judge::{Command, Follows};
@@ -8,7 +8,7 @@ use crate::settings::Settings;
 use crate::world::World;
 use physics::{Inputs, JOINTS_MAX, Memories, Model, Wrench};
 
-/// The path so far.
+/// State of the path so far.
 #[derive(Clone, Debug)]
 pub(crate) struct Path {
     memories: Memories,
@@ -22,7 +22,7 @@ impl Path {
         Self { memories: Memories::default(), directions, last: None }
     }
 
-    /// The last command that passed, with what was known then.
+    /// Inputs at the last accepted command.
     pub(crate) fn last(&self) -> Option<&Inputs> {
         self.last.as_ref()
     }
@@ -31,14 +31,14 @@ impl Path {
         &self.memories
     }
 
-    /// What the environment exerts on the tool at the last command, base axes.
+    /// Sets the wrench that the environment exerts on the tool at the last command, base axes.
     pub(crate) fn load(&mut self, wrench_base: Wrench) {
         if let Some(inputs) = &mut self.last {
             inputs.wrench_base = wrench_base;
         }
     }
 
-    /// Another model: its effects remember nothing yet and settle from the present directions.
+    /// For a new model: its effects have no memory yet and settle from the present directions.
     pub(crate) fn settle_anew(&mut self, model: &Model) {
         self.memories = Memories::default();
         if let Some(inputs) = &self.last {
@@ -47,7 +47,7 @@ impl Path {
         }
     }
 
-    /// Follows a command that passed; what goes into the model, without a wrench yet.
+    /// Advances to an accepted command; returns the inputs of the model, without a wrench yet.
     pub(crate) fn follow(
         &mut self,
         model: &Model,
@@ -59,7 +59,7 @@ impl Path {
         let Self { memories, directions, last } = self;
         let mut q = command.q;
         q[model.arm.count()..].fill(0.0);
-        // In place: inputs are large, and go from here into the solve.
+        // In place: inputs are large, and the solve reads them from here.
         let (inputs, goes_on) = match (last, follows.after_ns()) {
             (Some(inputs), Some(dt_ns)) => {
                 inputs.q_before = inputs.q;

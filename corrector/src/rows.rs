@@ -1,6 +1,6 @@
 //! The task as rows: residual between the actual and the desired pose of the tool.
 //!
-//! Promises: rows are m, rotations times the task's length. Never: a step of the joints.
+//! Rows are in m; rotations are multiplied by the task's length.
 
 use crate::normal::ROWS;
 use crate::outcome::Residual;
@@ -11,11 +11,11 @@ use physics::frame::vector_from_rotation;
 use physics::lanes::{Lanes, Three};
 use physics::{Frame, Joints};
 
-/// Nothing is left over once the weighted error is below this, m: rounding of the geometry.
+/// The error counts as zero below this, m: rounding of the geometry.
 const ERROR_DONE_M: f64 = 1e-14;
 
-/// What is asked of the tool, as rows, m, rotations times the task's length: along the base's axes, as all count alike; along the wanted tool's where one of
-/// these is free.
+/// Axes and weights of the task's rows, m, rotations times the task's length: along the base axes
+/// if all six count alike; along the axes of the desired tool pose if one of them is free.
 pub(crate) struct Rows {
     wanted: Frame,
     length_m: f64,
@@ -23,7 +23,7 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// Of where the command's geometry puts the tool.
+    /// For the tool pose that the command has by the nominal geometry.
     pub(crate) fn of(commanded: &Frame, task: &Task) -> Self {
         let wanted = Frame { origin: commanded.origin + task.offset_m, ..*commanded };
         Self { wanted, length_m: task.length_m, free_tool_axis: task.free_tool_axis }
@@ -39,7 +39,8 @@ impl Rows {
         [v.x, v.y, v.z, w.x, w.y, w.z]
     }
 
-    /// Motions of the tool with four joints, m and rad in base axes, into each row's places for these.
+    /// Motions of the tool with four joints, m and rad in base axes, into the places of these
+    /// joints in each row.
     #[inline(always)]
     pub(crate) fn put<S: Lanes>(
         &self,
@@ -64,14 +65,14 @@ impl Rows {
         TaskError(self.motion(linear, angular))
     }
 
-    /// From where the tool is to where it should be.
+    /// The error of the actual tool pose.
     pub(crate) fn between(&self, here: &Frame) -> TaskError {
         let turn = vector_from_rotation(&(self.wanted.rotation * here.rotation.transpose()));
         self.error(self.wanted.origin - here.origin, turn)
     }
 }
 
-/// What is left between where the tool is and where it should be, as [`Rows`] say.
+/// Difference between the desired and the actual tool pose, in [`Rows`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TaskError(pub(crate) [f64; ROWS]);
 
@@ -84,13 +85,13 @@ impl TaskError {
         }
     }
 
-    /// What is left once that was done.
+    /// What remains after `done`.
     #[inline(always)]
     pub(crate) fn less(&self, done: &[f64; ROWS]) -> Self {
         Self(array::from_fn(|row| self.0[row] - done[row]))
     }
 
-    /// Whether nothing of the task is left over: then even a singular pose has its solution.
+    /// Whether the error is zero up to rounding: then even a singular pose has a solution.
     pub(crate) fn is_done(&self) -> bool {
         self.0.iter().map(|x| x * x).sum::<f64>() < ERROR_DONE_M * ERROR_DONE_M
     }

@@ -4,23 +4,23 @@ use envelope::Limits;
 use glam::DVec3;
 use physics::JOINTS_MAX;
 
-/// Share of the envelope's angle in limited mode.
+/// Share of the position limit in limited mode.
 pub const LIMITED_SHARE: f64 = 0.1;
 
 /// How much may be corrected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
-    /// Computed and reported; the command goes out as it came.
+    /// Computed and reported; the command is sent unchanged.
     #[default]
     Shadow,
-    /// Within a tenth of the envelope's angle.
+    /// Within a tenth of the position limit.
     Limited,
-    /// Within the whole envelope.
+    /// Within the whole position limit.
     Full,
 }
 
 impl Mode {
-    /// Share of the envelope's angle that may be corrected; none in shadow mode, which corrects nothing.
+    /// Share of the position limit that may be used; `None` in shadow mode, which corrects nothing.
     #[must_use]
     pub const fn angle_share(self) -> Option<f64> {
         match self {
@@ -31,14 +31,16 @@ impl Mode {
     }
 }
 
-/// Which of the tool's six freedoms are to be put right.
+/// Which of the tool's six degrees of freedom are corrected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Task {
     /// The tool may turn about its own z.
     pub free_tool_axis: bool,
-    /// What a radian of orientation is worth, m; matters only where not all can be put right (fewer than six joints).
+    /// Weight of a radian of orientation, m; matters only if not all can be corrected (fewer than
+    /// six joints).
     pub length_m: f64,
-    /// What the tool is to be displaced by from where the command's geometry puts it, base frame, m: a trim.
+    /// Displacement of the tool from the pose of the command by the nominal geometry, base frame,
+    /// m: a trim.
     pub offset_m: DVec3,
 }
 
@@ -48,16 +50,16 @@ impl Default for Task {
     }
 }
 
-/// How the measured wrench enters.
+/// How the measured wrench is used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WrenchSettings {
-    /// Whether it enters at all.
+    /// Whether it is used.
     pub enabled: bool,
-    /// Corner of the low pass, Hz; well below the first mode.
+    /// Corner frequency of the low-pass, Hz; well below the first mode.
     pub low_pass_hz: f64,
     /// A sample older than this fades out, ns.
     pub stale_ns: u64,
-    /// Stiffness of what the tool pushes against, N/m; none: not known.
+    /// Stiffness of the contact, N/m; `None` if unknown.
     pub process_stiffness: Option<f64>,
     /// Process stiffness times the robot's compliance must stay below this.
     pub loop_gain_max: f64,
@@ -75,29 +77,30 @@ impl Default for WrenchSettings {
     }
 }
 
-/// Everything that a cell sets.
+/// All settings of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// How much may be corrected.
     pub mode: Mode,
-    /// Bounds of each joint's correction.
+    /// Limits of each joint's correction.
     pub envelope: [Limits; JOINTS_MAX],
-    /// What is to be put right.
+    /// What is corrected.
     pub task: Task,
-    /// How the wrench enters.
+    /// How the wrench is used.
     pub wrench: WrenchSettings,
     /// Expected time between commands, ns.
     pub period_ns: u64,
     /// A command older than this is refused, ns.
     pub stale_ns: u64,
-    /// A refused solution holds the last correction for this long before it ramps out, ns.
+    /// If the solve fails, the last correction is held for this long before it ramps to zero, ns.
     pub hold_ns: u64,
-    /// A joint has turned back once its command moved this far against its last motion, rad or m.
+    /// A joint has reversed once its command has moved this far against its last motion, rad or m.
     pub reversal: f64,
-    /// A command that moves a joint faster than so many times its stated speed is a jump. Above 1; 2 leaves room for times of
-    /// commands that are off by half a cycle.
+    /// A command that moves a joint faster than this multiple of its stated speed is a jump. Above
+    /// 1; 2 allows times of commands to be off by half a cycle.
     pub jump_margin: f64,
-    /// Commands pace the cycle and carry the time (a replay): nothing is stale, poses may be settled.
+    /// Commands pace the cycle and carry the time (a replay): nothing is stale, and poses may be
+    /// marked as at rest.
     pub lockstep: bool,
 }
 
@@ -118,7 +121,7 @@ impl Settings {
         }
     }
 
-    /// Bounds of joint `i`'s correction, with that share of its angle.
+    /// Limits of joint `i`'s correction, with the given share of the position limit.
     pub(crate) fn limits(&self, i: usize, angle_share: f64) -> Limits {
         let full = self.envelope[i];
         if angle_share == 1.0 {

@@ -1,9 +1,10 @@
-//! The task linearised at one trial, and the steps that follow from it.
+//! The task linearised at one trial, and Newton steps from it.
 //!
 //! Each step uses the Jacobian of the geometry at the present pose, and those of the effects that provide one. The normal equations are inverted once; while each
 //! step is much smaller than the previous one, the inverse is corrected by the observed effect of the step, along that step only (rank-one update).
 //!
-//! Promises: an undamped step predicts the size of the next one, a damped one does not. Never: an evaluation of the model.
+//! Invariant: an undamped step predicts the size of the next one, a damped one does not. The model
+//! is not evaluated here.
 
 use crate::joints::{apply, largest_in};
 use crate::normal::{Matrix, ROWS, invert};
@@ -14,19 +15,21 @@ use libm::sqrt;
 use physics::lanes::{Lanes, Three, WIDTH, Work, widest};
 use physics::{Arm, Evaluation, Following, JOINTS_MAX, Joints, Motions, Told};
 
-/// A step that is larger than this share of the one before asks for a new inverse.
+/// A step that is larger than this share of the previous one requires a new inverse.
 const SHRINKS: f64 = 0.1;
-/// Where all slopes are told, steps shrink by squares; so many times what the last two foretell by that is believed.
+/// Factor of safety on the predicted step if all slopes are known: steps then shrink quadratically,
+/// as the last two show.
 pub(crate) const MARGIN: f64 = 10.0;
-/// Damping of the first damped try, relative to the mean of the diagonal; each further try has 30 times as much.
+/// Damping of the first damped attempt, relative to the mean of the diagonal; each further attempt
+/// has 30 times as much.
 const FIRST_DAMPING: f64 = 1e-8;
 const DAMPED_TRIES: u32 = 6;
 
-/// Where the arm is at rest in the midst of a solve.
+/// The arm at the present trial of a solve.
 pub(crate) struct Here<'a> {
     pub(crate) arm: &'a Arm,
     pub(crate) seen: &'a Evaluation,
-    /// Whether the real geometry counts, else the controller's.
+    /// Whether the real geometry is used, otherwise the nominal one.
     pub(crate) is_real: bool,
     pub(crate) told: &'a Told,
     pub(crate) rows: &'a Rows,
@@ -37,18 +40,18 @@ pub(crate) struct Here<'a> {
 #[repr(align(64))]
 pub(crate) struct Step {
     pub(crate) by: Joints,
-    /// The largest of it; endless for a damped one, from which nothing may be foretold.
+    /// Its largest component; infinite for a damped step, which predicts nothing.
     pub(crate) size: f64,
-    /// How large the next step will be.
+    /// Predicted size of the next step.
     pub(crate) foretold: f64,
-    /// What it leaves of the task where the slopes hold.
+    /// What it leaves of the task by the linearisation.
     pub(crate) left: TaskError,
 }
 
-/// How each of the task's rows changes with each joint, or each joint with each row.
+/// Derivative of each task row by each joint, or of each joint by each row.
 pub(crate) type Rates = Matrix;
 
-/// Parts of four that hold all joints of any arm.
+/// Groups of four lanes that hold all joints of any arm.
 const PARTS_MAX: usize = JOINTS_MAX / WIDTH;
 
 /// The linearised task at one trial.
@@ -56,25 +59,25 @@ const PARTS_MAX: usize = JOINTS_MAX / WIDTH;
 #[repr(align(64))]
 pub(crate) struct Slopes {
     following: Following,
-    /// How the tool moves with each joint alone, how each joint deviates by its own position, and what both make of the task, with all else that is told: as the arm
-    /// stood when it was last seen.
+    /// Motion of the tool by each joint alone, derivative of each joint's deviation by its own
+    /// position, and the resulting rows with all other known slopes: as of the last linearisation.
     motions: Motions,
     position: Joints,
     pub(crate) rates: Rates,
-    /// The square of the norm of how joints deviate more as joints move.
+    /// Square of the norm of the derivative of the deviations by the joints.
     follows: f64,
-    /// The step for a unit of each row's error: the pseudo-inverse of the rates.
+    /// The step for a unit error of each row: the pseudo-inverse of the rates.
     steps: Rates,
-    /// The step that was asked for last: it stays in its place, as a copy of what was just written waits for it.
+    /// The last step; kept in place, because a copy would wait for what was just written.
     pub(crate) step: Step,
-    /// How far joints went since, rad or m.
+    /// How far the joints moved since, rad or m.
     gone: f64,
     joints: usize,
     frees_tool_axis: bool,
 }
 
 impl Slopes {
-    /// Linearises on the geometry of `here`, with all that effects tell.
+    /// Linearises at `here`, with all slopes that effects provide.
     pub(crate) fn see(&mut self, here: &Here<'_>) {
         widest(here.arm.count(), See { slopes: self, here });
     }
@@ -94,7 +97,8 @@ impl Slopes {
         *position = told.position;
         let Motions { linear, angular } = motions;
         told.follow(lanes, &seen.loads, following);
-        // A joint moves the tool by itself, and by what it changes of all joints' deviations and of the base's turn.
+        // A joint moves the tool by itself, and through its influence on the deviations of all
+        // joints and on the rotation of the base.
         let nothing = Three::same(lanes, DVec3::ZERO);
         let (mut moved, mut turned) = ([nothing; PARTS_MAX], [nothing; PARTS_MAX]);
         let mut squares = lanes.same(0.0);
@@ -124,7 +128,8 @@ impl Slopes {
         }
     }
 
-    /// The step on slopes just seen, damped as little as `allowed` asks for; whether there is one.
+    /// The step by a new linearisation, with as little damping as `allowed` requires; false if
+    /// there is none.
     pub(crate) fn first(&mut self, error: &TaskError, allowed: impl Fn(&Joints) -> bool) -> bool {
         if self.undamped(error) && allowed(&self.step.by) {
             return true;
@@ -143,7 +148,7 @@ impl Slopes {
         false
     }
 
-    /// The step on slopes just seen; whether they have one.
+    /// The undamped step by a new linearisation; false if there is none.
     pub(crate) fn undamped(&mut self, error: &TaskError) -> bool {
         self.solve(error, 0.0)
     }
@@ -152,8 +157,9 @@ impl Slopes {
         widest(self.joints, Solve { slopes: self, error, damping }).is_some()
     }
 
-    /// The next step by the inverse of the slopes last seen, `last` being the size of the step since, put right by the geometry where the arm is at rest; whether
-    /// it is much smaller than that. Never where `last` was damped.
+    /// The next step by the inverse of the last linearisation, `last` being the size of the step
+    /// since, corrected by the geometry of the present trial; returns whether it is much smaller
+    /// than that. Always false if `last` was damped.
     pub(crate) fn again(&mut self, here: &Here<'_>, last: f64, error: &TaskError) -> bool {
         if last == f64::INFINITY {
             return false;
@@ -161,18 +167,22 @@ impl Slopes {
         self.gone += last;
         let more = widest(self.joints, Refine { slopes: self, here, error });
         let shrinks = self.step.size / last;
-        // What the slopes do not tell shrinks by the same share again, what they do by its square. Of what stays of the task they tell nothing.
+        // The error of unknown slopes shrinks by the same share again, that of known ones
+        // quadratically. The slopes say nothing about the part of the task that remains.
         let is_whole = here.told.is_whole && self.serve_all() && !self.frees_tool_axis;
-        // How deviations follow the loads is not seen anew: that turned as far as the arm went, and is of the order of what followed, or of what was corrected.
+        // The derivative of the deviations by the loads is not renewed: it changed in proportion to
+        // the distance moved, by the order of the deviations or of the correction.
         let stale = self.gone * (self.gone + sqrt(self.follows));
         let next = if is_whole { MARGIN * shrinks * shrinks + stale } else { shrinks };
         self.step.foretold = next * self.step.size + more;
         shrinks < SHRINKS
     }
 
-    /// How much slopes turn with the joints, per unit of the joints: after a Newton step the next is at most half of this times the square of the sum of
-    /// its sizes, as far as the geometry goes. A joint's motion of the tool turns with the joints before it by no more than its length, and an error of the
-    /// task asks for no more than the norm of the inverse. None where more than the geometry and told slopes count, or more joints than are asked.
+    /// Bound on how fast the slopes change with the joints, per unit of the joints: after a Newton
+    /// step, the next is at most half of this times the square of the sum of its sizes, as far as
+    /// the geometry is concerned. A joint's motion of the tool turns with the joints before it by
+    /// no more than its length, and an error of the task requires no more than the norm of the
+    /// inverse. `None` unless all slopes are known and the arm has as many joints as the task rows.
     pub(crate) fn curvature(&self, told: &Told) -> Option<f64> {
         let is_square = self.joints == ROWS && !self.frees_tool_axis;
         if !(is_square && told.is_whole) {
@@ -182,23 +192,24 @@ impl Slopes {
         Some(sqrt(inverse * longest))
     }
 
-    /// Rows that are asked.
+    /// Number of task rows.
     fn asked(&self) -> usize {
         if self.frees_tool_axis { ROWS - 1 } else { ROWS }
     }
 
-    /// Whether the joints can serve all that is asked.
+    /// Whether the joints can reach all rows.
     pub(crate) fn serve_all(&self) -> bool {
         self.asked() <= self.joints
     }
 
-    /// Whether `JᵀJ` is inverted, as no more joints are there than rows; else `J Jᵀ`.
+    /// Whether `JᵀJ` is inverted, for at most as many joints as rows; otherwise `J Jᵀ`.
     fn goes_by_joints(&self) -> bool {
         self.joints <= self.asked()
     }
 
-    /// `(JᵀJ)⁻¹ Jᵀ`, for more joints than rows `Jᵀ (J Jᵀ)⁻¹`, of the slopes just seen, with damping relative to the mean of the normal equations' diagonal; rows that take
-    /// no part become those of the unit matrix.
+    /// `(JᵀJ)⁻¹ Jᵀ`, for more joints than rows `Jᵀ (J Jᵀ)⁻¹`, of the last linearisation, with
+    /// damping relative to the mean of the normal equations' diagonal; unused rows become those of
+    /// the unit matrix.
     #[inline(always)]
     fn inverted_in<S: Lanes>(&mut self, lanes: S, damping: f64) -> Option<()> {
         let (by_joints, asked) = (self.goes_by_joints(), self.asked());
@@ -250,13 +261,14 @@ impl Slopes {
         step
     }
 
-    /// What a step leaves of an error by the slopes last seen.
+    /// What a step leaves of an error by the last linearisation.
     #[inline(always)]
     fn left_in<S: Lanes>(&self, lanes: S, error: &TaskError, step: &Joints) -> TaskError {
         error.less(&products(lanes, &self.rates, step))
     }
 
-    /// What a step does to the task as the arm is at rest: what it did by the slopes last seen, and how much more the joints do by themselves here.
+    /// Effect of a step on the task at the present trial: that by the last linearisation, plus the
+    /// change of the joints' own motions since.
     #[inline(always)]
     fn does_in<S: Lanes>(&self, lanes: S, here: &Here<'_>, step: &Joints) -> [f64; ROWS] {
         let Here { arm, seen, told, rows, .. } = here;
@@ -280,7 +292,7 @@ impl Slopes {
     }
 }
 
-/// What each row and the one given have in common.
+/// Scalar products of each row with the given one.
 #[inline(always)]
 fn products<S: Lanes>(lanes: S, rows: &Rates, with: &Joints) -> [f64; ROWS] {
     let none = lanes.same(0.0);
@@ -296,7 +308,7 @@ fn products<S: Lanes>(lanes: S, rows: &Rates, with: &Joints) -> [f64; ROWS] {
     [a, b, c, d, e, f]
 }
 
-/// The sum of rows, each times its weight.
+/// The sum of the rows, each times its weight.
 #[inline(always)]
 fn combine<S: Lanes>(lanes: S, rows: &Rates, weights: &[f64; ROWS], into: &mut Joints) {
     for k in 0..S::PARTS {
@@ -345,7 +357,7 @@ impl Work for Lengths<'_> {
     }
 }
 
-/// A step on slopes that are inverted for it, and what it leaves.
+/// Inverts the linearisation, and computes the step and what it leaves.
 struct Solve<'a> {
     slopes: &'a mut Slopes,
     error: &'a TaskError,
@@ -366,8 +378,8 @@ impl Work for Solve<'_> {
     }
 }
 
-/// A step on slopes that were inverted where the arm stood before, once more for what it leaves as the arm is at rest, and what then is left; the largest that
-/// another refinement would add.
+/// Refines a step by the inverse of an earlier linearisation, with the geometry of the present
+/// trial; returns the largest change that another refinement would make.
 struct Refine<'a> {
     slopes: &'a mut Slopes,
     here: &'a Here<'a>,

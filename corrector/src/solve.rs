@@ -3,11 +3,11 @@
 //! Solves `FK_real(q + δθ(q, W, T)) = FK_nominal(q_cmd)` by at most [`STEPS_MAX`] Newton steps, weighted by the task: from `q_cmd`, or from an extrapolation of the last
 //! solutions ([`Solver::track`]). With at most as many task coordinates as joints: minimum norm; with more: least squares.
 //!
-//! Promises: converged means that the residual is zero, or that an UNDAMPED step was taken after which the next is predicted to be below [`STEP_DONE`]:
+//! Invariants: converged means that the residual is zero, or that an UNDAMPED step was taken after which the next is predicted to be below [`STEP_DONE`]:
 //! a singular pose, where damping hides the residual, is not converged. A solve that does not converge, or is outside the joint limits, gets the best correction within bounds
 //! (`limited.rs`). A trial never leaves `reach` (the position limit) about the command.
 //! The starting point affects the number of evaluations, not the result (to 1e-9 rad, compared with [`solve`]).
-//! Never: a jump to another branch of solutions, a change of the effects' memory during the solve.
+//! A solve does not jump to another branch of solutions, and does not change the effects' memory.
 
 use crate::joints::{apply, stays_within};
 use crate::outcome::{Reason, Residual};
@@ -17,30 +17,33 @@ use crate::slopes::{Here, Slopes, Step};
 use crate::trace::{Ended, Trace, is_alone, is_small};
 use physics::{Chain, Evaluation, Inputs, Joints, Memories, Model, Told};
 
-/// The most Newton steps.
+/// Limit on Newton steps.
 const STEPS_MAX: u32 = 10;
-/// The most from where the last solutions lead: what is not found by then is sought from the command.
+/// Limit on Newton steps of a warm start; after that the solve restarts from the command.
 const NEAR_STEPS_MAX: u32 = 2;
-/// The solution stands once the step after the last is foretold to be below this, rad or m: a fortieth of what is promised, as the largest of a step
-/// says little of a direction in which the tool hardly moves.
+/// Converged if the step after the last is predicted to be below this, rad or m: a fortieth of the
+/// documented accuracy, because the largest component of a step says little about a direction in
+/// which the tool hardly moves.
 pub(crate) const STEP_DONE: f64 = 2.5e-11;
 
-/// Where a solve ended.
+/// Result of a solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solution {
-    /// Joint positions, rad or m. Not to be used where it has neither converged nor is limited.
+    /// Joint positions, rad or m. Only valid if converged or limited.
     pub q: Joints,
     /// Whether it converged.
     pub converged: bool,
-    /// What holds it back, where it is the best within bounds and something is left.
+    /// What limits it, if it is the best within bounds and an error remains.
     pub limited: Option<Reason>,
-    /// What is left over in the tool; near zero where six or more joints serve all six freedoms.
+    /// Remaining error of the tool pose; near zero if six or more joints control all six degrees of
+    /// freedom.
     pub residual: Residual,
-    /// Newton steps spent.
+    /// Newton steps taken.
     pub steps: u32,
 }
 
-/// Room for one evaluation of the model and for its slopes, kept from cycle to cycle, and where the last solutions were.
+/// Buffers for one evaluation of the model and its slopes, kept from cycle to cycle, and the last
+/// solutions.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Solver {
     pub(crate) seen: Evaluation,
@@ -62,12 +65,12 @@ pub fn solve(
 }
 
 impl Solver {
-    /// Room for an evaluation of the arm that was solved for; the next solve overwrites it.
+    /// Buffer for an evaluation of the arm of the last solve; the next solve overwrites it.
     pub(crate) fn room(&mut self) -> &mut Evaluation {
         &mut self.seen
     }
 
-    /// [`solve`] for the arm that this solver has seen before, or for its first.
+    /// [`solve`] for the arm of the previous calls, or for the first one.
     pub fn solve(
         &mut self,
         model: &Model,
@@ -81,8 +84,9 @@ impl Solver {
         self.within_bounds(&case, exact)
     }
 
-    /// [`Solver::solve`] for one of commands that follow each other, `inputs.dt_s` after the one before: begun where the last solutions lead, if
-    /// one evaluation is foretold to do from there.
+    /// [`Solver::solve`] for one of a sequence of commands, `inputs.dt_s` after the previous one:
+    /// starts at the extrapolation of the last solutions, if one evaluation is predicted to suffice
+    /// from there.
     pub fn track(
         &mut self,
         model: &Model,
@@ -93,7 +97,8 @@ impl Solver {
     ) -> Solution {
         let case = Case { model, inputs, memories, task, reach };
         let guess = self.trace.guess(inputs);
-        // Where a law has a limit, the load at the command itself has a say in whether there is a solution.
+        // For effects with a load limit, existence of a solution depends on the load at the
+        // commanded pose.
         let is_sure = self.trace.is_sure() && !model.hardens();
         let near = guess.filter(|guess| is_sure && is_small(guess, reach));
         let near = near.and_then(|guess| self.begin_at_guess(&case, &guess));
@@ -109,12 +114,13 @@ impl Solver {
         solution
     }
 
-    /// Forgets where the last solutions were: the next begins at its command.
+    /// Resets the warm start: the next solve starts at its command.
     pub fn forget(&mut self) {
         self.trace = Trace::default();
     }
 
-    /// From the command. What deviations do to the tool is told to first order without the geometry that they make: enough for a step, not for an end.
+    /// Starts at the command. The effect of deviations on the tool is of first order without their
+    /// geometry: enough for a step, not for convergence.
     fn begin_at_command(&mut self, case: &Case<'_>) -> Solution {
         let Case { model, inputs, memories, task, .. } = case;
         self.ended = Ended::default();
@@ -127,7 +133,7 @@ impl Solver {
         self.walk(case, &mut way, STEPS_MAX)
     }
 
-    /// From the command with `guess` added to it; none where it is safer from the command itself.
+    /// Starts at the command with `guess` added; `None` if a start at the command is safer.
     fn begin_at_guess(&mut self, case: &Case<'_>, guess: &Joints) -> Option<Solution> {
         let Case { model, inputs, memories, task, reach } = case;
         let Self { seen, told, slopes, trace, ended } = self;
@@ -151,7 +157,7 @@ impl Solver {
             return None;
         }
         ended.curvature = Some(curvature);
-        // A robot that stands still gets the same bits again.
+        // A robot at rest gets the same bits again.
         if size < STEP_DONE && trace.stands(&inputs.q) {
             return Some(way.here(true, &way.error, task));
         }
@@ -166,7 +172,7 @@ impl Solver {
         solution.converged.then_some(solution)
     }
 
-    /// Newton steps until one stands.
+    /// Newton steps until convergence.
     fn walk(&mut self, case: &Case<'_>, way: &mut Way, steps_max: u32) -> Solution {
         let Case { model, inputs, task, reach, .. } = case;
         loop {
@@ -175,7 +181,8 @@ impl Solver {
                 way.look(&self.seen);
             }
             let Self { seen, told, slopes, .. } = self;
-            // Beyond its law's limit a hardening joint's prediction is worth nothing: nothing may be built on it.
+            // Beyond the limit of its law the prediction of a hardening joint is not valid, nor is
+            // a step from it.
             if seen.beyond.is_some() || way.error.is_done() {
                 return way.here(seen.beyond.is_none(), &way.error, task);
             }
@@ -205,7 +212,7 @@ impl Solver {
         }
     }
 
-    /// Evaluates the model at the trial, which is the last step from where it was seen.
+    /// Evaluates the model at the trial, one step after the last linearisation.
     fn stand(&mut self, case: &Case<'_>, way: &mut Way) {
         let Self { seen, told, slopes, .. } = self;
         case.model.deviate_on(&way.trial, case.memories, seen, &slopes.step.by, told);
@@ -214,7 +221,7 @@ impl Solver {
     }
 }
 
-/// What is to be solved.
+/// Inputs of a solve.
 pub(crate) struct Case<'a> {
     pub(crate) model: &'a Model,
     pub(crate) inputs: &'a Inputs,
@@ -223,11 +230,11 @@ pub(crate) struct Case<'a> {
     pub(crate) reach: &'a Joints,
 }
 
-/// How far a solve has come.
+/// State of a solve.
 struct Way {
     trial: Inputs,
     rows: Rows,
-    /// What is left at the trial.
+    /// Error at the trial.
     error: TaskError,
     /// Whether the error is that of the real geometry.
     is_real: bool,
@@ -237,7 +244,7 @@ struct Way {
 }
 
 impl Way {
-    /// At its beginning, before a look.
+    /// At its start, before an evaluation.
     #[inline(always)]
     fn of(inputs: &Inputs, rows: Rows) -> Self {
         let error = TaskError::default();

@@ -3,38 +3,40 @@
 //! The correction is extrapolated linearly in the joint positions. If the last extrapolation was so accurate that the step after the first would
 //! have been predicted below [`STEP_DONE`], the next solve may start there.
 //!
-//! Promises: the prediction holds for the geometry (it is bounded by the present Jacobian); for the nonlinearity of the effects a bound of ten times the value observed in
+//! Invariants: the prediction holds for the geometry (it is bounded by the present Jacobian); for the nonlinearity of the effects a bound of ten times the value observed in
 //! the last solve from a command is used, and at least [`BENDS`]. A pose where another solution could be near, or whose correction is large, is solved from its
-//! command; so is the first command more than [`RENEWED_S`] after the last such solve. Never: influence on the solution itself.
+//! command; so is the first command more than [`RENEWED_S`] after the last such solve. The warm start does not affect the solution itself.
 
 use crate::joints::{are_within, largest, length, off, product};
 use crate::slopes::MARGIN;
 use crate::solve::{STEP_DONE, Solution};
 use physics::{Inputs, Joints};
 
-/// How much slopes of effects are taken to turn with their joint at least, per rad: twice that of a wave of 0.1 mrad and 300 cycles in a turn.
+/// Least assumed rate at which slopes of effects change with their joint, per rad: twice that of a
+/// wave of 0.1 mrad and 300 cycles per revolution.
 const BENDS: f64 = 20.0;
-/// Time of a motion after which one is solved from the command again, s.
+/// Time of motion after which a solve starts from the command again, s.
 const RENEWED_S: f64 = 0.256;
 /// The longest from one command to the next, s: after a longer pause the warm start is reset.
 const PAUSE_S: f64 = 0.02;
-/// The correction times the curvature, below which there is one solution only near the command: Kantorovich's half.
+/// Product of correction and curvature below which there is only one solution near the command:
+/// Kantorovich's one half.
 const UNIQUE: f64 = 0.5;
-/// So much of what the joints may go from the command.
+/// Share of `reach` that a warm start may use.
 const WITHIN: f64 = 0.5;
-/// A straight line is not carried on by more than so many of the last steps.
+/// Limit of the extrapolation, in multiples of the last step.
 const CARRIED_MAX: f64 = 2.0;
 
-/// What a solve knew at its end.
+/// Properties of a finished solve.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Ended {
-    /// See [`crate::slopes::Slopes::curvature`]; none where one step can never do.
+    /// See [`crate::slopes::Slopes::curvature`]; `None` if one step can never suffice.
     pub(crate) curvature: Option<f64>,
-    /// The last step over the square of the one before; zero for less than two steps.
+    /// The last step over the square of the previous one; zero for less than two steps.
     pub(crate) bent: f64,
     /// Whether it ended with an undamped step.
     pub(crate) by_step: bool,
-    /// Whether it began at the command.
+    /// Whether it started at the command.
     pub(crate) from_command: bool,
 }
 
@@ -43,10 +45,10 @@ pub(crate) struct Ended {
 pub(crate) struct Trace {
     last: Option<Stand>,
     before: Option<Stand>,
-    /// How effects bend, per rad.
+    /// Rate at which slopes of effects change, per rad.
     bends: f64,
     is_sure: bool,
-    /// How long the command has moved since one was solved from the command, s.
+    /// How long the command has moved since a solve started at the command, s.
     moved_s: f64,
 }
 
@@ -58,7 +60,7 @@ struct Stand {
 }
 
 impl Trace {
-    /// The correction that is expected for a command; none where nothing leads to it.
+    /// The expected correction for a command; `None` if it cannot be extrapolated.
     pub(crate) fn guess(&self, inputs: &Inputs) -> Option<Joints> {
         let last = self.last.as_ref()?;
         if !(inputs.dt_s > 0.0 && inputs.dt_s <= PAUSE_S) {
@@ -68,7 +70,7 @@ impl Trace {
         if let Some(before) = &self.before {
             let (way, way_before) = (off(&inputs.q, &last.q), off(&last.q, &before.q));
             let (along, square) = (product(&way, &way_before), product(&way_before, &way_before));
-            // No way at all: the correction stays.
+            // Without motion the correction stays.
             let carried = if square > 0.0 { along / square } else { 0.0 };
             let carried = carried.clamp(-CARRIED_MAX, CARRIED_MAX);
             for (guess, before) in guess.iter_mut().zip(&before.correction) {
@@ -78,23 +80,23 @@ impl Trace {
         Some(guess)
     }
 
-    /// Whether one step from the next guess is expected to do.
+    /// Whether one step from the next guess is expected to suffice.
     pub(crate) fn is_sure(&self) -> bool {
         self.is_sure && self.moved_s < RENEWED_S
     }
 
-    /// Whether the command is the last one again.
+    /// Whether the command is the same as the last.
     pub(crate) fn stands(&self, q: &Joints) -> bool {
         self.last.as_ref().is_some_and(|last| last.q == *q)
     }
 
-    /// How large the step after `by` is at most.
+    /// Upper bound of the step after `by`.
     pub(crate) fn foretell(&self, by: &Joints, curvature: f64) -> f64 {
         let (length, size) = (length(by), largest(by));
         0.5 * curvature * length * length + self.bends * size * size
     }
 
-    /// Takes a solution for the command in `inputs`, and what had been guessed of it.
+    /// Stores a solution for the command in `inputs`, and the guess that was made for it.
     pub(crate) fn take(
         &mut self,
         inputs: &Inputs,
@@ -121,12 +123,14 @@ impl Trace {
     }
 }
 
-/// Whether a correction is so small a part of `reach` that no step from the command to it is damped.
+/// Whether a correction is such a small part of `reach` that no step from the command to it is
+/// damped.
 pub(crate) fn is_small(correction: &Joints, reach: &Joints) -> bool {
     are_within(correction, reach, WITHIN)
 }
 
-/// Whether a correction is so small for this curvature that a solve from the command finds no other.
+/// Whether a correction is so small for this curvature that a solve from the command finds no
+/// other.
 pub(crate) fn is_alone(correction: &Joints, curvature: f64) -> bool {
     curvature * length(correction) < UNIQUE
 }

@@ -14,8 +14,9 @@
 //! The estimate is of an error and not an integral, so it does not wind up while the correction is bounded, in shadow mode, or while a joint ramps.
 //! Noise of standard deviation `s` at an interval `h` leaves about `s √(h / 2T)` in the trim.
 //!
-//! Promises: finite; `‖trim‖ ≤ limit`; it is ramped in and out within a second, with minimum jerk; the same sequence of inputs gives the same bits. A change of model
-//! resets it at once: the joints' limiters ramp it to zero. Never: a clock.
+//! Invariants: finite; `‖trim‖ ≤ limit`; it is ramped in and out within a second, with minimum
+//! jerk; the same sequence of inputs gives the same bits. A change of model resets it at once: the
+//! joints' limiters ramp it to zero.
 
 mod gate;
 #[cfg(test)]
@@ -32,22 +33,25 @@ use physics::Frame;
 
 /// Time constant unless set, in stated delays.
 pub const DELAYS: f64 = 5.0;
-/// When the trim comes and goes, and which measurements it takes: what a cell does not set.
+/// Rules for ramping and for accepting measurements; constants that a cell does not set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrimRules {
-    /// How long the share takes from nothing to all and back, s; 0.1 to 10. Default 1: so slow that a delay of 80 ms instead of 40 makes it overshoot by 5 % (`cargo test -p corrector trim::`).
+    /// Time of the share from zero to one and back, s; 0.1 to 10. Default 1: so slow that a delay
+    /// of 80 ms instead of 40 makes it overshoot by 5 % (`cargo test -p corrector trim::`).
     pub fade_s: f64,
     /// A longer time between two cycles counts as a pause, s; above the longest cycle of a cell with an instrument. Default 0.05.
     pub pause_s: f64,
     /// How far a stamp may lie ahead of the clock, s; 0 to 1. Default 0.005, as for force samples: clocks that are synchronised by PTP or NTP on one network differ by less.
     pub ahead_s: f64,
-    /// The farthest that is measured, m; above 0. Default 1000: beyond the range of any tracker.
+    /// The largest distance of a measured point, m; above 0. Default 1000: beyond the range of any
+    /// tracker.
     pub far_m: f64,
-    /// Noise beyond so many standard deviations is none; no unit, above 0. Default 5: 1.5 in a hundred thousand in three dimensions (chi distribution).
+    /// Deviations beyond this many standard deviations are not noise; no unit, above 0. Default 5:
+    /// probability 1.5e-5 in three dimensions (chi distribution).
     pub noise_sigmas: f64,
     /// After this many intervals without a measurement the estimate is held; no unit, 1 or more. Default 2.5: a single dropout does not interrupt it.
     pub fresh_intervals: f64,
-    /// Which measurements agree.
+    /// When measurements agree.
     pub gate: GateRules,
 }
 
@@ -65,43 +69,44 @@ impl Default for TrimRules {
     }
 }
 
-/// What a cell sets of its instrument.
+/// Settings of a cell for its instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrimSettings {
-    /// The trim is sent; else it is only found and told.
+    /// Whether the trim is sent; otherwise it is estimated and reported.
     pub is_sent: bool,
     /// From the instrument's coordinates to the robot's base.
     pub base_from_instrument: Frame,
-    /// What is measured, in tool coordinates, m.
+    /// The measured point, in tool coordinates, m.
     pub point_in_tool_m: DVec3,
-    /// From a measurement to its arrival, s.
+    /// Time from a measurement to its arrival, s.
     pub latency_s: f64,
-    /// Between two measurements, s: 0.001 to 0.1.
+    /// Interval of the measurements, s: 0.001 to 0.1.
     pub interval_s: f64,
-    /// From a command to the tool's being there, s.
+    /// Time from a command to the motion of the tool, s.
     pub reaction_s: f64,
     /// Time constant of the estimate, s; at least twice [`TrimSettings::delay_s`].
     pub time_constant_s: f64,
     /// Standard deviation of a measurement, of each axis, m.
     pub noise_m: f64,
-    /// The most that the model's error changes from one measurement to the next, m: more is a jump of the instrument.
+    /// Largest change of the model's error from one measurement to the next, m: a larger one is a
+    /// jump of the instrument.
     pub jump_m: f64,
-    /// Without measurements the trim holds for so long, s, then it ramps out.
+    /// Without measurements the trim is held for this long, s, then it ramps to zero.
     pub hold_s: f64,
     /// The largest trim, m.
     pub limit_m: f64,
-    /// What a cell does not set.
+    /// Constants that a cell does not set.
     pub rules: TrimRules,
 }
 
 impl TrimSettings {
-    /// The whole delay that the time constant is chosen for, s.
+    /// The total delay for which the time constant is chosen, s.
     #[must_use]
     pub fn delay_s(&self) -> f64 {
         self.latency_s + self.interval_s + self.reaction_s
     }
 
-    /// What noise leaves in the trim, standard deviation of each axis, m.
+    /// Noise in the trim, standard deviation of each axis, m.
     #[must_use]
     pub fn noise_left_m(&self) -> f64 {
         self.noise_m * sqrt(self.interval_s / (2.0 * self.time_constant_s))
@@ -117,20 +122,20 @@ pub struct PointSample {
     pub t_ns: u64,
 }
 
-/// How the trim is.
+/// State of the trim.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrimReport {
     /// What it does.
     pub state: TrimState,
     /// Why.
     pub reason: TrimReason,
-    /// What the tool's target is displaced by, base frame, m.
+    /// Displacement of the tool's target, base frame, m.
     pub trim_m: DVec3,
-    /// What is found of the model's error, base frame, m: real minus predicted.
+    /// Estimate of the model's error, base frame, m: real minus predicted.
     pub found_m: DVec3,
-    /// Measurements that came.
+    /// Measurements received.
     pub measurements: u64,
-    /// Those of them that were refused.
+    /// Measurements refused.
     pub refused: u64,
 }
 
@@ -140,12 +145,12 @@ pub struct Trim {
     settings: TrimSettings,
     history: History<DVec3>,
     gate: Gate,
-    /// The newest deviation that was believed, and when it came.
+    /// The newest accepted deviation, and when it was received.
     deviation_m: DVec3,
     believed_ns: Option<u64>,
-    /// Both low passes; the second is the estimate.
+    /// Both low-passes; the second is the estimate.
     passed_m: [DVec3; 2],
-    /// The estimate has begun.
+    /// Whether the estimate has started.
     has_begun: bool,
     share: f64,
     stepped_ns: u64,
@@ -155,7 +160,7 @@ pub struct Trim {
 }
 
 impl Trim {
-    /// Nothing measured yet.
+    /// Without measurements yet.
     #[must_use]
     pub fn new(settings: TrimSettings) -> Self {
         Self {
@@ -174,7 +179,7 @@ impl Trim {
         }
     }
 
-    /// Another model predicts from now on: what was found says nothing of it.
+    /// For a new model: the estimate does not apply to it.
     pub fn model_changed(&mut self) {
         self.history.clear();
         self.gate = Gate::new(self.settings.rules.gate);
@@ -182,12 +187,13 @@ impl Trim {
         self.believed_ns = None;
     }
 
-    /// Believes the instrument again after a jump: its registration has been looked after. The trim goes on from what it is.
+    /// Accepts the instrument again after a jump: its registration was checked. The trim continues
+    /// from its present value.
     pub fn rearm(&mut self) {
         self.gate = Gate::new(self.settings.rules.gate);
     }
 
-    /// Takes a measurement that came by `now_ns`.
+    /// Adds a measurement received by `now_ns`.
     pub fn take(&mut self, sample: &PointSample, now_ns: u64) {
         self.report.measurements += 1;
         match self.deviation(sample, now_ns) {
@@ -209,7 +215,8 @@ impl Trim {
         }
     }
 
-    /// What the tool's target is displaced by in the cycle at `now_ns`, base frame, m; `corrects` says whether corrections go out.
+    /// Displacement of the tool's target in the cycle at `now_ns`, base frame, m; `corrects`:
+    /// whether corrections are sent.
     pub fn step(&mut self, now_ns: u64, corrects: bool) -> DVec3 {
         let dt_s = seconds(now_ns.saturating_sub(self.stepped_ns));
         let dt_s = if dt_s <= self.settings.rules.pause_s { dt_s } else { 0.0 };
@@ -237,7 +244,8 @@ impl Trim {
         self.report.trim_m
     }
 
-    /// Says where the model puts the tool with what is sent at `now_ns`; none where it cannot tell.
+    /// Stores the tool pose that the model predicts for what is sent at `now_ns`; `None` if it
+    /// cannot be predicted.
     pub fn expect(&mut self, now_ns: u64, base_from_tool: Option<&Frame>) {
         if let Some(tool) = base_from_tool {
             self.history.keep(now_ns, tool.point(self.settings.point_in_tool_m));
@@ -250,13 +258,13 @@ impl Trim {
         self.settings.base_from_instrument.point(sample.point_m)
     }
 
-    /// How it is since the last step.
+    /// State after the last step.
     #[must_use]
     pub fn report(&self) -> &TrimReport {
         &self.report
     }
 
-    /// From where the model put the point at that time to where it was measured.
+    /// From the predicted point at the time of the measurement to the measured one.
     fn deviation(&mut self, sample: &PointSample, now_ns: u64) -> Result<DVec3, TrimReason> {
         let TrimSettings { latency_s, interval_s, reaction_s, rules, .. } = self.settings;
         let PointSample { point_m, t_ns } = *sample;
@@ -283,7 +291,7 @@ impl Trim {
         self.last_refusal = reason;
     }
 
-    /// How far a measurement may be from those before, m.
+    /// Largest accepted distance of a measurement from the previous ones, m.
     fn most_m(&self) -> f64 {
         self.settings.jump_m + self.settings.rules.noise_sigmas * self.settings.noise_m
     }
@@ -308,7 +316,7 @@ impl Trim {
 }
 
 impl TrimReport {
-    /// Nothing measured, nothing found.
+    /// No measurement, no estimate.
     #[must_use]
     pub fn nothing(state: TrimState) -> Self {
         let zero = DVec3::ZERO;
@@ -317,7 +325,8 @@ impl TrimReport {
     }
 }
 
-/// The share with no kink at its ends (minimum jerk: Flash and Hogan, J. Neurosci. 5, 1985), so that joints follow it within their jerk.
+/// Fades the share without a step of acceleration at its ends (minimum jerk: Flash and Hogan, J.
+/// Neurosci. 5, 1985), so that joints follow it within their jerk.
 fn smooth(x: f64) -> f64 {
     x * x * x * (10.0 + x * (6.0 * x - 15.0))
 }

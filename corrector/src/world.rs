@@ -1,16 +1,15 @@
 //! Inputs besides the command: wrench, temperatures, process state.
 //!
-//! Promises: after [`World::sound`] every number is finite and plausible, or counts as unknown.
-//! Never: a guess in place of an unknown number.
+//! Invariant: after [`World::sound`] every number is finite and plausible, or counts as unknown.
 
 use glam::DVec3;
 use physics::{JOINTS_MAX, Wrench};
 
-/// Temperatures outside are a broken sensor's, °C.
+/// Range of plausible temperatures, °C; outside, the sensor is broken.
 const CELSIUS: core::ops::RangeInclusive<f64> = -60.0..=200.0;
-/// Forces (N) and moments (Nm) beyond are a broken sensor's.
+/// Largest plausible force (N) and moment (Nm).
 const LOAD_MAX: f64 = 1e5;
-/// Speeds beyond are a broken sensor's, rev/min.
+/// Largest plausible spindle speed, rev/min.
 const SPINDLE_RPM_MAX: f64 = 1e6;
 
 /// A wrench as it was measured.
@@ -22,11 +21,11 @@ pub struct WrenchSample {
     pub in_base: bool,
     /// How old it is, ns.
     pub age_ns: u64,
-    /// Its sensor, or the stream that brings it, has a fault: it is not used.
+    /// Whether its sensor or force stream has a fault: it is not used.
     pub faulty: bool,
 }
 
-/// What is known of the world besides the command.
+/// Inputs besides the command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct World {
     /// The newest wrench.
@@ -37,7 +36,7 @@ pub struct World {
     pub joint_celsius: [f64; JOINTS_MAX],
     /// Spindle speed, rev/min; NaN where unknown.
     pub spindle_rpm: f64,
-    /// What measurements ask the tool to be displaced by, base frame, m; zero where there is no trim.
+    /// Displacement of the tool by the trim, base frame, m; zero without a trim.
     pub trim_m: DVec3,
 }
 
@@ -54,8 +53,8 @@ impl Default for World {
 }
 
 impl World {
-    /// The same without what cannot be true: temperatures outside −60 to 200 °C and spindle speeds beyond 1e6 rev/min become
-    /// unknown; a wrench beyond 1e5 N or Nm counts as stale.
+    /// The same without implausible values: temperatures outside −60 to 200 °C and spindle speeds
+    /// beyond 1e6 rev/min become unknown; a wrench beyond 1e5 N or Nm counts as stale.
     pub(crate) fn sound(&self) -> Self {
         let celsius = |t: f64| if CELSIUS.contains(&t) { t } else { f64::NAN };
         let spindle = self.spindle_rpm.abs() <= SPINDLE_RPM_MAX;
@@ -70,7 +69,7 @@ impl World {
 }
 
 impl WrenchSample {
-    /// Whether its numbers can be those of a robot cell.
+    /// Whether its values are possible in a robot cell.
     pub(crate) fn is_possible(&self) -> bool {
         let Wrench { force, moment } = self.wrench;
         let all = [force.x, force.y, force.z, moment.x, moment.y, moment.z];

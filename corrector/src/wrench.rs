@@ -7,7 +7,7 @@
 //! never stiffer than the robot (small-gain theorem; holds while the model's compliance is below twice the true one), and
 //! [`LoopGain`] estimates meanwhile whether it can go to one, along the direction of the observed force, or must return to zero.
 //!
-//! Promises: the share takes at least [`FADE_S`] from zero to one. Never: a clock.
+//! Invariant: the share takes at least [`FADE_S`] from zero to one.
 
 use crate::compliance;
 use crate::loop_gain::{CONTACT_N, LoopGain, Verdict};
@@ -20,9 +20,10 @@ use physics::{Evaluation, Inputs, Memories, Model, Wrench};
 
 /// How long the share takes from zero to one, s.
 const FADE_S: f64 = 0.5;
-/// The share that is stable whatever the contact.
+/// The share that is stable for any contact.
 const SAFE_SHARE: f64 = 0.5;
-/// How old a column of the compliance gets at least, s: the arm hardly moves in that time.
+/// Least age of a column of the compliance before it is renewed, s: the arm hardly moves in that
+/// time.
 const PROBE_EVERY_S: f64 = 1e-3;
 
 /// The filter and its gate.
@@ -35,11 +36,11 @@ pub(crate) struct WrenchPath {
     /// The model's translational compliance at the TCP, base axes, m/N; one column is renewed at a time.
     compliance: [DVec3; 3],
     column: usize,
-    /// Since a column was renewed, s.
+    /// Time since a column was renewed, s.
     probed_s: f64,
     /// The largest eigenvalue of the compliance's symmetric part, m/N, once all columns are known.
     largest: Option<f64>,
-    /// What the correction took last, base axes.
+    /// The wrench of the last correction, base axes.
     last: Wrench,
     loop_gain: f64,
 }
@@ -60,18 +61,19 @@ impl WrenchPath {
         }
     }
 
-    /// The loop gain at a share of one; NaN where it is not known.
+    /// The loop gain at a share of one; NaN if unknown.
     pub(crate) fn loop_gain(&self) -> f64 {
         self.loop_gain
     }
 
-    /// Lets a latched gate try again.
+    /// Opens a latched gate for a new trial.
     pub(crate) fn rearm(&mut self) {
         self.latched = false;
         self.found.rearm();
     }
 
-    /// The wrench that the correction may use, base axes, and what the gate says. `measured` is in base axes and sound.
+    /// The wrench to be used in the correction, base axes, and the state of the gate. `measured` is
+    /// in base axes and plausible.
     pub(crate) fn step(
         &mut self,
         settings: &WrenchSettings,
@@ -98,7 +100,8 @@ impl WrenchPath {
         (self.last, gate)
     }
 
-    /// The same for a recorded pose at rest: the wrench is whole, as nothing that was recorded can push back.
+    /// The same for a recorded pose at rest: the wrench is used in full, because there is no
+    /// feedback from a recording.
     pub(crate) fn settled(
         &self,
         settings: &WrenchSettings,
@@ -113,7 +116,7 @@ impl WrenchPath {
     }
 
     fn filtered(&mut self, fresh: Option<Wrench>, corner_hz: f64, dt_s: f64) -> Wrench {
-        // A lost wrench keeps its last filtered value while the share takes it out.
+        // A lost wrench keeps its last filtered value while the share goes to zero.
         if let Some(w) = fresh {
             let values = [w.force.x, w.force.y, w.force.z, w.moment.x, w.moment.y, w.moment.z];
             let pace = Pace::of(corner_hz, dt_s);
@@ -149,7 +152,8 @@ impl WrenchPath {
         }
     }
 
-    /// The share of the wrench; what is beyond the safe one only along the force whose loop gain was found.
+    /// The share of the wrench; above the safe share only along the force whose loop gain was
+    /// estimated.
     fn taken(&self, settings: &WrenchSettings, filtered: &Wrench) -> Wrench {
         if settings.process_stiffness.is_some() || self.share <= SAFE_SHARE {
             return filtered.times(self.share);
@@ -159,8 +163,9 @@ impl WrenchPath {
         filtered.times(SAFE_SHARE).plus(&Wrench { force: beyond, moment: DVec3::ZERO })
     }
 
-    /// Renews one column of the model's compliance, if it is time: how the TCP gives way to a force along one base axis. `inputs` as the last
-    /// correction had them, but for the wrench; `room` of the model's arm.
+    /// Renews one column of the model's compliance when due: the displacement of the TCP by a force
+    /// along one base axis. `inputs` are those of the last correction, apart from the wrench;
+    /// `room` belongs to the model's arm.
     pub(crate) fn probe(
         &mut self,
         model: &Model,
@@ -197,7 +202,7 @@ fn fresh(settings: &WrenchSettings, measured: Option<WrenchSample>) -> Option<Wr
         .map(|sample| sample.wrench)
 }
 
-/// Why a wrench that is not used is not.
+/// Why a wrench is not used.
 fn closed(measured: Option<WrenchSample>) -> Gate {
     if measured.is_some_and(|sample| sample.faulty) { Gate::SensorFault } else { Gate::Stale }
 }

@@ -1,4 +1,4 @@
-//! The solution agrees with one that was found by other mathematics (`support/by_matrices.rs`).
+//! The solution agrees with that of an independent formulation (`support/by_matrices.rs`).
 #![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 #[path = "support/by_matrices.rs"]
@@ -14,7 +14,7 @@ use support::{erring, first, portal, seven, six};
 
 const REACH: [f64; JOINTS_MAX] = [0.05; JOINTS_MAX];
 
-/// m per rad, an orientation counted at 0.2 m.
+/// m per rad, with a radian of orientation counted as 0.2 m.
 const WELL_CONDITIONED: f64 = 0.01;
 
 fn pose(arm: &Arm, at: &[f64]) -> Vec<f64> {
@@ -51,7 +51,7 @@ impl Case {
         solve(&self.model, &self.inputs, &self.memories, task, &REACH)
     }
 
-    /// What the real tool lacks at `q`, by matrices.
+    /// Pose error of the real tool at `q`, by matrices.
     fn miss_at(&self, q: &[f64]) -> [f64; 6] {
         let Inputs { direction, wrench_base, .. } = &self.inputs;
         let wanted = nominal(&self.model.arm, &self.inputs.q[..q.len()]);
@@ -74,7 +74,7 @@ impl Case {
         prop_assume!(found.converged);
         let left = self.miss_at(&found.q[..6]);
         prop_assert!(left.iter().all(|x| x.abs() < 1e-9), "{left:?}");
-        // Near a fold there are two solutions side by side; either is right.
+        // Near a fold there are two neighbouring solutions; either is valid.
         prop_assume!(self.least_gain() > WELL_CONDITIONED);
         let Inputs { q, direction, wrench_base, .. } = &self.inputs;
         let other = solved(&self.model.arm, &q[..6], direction, wrench_base);
@@ -93,7 +93,8 @@ fn places(n: usize) -> impl Strategy<Value = (Vec<f64>, Vec<bool>, Vec<f64>)> {
     )
 }
 
-/// Largest part along each joint's slope: zero where no small motion of one joint makes the miss smaller.
+/// Largest component along each joint's derivative: zero if no small motion of one joint reduces
+/// the error.
 fn steepest(columns: &[[f64; 6]], weighted: &[f64; 6]) -> f64 {
     let along = |c: &[f64; 6]| c.iter().zip(weighted).map(|(a, b)| a * b).sum::<f64>().abs();
     columns.iter().map(along).fold(0.0, f64::max)
@@ -120,7 +121,8 @@ proptest! {
         let left = case.miss_at(&found.q[..7]);
         prop_assert!(left.iter().all(|x| x.abs() < 1e-9), "{left:?}");
         prop_assume!(case.least_gain() > WELL_CONDITIONED);
-        // Least norm to first order: no part of the correction along what does not move the tool.
+        // Minimum norm to first order: the correction has no component along motions that do not
+        // move the tool.
         let miss_at = |q: &[f64]| case.miss_at(q);
         let columns = slopes(&miss_at, &case.inputs.q[..7]);
         let change: Vec<f64> = (0..7).map(|i| found.q[i] - case.inputs.q[i]).collect();
@@ -142,7 +144,8 @@ proptest! {
         let miss_at = |q: &[f64]| case.miss_at(q);
         let slope = steepest(&slopes(&miss_at, &found.q[..5]), &weighted);
         let size = weighted.iter().map(|x| x * x).sum::<f64>().sqrt();
-        // Of a miss that these joints can do away with, a solution may leave what its last step is allowed to: 2.5e-11 rad, at a metre.
+        // Of an error that these joints can correct, a solution may leave what its last step
+        // allows: 2.5e-11 rad, at a metre.
         prop_assert!(slope <= 0.05 * size + 2.5e-11, "{slope} of {size}");
     }
 
@@ -161,7 +164,7 @@ proptest! {
     }
 }
 
-/// Unit vector of joint motions that leaves the tool where it is: seven columns, six rows.
+/// Unit vector of a joint motion that does not move the tool: seven columns, six rows.
 fn idle_direction(columns: &[[f64; 6]]) -> Vec<f64> {
     let matrix = nalgebra::SMatrix::<f64, 6, 7>::from_fn(|i, j| columns[j][i]);
     let square = matrix.transpose() * matrix;

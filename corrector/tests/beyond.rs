@@ -1,4 +1,5 @@
-//! Loads beyond what a law holds for: there is no solution, the last correction is held for a while, then it goes to zero and comes back without a step.
+//! Loads outside the range of an effect's law: there is no solution; the last correction is held
+//! for a while, then ramps to zero and returns without a step.
 #![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 mod support;
@@ -7,7 +8,7 @@ use corrector::{Outcome, Reason, Settings, Status};
 use physics::Model;
 use support::{DT_NS, Run, effect, envelope, six};
 
-/// A joint that stiffens so strongly that its law ends at this torque, Nm.
+/// Torque at which the law of a strongly stiffening joint ends, Nm.
 const LAW_ENDS_NM: f64 = 500.0;
 const COMPLIANCE: f64 = 3e-6;
 
@@ -19,7 +20,7 @@ fn stiffening() -> Model {
     Model::new(arm, &[linear, hardening]).expect("sound")
 }
 
-/// The upper arm leans forward by `lean`, rad: the more, the more its joint carries.
+/// Pose with the upper arm leaning forward by `lean`, rad; the load of its joint grows with it.
 fn leaning(lean: f64) -> [f64; 6] {
     [0.2, lean, 0.0, 0.3, 0.5, 0.1]
 }

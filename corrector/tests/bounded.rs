@@ -1,4 +1,5 @@
-//! The best correction within bounds: inside them, stationary, better than none, and continuous through singular poses and onto bounds.
+//! The best correction within bounds is feasible, stationary, no worse than none, and continuous
+//! through singular poses and onto bounds.
 #![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 #[path = "support/random.rs"]
@@ -11,7 +12,7 @@ use proptest::prelude::*;
 use random::{arm, erring, errors, places, pose};
 use support::six;
 
-/// How a radian counts where position comes first, m: half of the task's length.
+/// Weight of a radian where position takes precedence, m: half of the task's length.
 const LENGTH_M: f64 = 0.1;
 
 fn filled(q: &[f64]) -> Joints {
@@ -25,7 +26,7 @@ fn solved(model: &Model, q: &Joints, reach: f64) -> Solution {
     solve(model, &Inputs::at_rest(*q), &Memories::default(), &Task::default(), &reach)
 }
 
-/// Half the square of what is left with the joints at `q`, m².
+/// Half the square of the remaining error with the joints at `q`, m².
 fn left(model: &Model, command: &Joints, q: &Joints) -> f64 {
     let real = model.evaluate(&Inputs::at_rest(*q), &Memories::default()).real.base_from_tool;
     let wanted = Chain::nominal(&model.arm, command).base_from_tool;
@@ -59,8 +60,9 @@ proptest! {
         prop_assert!(left(&model, &q, &found.q) <= left(&model, &q, &q) * (1.0 + 1e-9) + 1e-24);
     }
 
-    /// Karush-Kuhn-Tucker: no joint that is free to move makes it better, none at its bound does so by moving inward. Damping bends this only in directions
-    /// in which the tool hardly moves: at most 0.06 m/rad.
+    /// Karush-Kuhn-Tucker conditions: no free joint can reduce the error, and no joint at its bound
+    /// can do so by moving inward. Damping affects only directions in which the tool hardly moves:
+    /// at most 0.06 m/rad.
     #[test]
     fn a_limited_correction_is_a_stationary_point_of_the_bounded_problem(
         which in 0..3_u8, errors in errors(), places in places(), reach in -4.0..-2.5_f64,
@@ -78,7 +80,8 @@ proptest! {
             down[i] -= STEP;
             let slope = (left(&model, &q, &up) - left(&model, &q, &down)) / (2.0 * STEP);
             let at = found.q[i] - q[i];
-            // The most that damping can add: its size, error · 0.03 / reach, times a correction of at most reach per joint, in weak directions.
+            // The largest contribution of damping: its size, error · 0.03 / reach, times a
+            // correction of at most reach per joint, in weak directions.
             let damped = most * 0.03 * (model.arm.count() as f64).sqrt();
             prop_assert!(at >= reach * (1.0 - 1e-9) || slope > -damped - 1e-9, "joint {i}: {slope}, {damped}");
             prop_assert!(at <= -reach * (1.0 - 1e-9) || slope < damped + 1e-9, "joint {i}: {slope}, {damped}");
@@ -97,15 +100,17 @@ proptest! {
         prop_assert_eq!(wide.q, narrow.q);
     }
 
-    /// Through the wrist's singular pose, and onto and off the envelope's bounds, for errors from a hundredth of their size on.
-    /// Just before a bound an exact correction can be arbitrarily steep, so the widest change from one command to the next is
-    /// followed down to commands 2e-11 rad apart: a jump remains, a slope vanishes.
+    /// Through the wrist's singular pose, and onto and off the position limits, for errors from a
+    /// hundredth of their size on. Just before a bound an exact correction can change arbitrarily
+    /// fast, so the largest change between two commands is subdivided down to commands 2e-11 rad
+    /// apart: a jump remains, a steep slope vanishes.
     #[test]
     fn a_correction_is_continuous_through_a_singular_wrist(
         errors in errors(), size in -2.0..0.0_f64, at in prop::array::uniform6(-0.5..0.5_f64), reach in -4.0..-1.7_f64,
     ) {
         const STEP: f64 = 1e-4;
-        // A hundredth of the widest envelope here: what steps that follow each other may make of rounding close to a singular pose.
+        // A hundredth of the widest position limit here: allows for rounding between neighbouring
+        // commands close to a singular pose.
         const JUMP: f64 = 2e-4;
         let model = erring(six(), &errors, 10.0_f64.powf(size));
         let reach = 10.0_f64.powf(reach);

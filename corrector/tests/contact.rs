@@ -1,4 +1,4 @@
-//! The corrector pushing against something: a virtual contact, a robot that lags, a model that is off.
+//! The corrector in contact: a simulated surface, a robot that lags, a model that is inaccurate.
 #![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 mod support;
@@ -10,9 +10,9 @@ use std::collections::VecDeque;
 use support::{DT_NS, Run, effect, envelope, six};
 
 const Q: [f64; 6] = [0.3, 0.2, 0.1, 0.4, 0.9, 0.2];
-/// The robot takes 20 ms to do what it was told.
+/// Cycles until the robot has followed a command: 20 ms.
 const LAG_CYCLES: usize = 20;
-/// What a cut would ask of a robot that stands where it was told, N.
+/// Force of a cut on a robot that is exactly at its command, N.
 const FORCE_N: f64 = 100.0;
 
 fn compliant(arm: Arm, factor: f64) -> Model {
@@ -30,7 +30,7 @@ struct Cell {
     normal: DVec3,
     stiffness: f64,
     compliance: f64,
-    /// What the robot has been told and not done yet.
+    /// Targets that were sent and not reached yet.
     told: VecDeque<Joints>,
     /// White noise on the measured force, N, and slow change of the surface as a share.
     noise_n: f64,
@@ -60,7 +60,7 @@ impl Cell {
         cell
     }
 
-    /// Where the real tool is along the normal, with `force_n` on it.
+    /// Position of the real tool along the normal, with `force_n` on it.
     fn height(&self, q: &Joints, force_n: f64) -> f64 {
         let mut inputs = Inputs::at_rest(*q);
         inputs.wrench_base = Wrench { force: self.normal * force_n, moment: DVec3::ZERO };
@@ -81,7 +81,8 @@ impl Cell {
         let commanded = self.normal.dot(Chain::nominal(&six(), &joints(&Q)).base_from_tool.origin);
         let wave = 1.0 + self.wander * (2.0 * t_s).sin();
         let depth = FORCE_N * (1.0 / self.stiffness + self.compliance) * t_s.min(1.0) * wave;
-        // The surface stands `depth` above the commanded height; the tool bends away by compliance times force.
+        // The surface is `depth` above the commanded height; the tool is deflected by compliance
+        // times force.
         let unloaded = self.height(&at, 0.0);
         let pressed = (commanded + depth - unloaded).max(0.0);
         self.force_n = pressed / (1.0 / self.stiffness + self.compliance);
@@ -95,7 +96,7 @@ impl Cell {
         outcome
     }
 
-    /// The tool's distance from where the controller wants it, along the normal, m.
+    /// Distance of the tool from its desired position, along the normal, m.
     fn error(&self) -> f64 {
         let commanded = self.normal.dot(Chain::nominal(&six(), &joints(&Q)).base_from_tool.origin);
         self.height(&self.told[0], self.force_n) - commanded
@@ -146,10 +147,11 @@ fn no_contact_makes_the_loop_grow_or_cycle_and_its_gain_is_found() {
             let case =
                 format!("{stiffness:e} N/m, model {factor}, gain {gain:.3}, {:?}", seen.last.gate);
             assert!(seen.swing_n < 0.01 * FORCE_N, "{case}: swings {} N", seen.swing_n);
-            // With half a share the force grows by 1/(1 - 1.3/2) at most; with a share of one below a gain of a half, to the double.
+            // With half a share the force grows by 1/(1 - 1.3/2) at most; with a share of one and a
+            // gain below one half, at most to twice its value.
             assert!(seen.largest_n < 3.0 * FORCE_N, "{case}: {} N", seen.largest_n);
             let found = seen.last.loop_gain;
-            // The robot's lag is not in the equation.
+            // The equation neglects the robot's lag.
             assert!((found - gain).abs() < 0.01 + 0.06 * gain, "{case}: found {found}");
             match seen.last.gate {
                 Gate::Open => opened += 1,
@@ -194,7 +196,7 @@ fn an_open_gate_takes_the_deflection_out() {
 fn a_stiffer_contact_than_the_one_found_brings_the_share_back_to_a_half() {
     let mut cell = Cell::new(1e5, 1.3, settings());
     assert_eq!(watched(&mut cell, 8).last.gate, Gate::Open);
-    // The tool runs into something hard.
+    // The tool runs into a hard surface.
     cell.stiffness = 1e7;
     let seen = watched(&mut cell, 12);
     assert_eq!(seen.last.gate, Gate::Partly);

@@ -1,4 +1,5 @@
-//! What holds whatever comes in: no correction beyond the envelope or no number; no jump; a word for everything.
+//! Invariants for any input: the correction is finite, within the envelope and without jumps, and
+//! every outcome has a status and a reason.
 #![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 mod support;
@@ -10,7 +11,7 @@ use glam::DVec3;
 use physics::{JOINTS_MAX, Model, Wrench};
 use support::{DT_NS, Run, envelope, erring, six, smooth};
 
-/// `SplitMix64`: chance that is the same everywhere.
+/// `SplitMix64`, a reproducible pseudo-random generator.
 struct Chance(u64);
 
 impl Chance {
@@ -39,10 +40,12 @@ fn settings() -> Settings {
     Settings::with_envelope(envelope())
 }
 
-/// By how much the stamps of commands, which pace the correction, may part from the clock, to either side, s.
+/// Largest difference between the stamps of commands, which pace the correction, and the clock, to
+/// either side, s.
 const PARTED_S: f64 = 2.0 * 0.0201;
 
-/// Every correction, in every state: a number, within the angle, and no faster than the rate but for what stamps part from the clock.
+/// Checks every correction in every state: finite, within the position limit, and within the rate
+/// limit, apart from the difference between stamps and clock.
 struct Judge {
     before: [f64; JOINTS_MAX],
     ahead: [f64; JOINTS_MAX],
@@ -343,7 +346,7 @@ fn a_command_that_runs_into_a_joint_limit_and_beyond_takes_the_correction_along_
                 }
             }
             assert!(largest_jerk(&corrections) <= envelope().jerk() * 1.001, "at {speed} rad/s");
-            // Slow enough, it is taken back before the command is at the limit.
+            // At this speed it is taken back before the command reaches the limit.
             assert!(furthest <= 1e-4, "{furthest} rad beyond, at {speed} rad/s");
         }
     }

@@ -1,4 +1,4 @@
-//! What a pause leaves behind: nothing.
+//! A pause has no effect on later corrections.
 #![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 mod support;
@@ -9,7 +9,8 @@ use support::{DT_NS, Run, envelope, pose, twenty};
 #[test]
 fn after_a_pause_a_command_that_is_less_long_on_its_way_than_those_before_sets_off_no_ramp() {
     let mut run = Run::new(twenty(), Settings::with_envelope(envelope()));
-    // From rest to rest within a second, so that only lost time could shake what is wanted.
+    // From rest to rest within a second, so that only lost time could change the requested
+    // correction.
     let path = |t_s: f64| {
         let turn = 0.1 * t_s.powi(3) * (6.0 * t_s * t_s - 15.0 * t_s + 10.0);
         std::array::from_fn::<f64, 6, _>(|i| pose()[i] + if i % 2 == 0 { turn } else { -turn })
@@ -23,7 +24,7 @@ fn after_a_pause_a_command_that_is_less_long_on_its_way_than_those_before_sets_o
     for _ in 0..1000 {
         give(&mut run, DT_NS, 0.0, 50_000);
     }
-    // After the pause each is long on its way, and amid the path no longer.
+    // After the pause each command takes long to arrive, and in the middle of the path no longer.
     give(&mut run, 60_000_000, 0.0, 300_000);
     for k in 1..=1000 {
         let late_ns = if k < 500 { 300_000 } else { 50_000 };

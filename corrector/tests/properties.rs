@@ -1,4 +1,5 @@
-//! What holds for any robot: random errors of random size, random poses, through the whole corrector.
+//! Properties for any robot: random errors of random size and random poses, through the whole
+//! corrector.
 #![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 #[path = "support/random.rs"]
@@ -11,7 +12,7 @@ use proptest::prelude::*;
 use random::{arm, erring, errors, places, pose};
 use support::{DT_NS, envelope};
 
-/// A pose at rest, as a corrector answers it that has seen nothing before.
+/// The outcome for a pose at rest of a corrector without history.
 fn settled(model: &Model, q: &[f64], mode: Mode) -> Outcome {
     let settings = Settings { mode, lockstep: true, ..Settings::with_envelope(envelope()) };
     let mut corrector = Corrector::new(settings);

@@ -1,4 +1,4 @@
-//! A solve that begins where the last solutions lead finds what one from the command does.
+//! A warm start finds the same solution as a start at the command.
 #![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 #[path = "support/random.rs"]
@@ -13,10 +13,11 @@ use random::{Errors, erring, errors, places};
 use support::{effect, first, load, pose, six, twenty};
 
 const REACH: Joints = [0.02; JOINTS_MAX];
-/// What warm and cold solutions may differ by, rad or m: a tenth of what is promised.
+/// Largest difference between warm and cold solutions, rad or m: a tenth of the documented
+/// accuracy.
 const SAME: f64 = 1e-10;
 
-/// Commands that follow each other, and what effects remember of them.
+/// A sequence of commands, and the memory of the effects.
 struct Motion {
     model: Model,
     inputs: Inputs,
@@ -25,7 +26,7 @@ struct Motion {
     solver: Solver,
 }
 
-/// Evaluations of the model that were taken, and that a start from the command takes.
+/// Evaluations of the model that were taken, and that a start at the command takes.
 #[derive(Default)]
 struct Taken {
     tracked: u32,
@@ -52,7 +53,7 @@ impl Motion {
         self.model.follow(inputs, &mut self.memories);
     }
 
-    /// As tracked, and as from the command.
+    /// The warm-started solution, and the one from the command.
     fn solved(&mut self) -> (Solution, Solution) {
         let Self { model, inputs, memories, task, solver } = self;
         (
@@ -92,7 +93,8 @@ impl Motion {
     }
 }
 
-/// Effects that remember the way, that turn with the load by a law of their own, and one that tells no slope.
+/// Effects with memory, effects that depend on the load by laws of their own, and optionally one
+/// that provides no slope.
 fn remembering(model: &mut Model, (joints, _): &Errors, with_untold: bool) {
     let arm = model.arm;
     for (i, [width, amplitude, ..]) in joints.iter().enumerate().take(arm.count()) {
@@ -119,7 +121,7 @@ fn arm(which: u8) -> Arm {
     if which == 3 { first(5) } else { random::arm(which) }
 }
 
-/// A smooth path, rad or m: each joint swings about its place with its own pace.
+/// A smooth path, rad or m: each joint oscillates about its place at its own frequency.
 fn on_path(centre: &Joints, swings: &[[f64; 2]], t_s: f64) -> Joints {
     let mut q = *centre;
     for (q, [width, pace]) in q.iter_mut().zip(swings) {
@@ -173,7 +175,7 @@ proptest! {
         let mut taken = Taken::default();
         let (mut q, step) = (motion.inputs.q, 10.0_f64.powf(pace));
         for (cycle, (share, exponent)) in loads.iter().enumerate() {
-            // The wrist stretches out in the midst of it, or comes near.
+            // The wrist becomes straight in the middle of it, or nearly so.
             q[4] = step * (cycle as f64 - 300.0 * before) + if pace < -4.0 { 0.02 * sway } else { 0.0 };
             q[0] += step * sway;
             q[1] += if cycle % 97 == 96 { 0.01 * sway } else { 0.0 };

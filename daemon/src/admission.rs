@@ -1,28 +1,28 @@
 //! Decides whether a model may replace the active one.
 //!
-//! Promises: a model of another robot, or one whose limits the arm already exceeds, is not loaded by mistake; a refusal states the
-//! difference and the remedy. Never: a change of state.
+//! A model of another robot, or one whose limits the arm already exceeds, is not loaded by mistake;
+//! a refusal states the difference and the remedy. The check changes no state.
 
 use crate::position::Positions;
 use crate::setup;
 use physics::{Arm, JointKind};
 use recording::model::RobotModel;
 
-/// What fits into an answer to a request, bytes.
+/// Longest text in an answer to a request, bytes.
 pub const WORDS_MAX: usize = 240;
-/// A position on a limit is inside of it, whatever a conversion of units did to the last bits, rad or m.
+/// Tolerance of the limits against rounding in conversions of units, rad or m.
 const ON_LIMIT: f64 = 1e-9;
 
 /// How a reload was requested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
-    /// It asks for another robot by name.
+    /// The request explicitly allows another robot.
     pub other_robot: bool,
-    /// The cell is in shadow mode: nothing that the model says moves the arm.
+    /// The cell is in shadow mode: the model cannot move the arm.
     pub in_shadow: bool,
 }
 
-/// Why `next` may not take the place of `active`; none where it may.
+/// Why `next` may not replace `active`; `None` if it may.
 #[must_use]
 pub fn refusal(
     active: &RobotModel,
@@ -33,7 +33,7 @@ pub fn refusal(
     let differences = next.file.identity().differences(&active.file.identity());
     let kinds = [active, next].map(|model| setup::joint_kinds(&model.physics.arm));
     if kinds[0] != kinds[1] {
-        // Bounds, black box and clients are made for the joints that the daemon started with.
+        // Limits, recording and clients are set up for the joints that the daemon started with.
         return Some(words(
             "another robot",
             &differences,
@@ -56,14 +56,15 @@ pub fn refusal(
     Some(words(what, &found, &format!("{way_out}, or {by_name}")))
 }
 
-/// The joints that are beyond a limit of `next` that is narrower than that of `active`: a reload that narrows nothing makes nothing worse.
+/// Joints beyond a limit of `next` that is narrower than that of `active`: a reload that narrows
+/// nothing is accepted.
 fn outside(active: &Arm, next: &Arm, positions: &Positions) -> Vec<String> {
     let mut found = Vec::new();
-    for (source, told) in positions.newest() {
-        if told.q.len() != next.count() {
+    for (source, reading) in positions.newest() {
+        if reading.q.len() != next.count() {
             continue;
         }
-        let joints = active.joints().iter().zip(next.joints()).zip(&told.q).zip(1..);
+        let joints = active.joints().iter().zip(next.joints()).zip(&reading.q).zip(1..);
         for (((now, then), q), joint) in joints {
             let (low, high) = then.limits;
             let below = *q < low - ON_LIMIT && low > now.limits.0;
@@ -83,7 +84,8 @@ fn outside(active: &Arm, next: &Arm, positions: &Positions) -> Vec<String> {
     found
 }
 
-/// What was found and the way out, in as many bytes as an answer has; of what was found the end gives way.
+/// Findings and remedy, shortened to the length of an answer; the list of findings is cut, not the
+/// remedy.
 fn words(what: &str, found: &[String], way_out: &str) -> String {
     let mut found = found.join("; ");
     let room = WORDS_MAX.saturating_sub(what.len() + way_out.len() + "refused: : ; …".len());
@@ -107,7 +109,7 @@ mod tests {
         preset(name).unwrap().model().unwrap()
     }
 
-    /// The thesis robot with other limits of joint 1, degrees.
+    /// The demo robot with other limits of joint 1, degrees.
     fn limited(low: f64, high: f64) -> RobotModel {
         let mut file = model("irb1600-6-145-thesis").file;
         file.joints[0].limits = [low, high];
@@ -179,7 +181,7 @@ mod tests {
         let measured = at(0.0);
         measured.measured.tell(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 2);
         assert!(refusal(&wide, &narrow, &measured, ARMED).unwrap().contains("measured"));
-        // The arm is outside already, and the reload narrows nothing.
+        // The arm is already outside, and the reload narrows nothing.
         assert_eq!(refusal(&narrow, &narrow, &at(-40.0), ARMED), None);
         assert_eq!(refusal(&narrow, &wide, &at(-40.0), ARMED), None);
     }

@@ -1,26 +1,27 @@
 //! Checks whether the active model still holds, by comparison with measurements of the tool.
 //!
-//! In the supervisor's thread. Promises: an implausible measurement is refused without effect; a new model resets the test.
-//! Never: in the cycle; a change of the correction.
+//! Runs in the supervisor's thread. An implausible measurement is refused without effect; a new
+//! model resets the test. The correction is not changed.
 
 use corrector::Ageing;
 use glam::DVec3;
 use physics::{Inputs, JOINTS_MAX, Memories, Model};
 use shm_schema::{Answer, Request, Status, TrimState, monotonic_ns};
 
-/// What measurements have said of the model in use.
+/// Result of the comparison of the active model with measurements.
 #[derive(Debug, Default)]
 pub struct Age {
     ageing: Ageing,
-    /// Where the trim was asked last, rad or m.
+    /// Pose of the last estimate used from the trim, rad or m.
     watched_at: Option<[f64; JOINTS_MAX]>,
 }
 
-/// A pose is another one once a joint is so far from where it was, rad or m: the model's error is then about another.
+/// Poses differ if a joint differs by more than this, rad or m: the model's error there is a new
+/// measurement.
 const APART: f64 = 0.2;
 
 impl Age {
-    /// Takes a measurement of the tool of `model`.
+    /// Adds a measurement of the tool of `model`.
     pub fn tell(&mut self, model: &Model, request: &Request) -> (Answer, String) {
         let count = model.arm.count();
         if request.joints as usize != count {
@@ -42,8 +43,9 @@ impl Age {
         (Answer::Done, format!("{:.3} mm from what the model says; {words}", 1e3 * off.length()))
     }
 
-    /// Takes what the trim by measurements finds of the model's error, once in each pose: what is found there again says nothing new. `sigma_m` is the standard
-    /// uncertainty of each axis, model and instrument together.
+    /// Adds the trim's estimate of the model's error, once in each pose: repeated estimates at one
+    /// pose contain no new information. `sigma_m` is the standard uncertainty per axis, of model
+    /// and instrument together.
     pub fn watch(&mut self, status: &Status, sigma_m: f64) {
         let believed = [TrimState::Observing, TrimState::Trimming];
         let is_near = self.watched_at.is_some_and(|at| {
@@ -57,14 +59,14 @@ impl Age {
         }
     }
 
-    /// Writes what is known into a status.
+    /// Writes the result into a status.
     pub fn put(&self, status: &mut Status) {
         status.model_broken_since_ns = self.ageing.broken_since_ns().unwrap_or(0);
         status.model_measurements = self.ageing.count();
         status.model_residual_m = self.ageing.residual_m();
     }
 
-    /// What a person should know at `now_ns`; none while the model holds.
+    /// Message for users at `now_ns`; `None` while the model holds.
     pub fn words(&self, now_ns: u64) -> Option<String> {
         let since_ns = self.ageing.broken_since_ns()?;
         Some(format!(
@@ -75,7 +77,7 @@ impl Age {
     }
 }
 
-/// Where the model puts the tool, settled in that pose, base frame, m.
+/// Tool position by the model, settled in this pose, base frame, m.
 fn predicted(model: &Model, request: &Request) -> DVec3 {
     let mut inputs = Inputs::at_rest(request.q);
     inputs.ambient_celsius = request.ambient_c;
@@ -87,7 +89,7 @@ fn predicted(model: &Model, request: &Request) -> DVec3 {
     model.evaluate(&inputs, &memories).real.base_from_tool.origin
 }
 
-/// A time that has passed, in words.
+/// A duration in words.
 fn span(ns: u64) -> String {
     let seconds = ns / 1_000_000_000;
     match seconds {

@@ -1,6 +1,7 @@
 //! Detects new vibration alarms, which mark the recording to be kept.
 //!
-//! Each event is reported once, when its alarm begins. The recorder passes every verdict of its ring, also those that it does not write.
+//! Each event is reported once, when its alarm begins. The recorder passes every verdict of its
+//! ring, including those that it does not write.
 
 use shm_schema::{Verdict, VibrationState};
 

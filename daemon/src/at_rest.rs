@@ -1,7 +1,8 @@
-//! Reads a model file that may be being written at the same time.
+//! Reads a model file that another process may be writing at the same time.
 //!
-//! Promises: a recently changed file is read only after it has stopped changing; never waits for a device or a pipe. A truncated
-//! file is read as it is: only its own errors can reveal the truncation.
+//! A recently changed file is read only after it has stopped changing; the function never waits for
+//! a device or a pipe. A truncated file is read as it is: only its own errors can reveal the
+//! truncation.
 
 use recording::model::RobotModel;
 use std::fs::{self, Metadata};
@@ -9,17 +10,17 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-/// A file that has not changed for so long is whole.
+/// A file that has not changed for this long is taken as complete.
 const AT_REST: Duration = Duration::from_millis(50);
-/// Looks before it is told that the file does not come to rest.
+/// Number of attempts before the file is refused as being written.
 const LOOKS_MAX: u32 = 8;
-/// Models are some 10 kB.
+/// Largest accepted file; models have some 10 kB.
 const BYTES_MAX: u64 = 16 << 20;
 
-/// The model of that file, or of that preset.
+/// Reads the model in this file, or the preset of this name.
 ///
 /// # Errors
-/// In words, with what to do.
+/// A message with the remedy.
 pub fn read(path: &Path) -> Result<RobotModel, String> {
     for _ in 0..LOOKS_MAX {
         let before = fs::metadata(path).ok();
@@ -39,14 +40,14 @@ pub fn read(path: &Path) -> Result<RobotModel, String> {
     Err(format!("{}: is being written; ask again once it is whole", path.display()))
 }
 
-/// Changed a moment ago, or in a future that a clock which was set has left behind.
+/// Whether it changed a moment ago, or in the future (by a clock that was set since).
 fn is_young(meta: &Metadata) -> bool {
     let changed = meta.modified().ok();
     let age = changed.and_then(|changed| SystemTime::now().duration_since(changed).ok());
     age.is_none_or(|age| age < AT_REST)
 }
 
-/// What changes with the file.
+/// Properties that change with the file.
 fn mark(meta: Option<&Metadata>) -> Option<(u64, u64, i64, i64)> {
     meta.map(|meta| (meta.ino(), meta.len(), meta.mtime(), meta.mtime_nsec()))
 }

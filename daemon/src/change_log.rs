@@ -1,8 +1,9 @@
 //! Changes of the daemon's state, for the log, at a readable rate.
 //!
-//! Promises: a change of health is logged with its reason; counted events (rejected commands, missed cycles, losses) at the first occurrence and
-//! then as a total, at most every 10 s; a sensor's fault when it begins and when it ends; a vibration event at its alarm, its confirmation and
-//! its end; a model when it no longer holds. Never: in a real-time thread.
+//! A change of health is logged with its reason; counted events (rejected commands, missed cycles,
+//! losses) at the first occurrence and then as a total, at most every 10 s; a sensor's fault when
+//! it begins and when it ends; a vibration event at its alarm, its confirmation and its end; a
+//! model when it no longer holds. Not for real-time threads.
 
 use crate::exchange::Exchange;
 use crate::sender;
@@ -15,7 +16,7 @@ use shm_schema::{
 use std::sync::atomic::Ordering::Relaxed;
 use tracing::{debug, info, warn};
 
-/// What is counted and logged: a word for it, what it means, and whether it can be part of a normal day.
+/// Counters that are logged: name, meaning, and whether they can occur in normal operation.
 const COUNTED: [(&str, &str, bool); 7] = [
     ("missed_cycles", "an answer took longer than a cycle", false),
     ("commands_lost", "commands did not arrive", false),
@@ -26,7 +27,8 @@ const COUNTED: [(&str, &str, bool); 7] = [
     ("recorder_dropped", "the black box dropped records", false),
 ];
 
-/// Reasons of answers that are counted and logged, in the same form. The others show in the daemon's health, or need no line.
+/// Reasons of answers that are counted and logged, in the same form. The others show in the
+/// daemon's health, or need no message.
 const REASONS: [(Reason, &str, bool); 10] = [
     (Reason::NotFinite, "a command holds a number that is not finite", false),
     (Reason::OutOfLimits, "a commanded joint is outside the model's limits", false),
@@ -40,20 +42,20 @@ const REASONS: [(Reason, &str, bool); 10] = [
     (Reason::CommandJump, "a command jumped further than the joints can move", false),
 ];
 
-/// Lines on health in a burst, and how long one more takes, ns.
+/// Messages on health in a burst, and interval of further ones, ns.
 const HEALTH_BURST: u32 = 6;
 const HEALTH_EVERY_NS: u64 = 2_000_000_000;
 /// The same for requests.
 const REQUEST_BURST: u32 = 20;
 const REQUEST_EVERY_NS: u64 = 1_000_000_000;
-/// The same request with the same answer is logged again after this time, ns.
+/// A repeated request with the same answer is logged again after this time, ns.
 const REQUEST_AGAIN_NS: u64 = 10_000_000_000;
 
 /// The same for sensors.
 const SENSOR_BURST: u32 = 30;
 const SENSOR_EVERY_NS: u64 = 5_000_000_000;
 
-/// What was logged and still holds.
+/// What was logged and still applies.
 #[derive(Debug)]
 pub struct ChangeLog {
     health: HealthLog,
@@ -64,7 +66,7 @@ pub struct ChangeLog {
     stale_temperatures: u32,
     trim_fault: Option<&'static str>,
     feed_fault: Option<&'static str>,
-    /// Ringings, by event, that alarmed, and how far they had come.
+    /// Vibration events with an alarm, and their last logged state.
     ringing: Vec<(u64, VibrationState)>,
     learning: bool,
     broken_since_ns: u64,
@@ -89,14 +91,14 @@ impl Default for ChangeLog {
 }
 
 impl ChangeLog {
-    /// Logs what is new since the last status.
+    /// Logs changes since the last status.
     pub fn log(&mut self, exchange: &Exchange, status: &Status) {
         self.health.log(status);
         self.log_counts(exchange, status);
         self.log_temperatures(status);
         self.log_trim(status);
         self.log_feed(status);
-        while let Some(verdict) = exchange.told.pop() {
+        while let Some(verdict) = exchange.new_verdicts.pop() {
             self.log_verdict(&verdict);
         }
         self.log_faults(status);
@@ -138,7 +140,7 @@ impl ChangeLog {
         }
     }
 
-    /// Where the budget is used up, a change is logged later, if it still is one.
+    /// If the rate limit is reached, a change is logged later, if it still applies.
     fn log_faults(&mut self, status: &Status) {
         let faults: Vec<_> = status.force_faults().collect();
         for fault in &faults {
@@ -218,7 +220,7 @@ impl ChangeLog {
     }
 }
 
-/// Logs a count that has grown, where it is time.
+/// Logs a count that has grown, when due.
 fn say(tally: &mut Tally, (name, words, is_normal): (&str, &str, bool), total: u64, now_ns: u64) {
     let Some(count) = tally.due(total, now_ns) else { return };
     if is_normal {
@@ -228,12 +230,12 @@ fn say(tally: &mut Tally, (name, words, is_normal): (&str, &str, bool), total: u
     }
 }
 
-/// Health as it was logged.
+/// Health as last logged.
 #[derive(Debug)]
 struct HealthLog {
     logged: Option<Health>,
     seen: Option<Health>,
-    /// Changes since the last line.
+    /// Changes since the last message.
     changes: u32,
     budget: Budget,
 }
@@ -250,7 +252,7 @@ impl HealthLog {
         let Ok(health) = status.health() else { return };
         self.changes += u32::from(self.seen != Some(health));
         self.seen = Some(health);
-        // A state that went and came back between two lines shows in the number of changes.
+        // Changes in both directions between two messages show in the number of changes.
         if self.changes == 0 || !self.budget.take(status.t_ns) {
             return;
         }
@@ -267,7 +269,7 @@ impl HealthLog {
     }
 }
 
-/// A request as it was logged last.
+/// A request as last logged.
 #[derive(Debug)]
 struct Logged {
     answer: Answer,
@@ -276,10 +278,10 @@ struct Logged {
     at_ns: u64,
 }
 
-/// Requests as they were logged.
+/// Requests as logged.
 #[derive(Debug)]
 pub struct RequestLog {
-    /// Of each operation the last line.
+    /// The last message of each operation.
     last: [Option<Logged>; Operation::ALL.len()],
     unlogged: u64,
     budget: Budget,
@@ -293,7 +295,7 @@ impl Default for RequestLog {
 }
 
 impl RequestLog {
-    /// Logs a request and its answer; one that says nothing new is counted and told with the next line.
+    /// Logs a request and its answer; a repetition is counted and reported with the next message.
     pub fn log(
         &mut self,
         operation: u32,
@@ -330,7 +332,7 @@ impl RequestLog {
     }
 }
 
-/// Logs what a run came to, in one line.
+/// Logs a summary of the run, in one line.
 pub fn summarise(cell: &str, exchange: &Exchange) {
     let counters = &exchange.counters;
     let reasons = REASONS.map(|(reason, ..)| (reason, counters.reason(reason)));

@@ -5,7 +5,7 @@
 
 use crate::exchange::{CycleRecord, Exchange, LoadedModel, count};
 use crate::robot::{Link, Ports, Robot};
-use crate::senses::Senses;
+use crate::sensor_inputs::SensorInputs;
 use crate::translate;
 use crate::travel::PathPoint;
 use corrector::{Corrector, Outcome, Status, World};
@@ -14,23 +14,23 @@ use physics::Chain;
 use shm_schema::{Command, Corrected};
 use std::sync::atomic::Ordering::Relaxed;
 
-/// How often the supervisor's orders are taken while no command comes, ns.
+/// Interval at which orders of the supervisor are taken while no command arrives, ns.
 const ORDERS_EVERY_NS: u64 = 20_000_000;
-/// The most measured points that a cycle takes: what waits beyond is taken in the next.
+/// Limit on measured points taken in one cycle; the remaining ones are taken in the next.
 const MEASURED_MAX: usize = 64;
 
-/// Everything that the cycle owns.
+/// State of the cycle.
 #[derive(Debug)]
 pub struct Cycle<L = Ports> {
-    /// The robot's side.
+    /// Connection to the robot.
     pub robot: Robot<L>,
-    /// The correction.
+    /// The corrector.
     pub corrector: Corrector,
-    /// The model in use.
+    /// The active model.
     pub model: Box<LoadedModel>,
-    /// What is known of the world.
-    pub senses: Senses,
-    /// Time without a command after which they count as silent, ns.
+    /// Sensor inputs.
+    pub sensor_inputs: SensorInputs,
+    /// Time without a command after which they count as stale, ns.
     pub stale_ns: u64,
     /// Expected time between commands, ns.
     pub period_ns: u64,
@@ -39,12 +39,12 @@ pub struct Cycle<L = Ports> {
 }
 
 impl<L: Link> Cycle<L> {
-    /// Runs until the exchange says stop.
+    /// Runs until the exchange is stopped.
     pub fn run(&mut self, exchange: &Exchange) {
-        if let Some(instrument) = &self.senses.instrument {
+        if let Some(instrument) = &self.sensor_inputs.instrument {
             instrument.show(&exchange.counters.trim);
         }
-        if let Some(feed) = &self.senses.feed {
+        if let Some(feed) = &self.sensor_inputs.feed {
             feed.show(&exchange.counters.feed, self.corrector.corrects());
         }
         // Silence is counted once, when it begins.
@@ -62,13 +62,13 @@ impl<L: Link> Cycle<L> {
         }
     }
 
-    /// One cycle; tells when its command was taken, none where none came for a while.
+    /// One cycle; returns when its command was taken, `None` if none arrived for a while.
     fn turn(&mut self, exchange: &Exchange) -> Option<u64> {
         let deadline_ns = self.robot.link.now_ns() + ORDERS_EVERY_NS;
         let (command, received_ns) = self.robot.newest_command(exchange, deadline_ns)?;
         let now_ns = if self.lockstep { command.t_ns } else { received_ns };
         let state = self.robot.newest_state();
-        let mut world = self.senses.world(exchange, state.as_ref(), &command, now_ns);
+        let mut world = self.sensor_inputs.world(exchange, state.as_ref(), &command, now_ns);
         world.trim_m = self.trim_m(exchange, now_ns);
         let claim = translate::command(&command, now_ns, self.lockstep);
 
@@ -82,9 +82,10 @@ impl<L: Link> Cycle<L> {
         Some(received_ns)
     }
 
-    /// Takes what the instrument has measured since; what the tool is to be displaced by for it, base frame, m.
+    /// Takes new measurements of the instrument; returns the displacement of the tool by the trim,
+    /// base frame, m.
     fn trim_m(&mut self, exchange: &Exchange, now_ns: u64) -> DVec3 {
-        let Some(instrument) = &mut self.senses.instrument else { return DVec3::ZERO };
+        let Some(instrument) = &mut self.sensor_inputs.instrument else { return DVec3::ZERO };
         instrument.begin();
         for _ in 0..MEASURED_MAX {
             let Some(point) = self.robot.next_measured(exchange) else { break };
@@ -93,9 +94,9 @@ impl<L: Link> Cycle<L> {
         instrument.trim_m(now_ns, self.corrector.corrects())
     }
 
-    /// Where the model puts the tool with what was sent: measurements to come are compared with it.
+    /// Stores the tool pose predicted for what was sent: later measurements are compared with it.
     fn expect(&mut self, exchange: &Exchange, now_ns: u64, made: &Outcome) {
-        let Some(instrument) = &mut self.senses.instrument else { return };
+        let Some(instrument) = &mut self.sensor_inputs.instrument else { return };
         let accepted = made.status != Status::Rejected;
         let tool = accepted
             .then(|| self.corrector.tool_with(&self.model.physics, &made.correction))
@@ -111,15 +112,15 @@ impl<L: Link> Cycle<L> {
         made: &Outcome,
         now_ns: u64,
     ) -> f64 {
-        let Some(feed) = &mut self.senses.feed else { return 1.0 };
+        let Some(feed) = &mut self.sensor_inputs.feed else { return 1.0 };
         let accepted = made.status != Status::Rejected;
         let tool = accepted.then(|| Chain::tool_at(&self.model.physics.arm, &command.q).origin);
         feed.step(world, command, tool, now_ns, self.corrector.corrects())
     }
 
-    /// What the feed of later cycles needs.
+    /// Prepares the feed of later cycles.
     fn prepare_feed(&mut self, exchange: &Exchange) {
-        if let Some(feed) = &mut self.senses.feed {
+        if let Some(feed) = &mut self.sensor_inputs.feed {
             feed.prepare(&self.corrector, &self.model.physics);
             feed.show(&exchange.counters.feed, self.corrector.corrects());
         }
@@ -156,7 +157,7 @@ impl<L: Link> Cycle<L> {
             _ => {}
         }
         let latency_ns = message.made_ns.saturating_sub(command.sent_ns);
-        // What a refused command says of its own time is not believed either.
+        // The time stamp of a refused command is not used either.
         if made.status != Status::Rejected {
             exchange.latency.record(latency_ns);
             if latency_ns > self.period_ns && !self.lockstep {
@@ -165,7 +166,7 @@ impl<L: Link> Cycle<L> {
         }
         if made.status != Status::Rejected {
             let (session, t_ns, q) = (command.session, command.t_ns, command.q);
-            // A supervisor that is behind does without.
+            // A supervisor that lags behind misses the point.
             let _ = exchange.path.push(PathPoint { session, t_ns, q });
         }
         counters.gate.store(message.wrench_gate, Relaxed);
@@ -176,21 +177,21 @@ impl<L: Link> Cycle<L> {
         let said = u64::from(message.status) << 32 | u64::from(message.reason);
         counters.last_said.store(said, Relaxed);
         exchange.record(|| {
-            let (wrench, wrench_in_base) = self.senses.wrench();
+            let (wrench, wrench_in_base) = self.sensor_inputs.wrench();
             let (command, corrected) = (*command, *message);
-            let celsius = self.senses.celsius();
-            let instrument = self.senses.instrument.as_ref();
+            let celsius = self.sensor_inputs.celsius();
+            let instrument = self.sensor_inputs.instrument.as_ref();
             let trim = instrument.map(|instrument| instrument.record());
             CycleRecord { command, corrected, wrench, wrench_in_base, celsius, trim }
         });
     }
 
-    /// What the supervisor asks for, taken between two cycles.
+    /// Takes orders of the supervisor, between two cycles.
     fn take_orders(&mut self, exchange: &Exchange) {
         if let Some(next) = exchange.next_model.pop() {
             let old = std::mem::replace(&mut self.model, next);
             self.corrector.model_changed(&self.model.physics);
-            if let Some(instrument) = &mut self.senses.instrument {
+            if let Some(instrument) = &mut self.sensor_inputs.instrument {
                 instrument.model_changed();
             }
             // The supervisor hands over a model only while there is room for the old one.
@@ -202,12 +203,13 @@ impl<L: Link> Cycle<L> {
             self.corrector.rearm_wrench();
         }
         if exchange.believe_instrument.swap(false, Relaxed)
-            && let Some(instrument) = &mut self.senses.instrument
+            && let Some(instrument) = &mut self.sensor_inputs.instrument
         {
             instrument.rearm();
         }
         if let Some(ports) = exchange.new_ports[0].pop() {
-            // Refused ports leave the old ones in use: the client then knocks again.
+            // If the new ports are refused, the old ones stay in use, and the client sends another
+            // rejoin request.
             let _ = self.robot.link.rejoin(&ports);
         }
     }

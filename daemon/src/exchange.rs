@@ -1,12 +1,12 @@
 //! Data shared by the threads: bounded rings allocated at the start, atomically swapped values, counters.
 //!
-//! Promises: no thread waits for another; a full ring drops the newest and counts it.
-//! Never: a lock.
+//! No thread waits for another; there are no locks; a full ring drops the newest entry and counts
+//! it.
 
 use crate::latency::Latency;
 use crate::position::Positions;
-use crate::process::Known;
-use crate::senses::Measured;
+use crate::process::MonitorInputs;
+use crate::sensor_inputs::Measured;
 use crate::translate;
 use crate::travel::PathPoint;
 use corrector::{FeedReport, Mode, TrimReport};
@@ -25,47 +25,48 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 const CYCLES_KEPT: usize = 4096;
 /// Force blocks that the recorder may lag behind; 24 kB each.
 const BLOCKS_KEPT: usize = 128;
-/// A recorder that has not come back for so long waits for its disk, ns.
+/// A recorder without progress for this long is waiting for its disk, ns.
 const RECORDER_HANGS_NS: u64 = 1_000_000_000;
 const VERDICTS_KEPT: usize = 256;
 /// Changes of the model that the recorder may lag behind.
 const MODELS_KEPT: usize = 16;
-/// Lines of the log that the recorder may lag behind, or that wait for a disk with room.
+/// Log lines that the recorder may lag behind, or that wait for space on the disk.
 const LINES_KEPT: usize = 256;
 /// The same for states: as many seconds.
 const STATES_KEPT: usize = 64;
-/// Commanded points that the supervisor may lag behind; what is dropped beyond is not missed.
+/// Commanded points that the supervisor may lag behind; further ones are dropped without effect.
 const PATH_KEPT: usize = 256;
-/// Accounts between supervisor and vibration that may wait: each makes those before it needless.
-const ACCOUNTS_KEPT: usize = 4;
+/// Messages between supervisor and vibration thread that may wait: each replaces the previous ones.
+const LATEST_KEPT: usize = 4;
 
-/// A model on its way to the cycle, and, once replaced, back to be freed where freeing may take time.
+/// A model on its way to the cycle and, once replaced, back to the supervisor, which frees it.
 #[derive(Debug)]
 pub struct LoadedModel {
     /// The physics.
     pub physics: Model,
-    /// Counts models since the start.
+    /// Number of the model since the start.
     pub epoch: u64,
 }
 
-/// One cycle, for the black box.
+/// One cycle, for the recording.
 #[derive(Clone, Copy, Debug)]
 pub struct CycleRecord {
-    /// What came.
+    /// The command received.
     pub command: Command,
-    /// What went out.
+    /// The target sent.
     pub corrected: Corrected,
-    /// The wrench as it entered the cycle, force and moment at the TCP; NaN where none was known.
+    /// The wrench used in the cycle, force and moment at the TCP; NaN where unknown.
     pub wrench: [f64; 6],
-    /// Whether it stood in base axes.
+    /// Whether it is in base axes.
     pub wrench_in_base: bool,
-    /// The temperatures as they entered the cycle, ambient and then one per joint, °C; NaN where unknown.
+    /// The temperatures used in the cycle, ambient and then one per joint, °C; NaN where unknown.
     pub celsius: [f64; JOINTS_MAX + 1],
-    /// The trim in force, base frame, m, and the newest point that was measured since the cycle before; none without an instrument.
+    /// The trim in force, base frame, m, and the newest point measured since the previous cycle;
+    /// `None` without an instrument.
     pub trim: Option<([f64; 3], Option<MeasuredInBase>)>,
 }
 
-/// A measured point by the registration.
+/// A measured point, transformed by the registration.
 #[derive(Clone, Copy, Debug)]
 pub struct MeasuredInBase {
     /// Base frame, m.
@@ -74,41 +75,41 @@ pub struct MeasuredInBase {
     pub t_ns: u64,
 }
 
-/// What the vibration thread has to say of itself.
+/// Sensor status from the vibration thread.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Hearing {
-    /// Sensor and stream.
+pub struct SensorStatus {
+    /// State of sensor and stream.
     pub health: Health,
     /// Faults of the blocks' clock in the last second, as a set of `shm_schema::SensorFault`.
     pub clock_faults: u32,
-    /// The line that matters most now, where there is one.
+    /// The most important line now, if any.
     pub line: Option<Verdict>,
 }
 
-/// What became of a request to the recorder.
+/// Answer to a request to the recorder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecorderAnswer {
     /// Done or refused.
     pub answer: Answer,
-    /// In words, with the file.
+    /// Message, with the file.
     pub says: String,
 }
 
-/// Everything that threads hand to each other.
+/// All data that the threads exchange.
 #[derive(Debug)]
 pub struct Exchange {
     stop: AtomicBool,
-    /// Supervisor to cycle: a model to take over between two cycles.
+    /// Supervisor to cycle: a model to activate between two cycles.
     pub next_model: ArrayQueue<Box<LoadedModel>>,
-    /// Cycle to supervisor: the model that it replaced.
+    /// Cycle to supervisor: the replaced model.
     pub retired_models: ArrayQueue<Box<LoadedModel>>,
     /// Supervisor to cycle and vibration: ports of a new epoch.
     pub new_ports: [ArrayQueue<DaemonPorts>; 2],
     /// Vibration to cycle: the newest wrench.
     pub newest_wrench: ArrayQueue<Measured>,
-    /// Supervisor to vibration: what the process does.
-    pub known: ArrayQueue<Known>,
-    /// Cycle to supervisor: where the tool is sent.
+    /// Supervisor to vibration: state of the process.
+    pub monitor_inputs: ArrayQueue<MonitorInputs>,
+    /// Cycle to supervisor: the commanded path.
     pub path: ArrayQueue<PathPoint>,
     /// Supervisor to cycle: spindle speed, rev/min, as bits.
     pub spindle_rpm_bits: AtomicU64,
@@ -116,46 +117,46 @@ pub struct Exchange {
     pub cycles: ArrayQueue<CycleRecord>,
     /// Vibration to recorder.
     pub blocks: ArrayQueue<Box<ForceBlock>>,
-    /// Recorder to vibration: boxes to be filled again, so that nobody allocates.
+    /// Recorder to vibration: empty blocks for reuse, so that nothing is allocated.
     pub empty_blocks: ArrayQueue<Box<ForceBlock>>,
-    /// Supervisor to recorder: models that took the place of the one before, each with the time of the change, ns.
+    /// Supervisor to recorder: models that were activated, each with the time of the change, ns.
     pub model_changes: ArrayQueue<Box<ModelChange>>,
-    /// The cell's threads, but for the cycle, to recorder: what they log.
+    /// All threads of the cell except the cycle, to recorder: log lines.
     pub lines: ArrayQueue<Box<LogRecord>>,
-    /// Supervisor to recorder: what somebody asks of it.
+    /// Supervisor to recorder: requests.
     pub recorder_asked: ArrayQueue<RecorderAction>,
-    /// Recorder to supervisor: what became of it.
+    /// Recorder to supervisor: answers to requests.
     pub recorder_answered: ArrayQueue<RecorderAnswer>,
-    /// Supervisor to recorder: how the daemon is.
+    /// Supervisor to recorder: states of the daemon.
     pub states: ArrayQueue<Box<StatusRecord>>,
     /// Vibration to recorder.
     pub verdicts: ArrayQueue<Verdict>,
-    /// Vibration to supervisor: verdicts, to be told.
-    pub told: ArrayQueue<Verdict>,
-    /// Vibration to supervisor: how it is.
-    pub hearing: ArrayQueue<Hearing>,
-    /// Cycle to supervisor: latency from the command's sending to its answer.
+    /// Vibration to supervisor: verdicts, for the log and the status.
+    pub new_verdicts: ArrayQueue<Verdict>,
+    /// Vibration to supervisor: sensor status.
+    pub sensor_status: ArrayQueue<SensorStatus>,
+    /// Cycle to supervisor: latency from the sending of a command to its answer.
     pub latency: Latency,
-    /// Counts.
+    /// Counters.
     pub counters: Counters,
-    /// Cycle to supervisor: where the arm was last.
+    /// Cycle to supervisor: last position of the arm.
     pub positions: Positions,
-    /// Supervisor to cycle: the correction is to be taken out.
+    /// Supervisor to cycle: whether the correction is bypassed.
     pub bypassed: AtomicBool,
-    /// Supervisor to cycle: a wrench gate that closed for its loop gain may try again.
+    /// Supervisor to cycle: opens a wrench gate that closed for its loop gain, as a new trial.
     pub rearm: AtomicBool,
-    /// Supervisor to cycle: an instrument that jumped is to be believed again.
+    /// Supervisor to cycle: accepts an instrument again after a jump.
     pub believe_instrument: AtomicBool,
     mode: AtomicU32,
     recorder: AtomicU32,
     records: bool,
 }
 
-/// What is counted. Each has one writer.
+/// Counters. Each has one writer.
 #[derive(Debug, Default)]
 #[expect(missing_docs, reason = "each name is what shm_schema::Status documents")]
 pub struct Counters {
-    /// Turns of the cycle's loop, with a command or without: it lives.
+    /// Iterations of the cycle's loop, with or without a command; shows that it is running.
     pub turns: AtomicU64,
     pub cycles: AtomicU64,
     pub missed_cycles: AtomicU64,
@@ -180,7 +181,7 @@ pub struct Counters {
     pub model_epoch: AtomicU64,
     /// The last command, rad or m, as bits. For displays: a reader may see some joints of one command and some of the next.
     q_command_bits: [AtomicU64; JOINTS_MAX],
-    /// The correction allowed for it, likewise.
+    /// The limited correction for it, likewise.
     correction_bits: [AtomicU64; JOINTS_MAX],
     /// Status and reason of the last cycle: status in the upper half.
     pub last_said: AtomicU64,
@@ -191,13 +192,14 @@ pub struct Counters {
     pub stale_temperatures: AtomicU32,
     /// `CLOCK_MONOTONIC` of the last force block, ns; 0 before the first.
     pub last_block_ns: AtomicU64,
-    /// How the trim by measurements is.
+    /// State of the trim.
     pub trim: TrimCounters,
     /// State of the feed override.
     pub feed: FeedCounters,
 }
 
-/// How the trim by measurements is, as of the last cycle. For displays: a reader may see some numbers of one cycle and some of the next.
+/// State of the trim as of the last cycle. For displays: a reader may see some numbers of one cycle
+/// and some of the next.
 #[derive(Debug, Default)]
 pub struct TrimCounters {
     /// State in the upper half, reason in the lower.
@@ -209,7 +211,7 @@ pub struct TrimCounters {
 }
 
 impl TrimCounters {
-    /// Keeps a report.
+    /// Stores a report.
     pub fn show(&self, report: &TrimReport) {
         let (state, reason) = translate::trim(report);
         self.state.store(u64::from(state.code()) << 32 | u64::from(reason.code()), Relaxed);
@@ -313,7 +315,7 @@ impl Counters {
         }
     }
 
-    /// Keeps the last command and its correction, of the joints that the arm has, for the status.
+    /// Stores the last command and its correction, for the joints of the arm, for the status.
     pub fn show(&self, q_command: &[f64], correction: &[f64]) {
         let store = |to: &[AtomicU64; JOINTS_MAX], from: &[f64]| {
             to.iter().zip(from).for_each(|(bits, value)| bits.store(value.to_bits(), Relaxed));
@@ -327,19 +329,19 @@ impl Counters {
         self.q_command_bits.each_ref().map(|bits| f64::from_bits(bits.load(Relaxed)))
     }
 
-    /// The correction allowed for it, rad or m.
+    /// The limited correction for it, rad or m.
     pub fn correction(&self) -> [f64; JOINTS_MAX] {
         self.correction_bits.each_ref().map(|bits| f64::from_bits(bits.load(Relaxed)))
     }
 
-    /// Answers for that reason.
+    /// Number of answers with this reason.
     pub fn reason(&self, reason: Reason) -> u64 {
         self.reasons.get(reason.code() as usize).map_or(0, |counter| counter.load(Relaxed))
     }
 }
 
 impl Exchange {
-    /// Makes all rings; `records` tells whether a recorder will drain its own.
+    /// Creates all rings; `records`: whether a recorder drains its rings.
     pub fn new(mode: Mode, records: bool) -> Self {
         let kept = |n: usize| if records { n } else { 1 };
         let empty_blocks = ArrayQueue::new(BLOCKS_KEPT);
@@ -352,7 +354,7 @@ impl Exchange {
             retired_models: ArrayQueue::new(2),
             new_ports: [ArrayQueue::new(1), ArrayQueue::new(1)],
             newest_wrench: ArrayQueue::new(1),
-            known: ArrayQueue::new(ACCOUNTS_KEPT),
+            monitor_inputs: ArrayQueue::new(LATEST_KEPT),
             path: ArrayQueue::new(PATH_KEPT),
             spindle_rpm_bits: AtomicU64::new(f64::NAN.to_bits()),
             cycles: ArrayQueue::new(kept(CYCLES_KEPT)),
@@ -364,8 +366,8 @@ impl Exchange {
             recorder_answered: ArrayQueue::new(1),
             states: ArrayQueue::new(kept(STATES_KEPT)),
             verdicts: ArrayQueue::new(VERDICTS_KEPT),
-            told: ArrayQueue::new(VERDICTS_KEPT),
-            hearing: ArrayQueue::new(ACCOUNTS_KEPT),
+            new_verdicts: ArrayQueue::new(VERDICTS_KEPT),
+            sensor_status: ArrayQueue::new(LATEST_KEPT),
             latency: Latency::default(),
             counters: Counters::default(),
             positions: Positions::default(),
@@ -378,35 +380,36 @@ impl Exchange {
         }
     }
 
-    /// Hands a cycle to the recorder, where there is one; counts it where the ring is full.
+    /// Passes a cycle to the recorder, if there is one; counts it if the ring is full.
     pub fn record(&self, cycle: impl FnOnce() -> CycleRecord) {
         if self.records && self.cycles.push(cycle()).is_err() {
             count(&self.counters.recorder_dropped);
         }
     }
 
-    /// Hands a change of the model to the recorder, where there is one; one that hangs in its disk does without the oldest.
+    /// Passes a change of the model to the recorder, if there is one; if its ring is full, the
+    /// oldest is dropped.
     pub fn record_model(&self, change: ModelChange) {
         if self.records {
             self.model_changes.force_push(Box::new(change));
         }
     }
 
-    /// Hands a line of the log to the recorder, where there is one; the oldest goes where too many wait.
+    /// Passes a log line to the recorder, if there is one; the oldest is dropped if too many wait.
     pub fn note(&self, line: impl FnOnce() -> LogRecord) {
         if self.records {
             self.lines.force_push(Box::new(line()));
         }
     }
 
-    /// Hands a state of the daemon to the recorder, likewise.
+    /// Passes a state of the daemon to the recorder, likewise.
     pub fn note_state(&self, state: StatusRecord) {
         if self.records {
             self.states.force_push(Box::new(state));
         }
     }
 
-    /// Hands a force block to the recorder, where there is one, in one of its own empty boxes.
+    /// Passes a force block to the recorder, if there is one, in one of its empty blocks.
     pub fn record_block(&self, block: &ForceBlock) {
         if !self.records {
             return;
@@ -420,7 +423,8 @@ impl Exchange {
         }
     }
 
-    /// How the recorder is. One that does not come back from the disk has said nothing of that itself.
+    /// State of the recorder. One that hangs in its disk cannot report this itself; it is detected
+    /// by its missing progress.
     pub fn recorder(&self, now_ns: u64) -> RecorderState {
         let said =
             RecorderState::try_from(self.recorder.load(Relaxed)).unwrap_or(RecorderState::Failed);
@@ -434,22 +438,22 @@ impl Exchange {
         self.records
     }
 
-    /// Says how the recorder is.
+    /// Sets the state of the recorder.
     pub fn set_recorder(&self, state: RecorderState) {
         self.recorder.store(state.code(), Relaxed);
     }
 
-    /// Whether the threads go on.
+    /// Whether the threads continue.
     pub fn runs(&self) -> bool {
         !self.stop.load(Relaxed)
     }
 
-    /// Ends all threads at their next turn.
+    /// Ends all threads at their next iteration.
     pub fn stop(&self) {
         self.stop.store(true, Relaxed);
     }
 
-    /// How much may be corrected.
+    /// The mode in force.
     pub fn mode(&self) -> Mode {
         match self.mode.load(Relaxed) {
             0 => Mode::Shadow,
@@ -458,7 +462,7 @@ impl Exchange {
         }
     }
 
-    /// Changes how much may be corrected, from the next cycle on.
+    /// Sets the mode, from the next cycle on.
     pub fn set_mode(&self, mode: Mode) {
         self.mode.store(mode_code(mode), Relaxed);
     }
@@ -472,7 +476,7 @@ fn mode_code(mode: Mode) -> u32 {
     }
 }
 
-/// One more.
+/// Increments a counter.
 pub fn count(counter: &AtomicU64) {
     counter.fetch_add(1, Relaxed);
 }

@@ -1,6 +1,7 @@
 //! The feed override of a cell: its inputs from force and path, and its report.
 //!
-//! Runs in the cycle. Promises: no allocation; a cell without `[feed]` computes nothing. The equations are in `corrector::Feed`.
+//! Runs in the cycle, without allocation; a cell without `[feed]` computes nothing. The equations
+//! are in `corrector::Feed`.
 
 use crate::exchange::FeedCounters;
 use corrector::{Corrector, Feed, FeedInput, FeedLimit, FeedSettings, World};
@@ -12,20 +13,21 @@ use shm_schema::Command;
 #[derive(Debug)]
 pub struct CellFeed {
     feed: Feed,
-    /// The model's compliance at the tool along the force, m/N; none where it is unknown.
+    /// The model's compliance at the tool along the force, m/N; `None` if unknown.
     compliance_m_per_n: Option<f64>,
-    /// The axes of the newest wrench are those of the base.
+    /// Whether the newest wrench is in base axes.
     is_in_base: bool,
 }
 
 impl CellFeed {
-    /// One with these settings, in a cell that sends corrections or does not.
+    /// With these settings; `corrects`: whether the cell sends corrections.
     #[must_use]
     pub fn new(settings: FeedSettings, corrects: bool) -> Self {
         Self { feed: Feed::new(settings, corrects), compliance_m_per_n: None, is_in_base: false }
     }
 
-    /// The override of the cycle; `tool_m`: where the command puts the tool, base frame, none where it was refused.
+    /// The override of the cycle; `tool_m`: tool position of the command, base frame, `None` if it
+    /// was refused.
     pub fn step(
         &mut self,
         world: &World,

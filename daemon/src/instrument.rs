@@ -1,6 +1,7 @@
-//! The instrument that measures the tool: passes its points to the trim, and the state of the trim to the status.
+//! The instrument that measures the tool: passes its points to the trim, and the state of the trim
+//! to the status.
 //!
-//! In the cycle. Promises: no allocation; a point without time stamp has the configured latency. Never: an equation.
+//! Runs in the cycle, without allocation; a point without time stamp has the configured latency.
 
 use crate::exchange::{MeasuredInBase, TrimCounters};
 use corrector::{PointSample, Trim};
@@ -13,7 +14,7 @@ use shm_schema::MeasuredPoint;
 pub struct Instrument {
     trim: Trim,
     latency_ns: u64,
-    /// The newest point of this cycle, for the black box.
+    /// The newest point of this cycle, for the recording.
     newest: Option<MeasuredInBase>,
 }
 
@@ -24,12 +25,12 @@ impl Instrument {
         Self { trim, latency_ns, newest: None }
     }
 
-    /// Begins a cycle: nothing has come yet.
+    /// Starts a cycle, without a new point.
     pub fn begin(&mut self) {
         self.newest = None;
     }
 
-    /// Takes a point that was found at `now_ns`.
+    /// Adds a point received at `now_ns`.
     pub fn take(&mut self, message: &MeasuredPoint, now_ns: u64) {
         let stamped = message.has(MeasuredPoint::HAS_TIME);
         let assumed_ns = message.sent_ns.saturating_sub(self.latency_ns);
@@ -39,33 +40,33 @@ impl Instrument {
         self.newest = Some(MeasuredInBase { point_m: self.trim.in_base(&sample).to_array(), t_ns });
     }
 
-    /// What the tool is to be displaced by, base frame, m; `corrects` says whether corrections go out.
+    /// Displacement of the tool, base frame, m; `corrects`: whether corrections are sent.
     pub fn trim_m(&mut self, now_ns: u64, corrects: bool) -> DVec3 {
         self.trim.step(now_ns, corrects)
     }
 
-    /// Says where the model puts the tool with what was sent at `now_ns`.
+    /// Stores the tool pose predicted for what was sent at `now_ns`.
     pub fn expect(&mut self, now_ns: u64, base_from_tool: Option<&Frame>, counters: &TrimCounters) {
         self.trim.expect(now_ns, base_from_tool);
         self.show(counters);
     }
 
-    /// Shows how the trim is.
+    /// Publishes the state of the trim.
     pub fn show(&self, counters: &TrimCounters) {
         counters.show(self.trim.report());
     }
 
-    /// Another model predicts from now on.
+    /// A new model is active.
     pub fn model_changed(&mut self) {
         self.trim.model_changed();
     }
 
-    /// The registration has been looked after.
+    /// The registration was checked: accepts the instrument again after a jump.
     pub fn rearm(&mut self) {
         self.trim.rearm();
     }
 
-    /// The trim in force, m, and the newest point of this cycle, for the black box.
+    /// The trim in force, m, and the newest point of this cycle, for the recording.
     #[must_use]
     pub fn record(&self) -> ([f64; 3], Option<MeasuredInBase>) {
         (self.trim.report().trim_m.to_array(), self.newest)

@@ -1,7 +1,7 @@
 //! Latency of the cycle, counted by the cycle and read by the supervisor.
 //!
-//! Promises: recording is relaxed loads and stores; a quantile is accurate to 1/16 of its value (log-linear buckets).
-//! Never: a lock or an allocation after [`Latency::default`].
+//! Recording takes relaxed loads and stores, no lock and no allocation; a quantile is accurate to
+//! 1/16 of its value (log-linear buckets).
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -20,22 +20,22 @@ pub struct Latency {
     worst_ns: AtomicU64,
 }
 
-/// What a person wants to know of it, ns.
+/// Summary of the histogram, ns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Quantiles {
-    /// The middle.
+    /// The median.
     pub p50_ns: u64,
     /// 99 %.
     pub p99_ns: u64,
     /// 99.9 %.
     pub p999_ns: u64,
-    /// The worst, exact.
+    /// The maximum, exact.
     pub max_ns: u64,
-    /// How many were counted.
+    /// Number of durations.
     pub count: u64,
     /// Their sum.
     pub sum_ns: u64,
-    /// How many each bucket of a status holds, see [`latency_below_ns`].
+    /// Counts in the buckets of a status, see [`latency_below_ns`].
     pub counts: [u64; LATENCY_BUCKETS],
 }
 
@@ -47,7 +47,8 @@ impl Default for Latency {
 }
 
 impl Latency {
-    /// Counts one duration. One thread records: nothing is lost between a load and its store.
+    /// Counts one duration. Only one thread records, so that nothing is lost between a load and its
+    /// store.
     pub fn record(&self, duration_ns: u64) {
         if let Some(bucket) = self.buckets.get(index_of(duration_ns)) {
             bucket.store(bucket.load(Relaxed) + 1, Relaxed);
@@ -58,7 +59,7 @@ impl Latency {
         }
     }
 
-    /// The quantiles so far; zeros where nothing was counted.
+    /// The quantiles so far; zeros without data.
     pub fn quantiles(&self) -> Quantiles {
         let counts: Vec<u64> = self.buckets.iter().map(|bucket| bucket.load(Relaxed)).collect();
         let count: u64 = counts.iter().sum();
@@ -84,7 +85,7 @@ impl Latency {
     }
 }
 
-/// The buckets of a status: each is a doubling, so that it holds whole buckets of ours.
+/// The buckets of a status: each is an octave, hence a union of whole buckets of this histogram.
 fn coarse(counts: &[u64]) -> [u64; LATENCY_BUCKETS] {
     let mut sums = [0; LATENCY_BUCKETS];
     let mut bucket = 0;
@@ -97,7 +98,7 @@ fn coarse(counts: &[u64]) -> [u64; LATENCY_BUCKETS] {
     sums
 }
 
-/// Values below 16 have a bucket each; above, 16 buckets to a doubling.
+/// Values below 16 have a bucket each; above, 16 buckets per octave.
 fn index_of(value: u64) -> usize {
     if value < PER_OCTAVE {
         return value as usize;

@@ -9,8 +9,8 @@
 //!
 //! Each cell has its own four threads; the caller's thread waits for their end.
 //!
-//! Promises: the daemon never makes the robot step, whatever fails; a start that fails leaves nothing behind.
-//! Never: an equation. The cycle is one short file, [`cycle`].
+//! Invariants: the daemon never makes the robot step, whatever fails; a start that fails leaves
+//! nothing behind. The cycle is one short file, [`cycle`].
 
 pub mod admission;
 pub mod ageing;
@@ -22,7 +22,6 @@ pub mod exchange;
 pub mod feed;
 pub mod instrument;
 pub mod latency;
-pub mod mend;
 pub mod notebook;
 pub mod notify;
 pub mod pacer;
@@ -31,11 +30,12 @@ pub mod process;
 pub mod realtime;
 pub mod recorder;
 pub mod records;
+pub mod repair;
+pub mod retention;
 pub mod robot;
 pub mod sender;
-pub mod senses;
+pub mod sensor_inputs;
 pub mod setup;
-pub mod shelf;
 pub mod status;
 pub mod supervisor;
 pub mod temperatures;
@@ -53,7 +53,7 @@ use crate::realtime::Refused;
 use crate::recorder::Recorder;
 use crate::robot::Robot;
 use crate::supervisor::Supervisor;
-use crate::vibration::{Ears, Listener};
+use crate::vibration::{ForceProcessor, VibrationThread};
 use corrector::{Corrector, Settings};
 use recording::cell::{CellConfig, Realtime};
 use recording::faults::Faults;
@@ -66,14 +66,14 @@ use std::thread::{JoinHandle, ScopedJoinHandle};
 use std::time::{Duration, Instant};
 use tracing::{info, info_span, warn};
 
-/// How the daemon is to run.
+/// Options of a run.
 #[derive(Debug)]
 pub struct Options {
     /// The cell.
     pub config: CellConfig,
-    /// What faults of the configuration call it.
+    /// Name of the configuration in error messages.
     pub config_name: String,
-    /// Its text, for the black box.
+    /// Its text, for the recording.
     pub config_text: String,
     /// Commands pace the cycle and carry the time: a replay.
     pub lockstep: bool,
@@ -82,10 +82,10 @@ pub struct Options {
 /// Why the daemon did not start, or ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum DaemonError {
-    /// The model, or the configuration against it.
+    /// The model, or the configuration together with it.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A bound of the envelope.
+    /// A limit of the envelope.
     #[error(transparent)]
     Envelope(#[from] envelope::LimitsError),
     /// The vibration monitor.
@@ -97,10 +97,10 @@ pub enum DaemonError {
     /// A port.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// Real-time manners that the configuration insists on.
+    /// A real-time setting that the configuration requires was refused.
     #[error("{0}; or set `[realtime] enforce = false`, and the daemon goes on without")]
     Refused(#[from] Refused),
-    /// A thread could not be started, or did not end as it should.
+    /// A thread could not be started, or did not end properly.
     #[error("thread `{name}`: {why}")]
     Thread {
         /// Which.
@@ -116,8 +116,9 @@ impl DaemonError {
     }
 }
 
-/// Runs the daemon for one cell or several until `stop` is set. Calls `ready` once clients can join all of them. Cells share the process and
-/// nothing else; where one of them does not start, or ends, the others end with it.
+/// Runs the daemon for one cell or several until `stop` is set. Calls `ready` once clients can join
+/// all of them. Cells only share the process; if one of them does not start, or ends, the others
+/// end with it.
 ///
 /// # Errors
 /// See [`DaemonError`], that of the first cell that has one; the shared memory is cleaned up then.
@@ -133,13 +134,13 @@ pub fn run(
     std::thread::scope(|scope| {
         let mut supervisors = Vec::new();
         for (place, options) in cells.into_iter().enumerate() {
-            let (tell, told) = mpsc::channel();
+            let (ready, is_ready) = mpsc::channel();
             let (over, manager) = (&over, &manager);
             let supervisor = std::thread::Builder::new().name("supervisor".to_owned());
             let served = supervisor.spawn_scoped(scope, move || {
                 let ready = || {
-                    // Whoever waits for this has not gone: it waits.
-                    let _ = tell.send(());
+                    // The receiver waits for this message.
+                    let _ = ready.send(());
                 };
                 let served = serve(options, (manager, place), over, ready);
                 over.ended.store(true, Relaxed);
@@ -148,13 +149,13 @@ pub fn run(
             });
             let refused = |why: std::io::Error| DaemonError::thread("supervisor", why.to_string());
             supervisors.push(served.map_err(refused));
-            // One that ends before it says anything has its reason to tell: below.
-            if told.recv().is_err() {
+            // A thread that ends without a message has a reason: see below.
+            if is_ready.recv().is_err() {
                 over.ended.store(true, Relaxed);
                 break;
             }
         }
-        // Those behind one that did not start never will.
+        // Cells after one that did not start never will.
         (supervisors.len()..count).for_each(|place| lock(&manager).ended(place));
         if !over.ended.load(Relaxed) {
             lock(&manager).ready();
@@ -164,19 +165,19 @@ pub fn run(
             let panicked = |_| Err(DaemonError::thread("supervisor", "it panicked"));
             thread.join().unwrap_or_else(panicked)
         };
-        // All of them are waited for, whatever the first one has to say.
+        // All of them are joined, whatever the result of the first one.
         let served: Vec<_> = supervisors.into_iter().map(|thread| thread.and_then(ended)).collect();
         served.into_iter().collect()
     })
 }
 
-/// When a cell's threads are to end.
+/// When the threads of a cell have to end.
 struct Over<'a> {
-    /// From outside.
+    /// Requested by the caller.
     stop: &'a AtomicBool,
     /// A cell of this daemon has ended.
     ended: AtomicBool,
-    /// The process serves several cells: each names itself in the log.
+    /// The process serves several cells: log lines carry the name of the cell.
     several: bool,
 }
 
@@ -186,12 +187,12 @@ impl Over<'_> {
     }
 }
 
-/// A supervisor that panicked ends the daemon: its half of a word does no harm.
+/// A supervisor that panicked ends the daemon, so an incomplete state is harmless.
 fn lock(manager: &Mutex<Manager>) -> MutexGuard<'_, Manager> {
     manager.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Serves one cell, in the thread of its supervisor, until it is over.
+/// Serves one cell, in the thread of its supervisor, until it ends.
 fn serve(
     options: Options,
     (manager, place): (&Mutex<Manager>, usize),
@@ -210,19 +211,26 @@ fn serve(
     }
     let settings = setup::settings(&config, arm, lockstep)?;
     let bounds = setup::bounds(&settings, arm);
-    let ears = setup::ears(&config, &model)?;
+    let force_processor = setup::force_processor(&config, &model)?;
     let exchange = Arc::new(Exchange::new(settings.mode, config.recorder.is_some()));
     notebook::open(&exchange);
-    tell_model(&model);
+    log_model(&model);
 
     let domain = DaemonSide::create(&Cell::new(&config.cell)?)?;
     if config.realtime.lock_memory {
         tolerate(realtime::lock_memory(), config.realtime.enforce)?;
     }
     let mut supervisor = Supervisor::join(domain, &config, model.clone(), bounds)?;
-    let threads =
-        start_threads(&config, settings, &model, ears, config_text, &mut supervisor, &exchange)
-            .inspect_err(|_| exchange.stop())?;
+    let threads = start_threads(
+        &config,
+        settings,
+        &model,
+        force_processor,
+        config_text,
+        &mut supervisor,
+        &exchange,
+    )
+    .inspect_err(|_| exchange.stop())?;
     info!(cell = config.cell, mode = ?settings.mode, "ready");
     lock(manager).says(place, 0, supervisor.words());
     ready();
@@ -244,7 +252,7 @@ fn serve(
 
 /// Name of the thread that neither logs nor allocates.
 const CYCLE: &str = "cycle";
-/// How long the threads may take to end.
+/// Time limit for the threads to end.
 const END_PATIENCE: Duration = Duration::from_secs(5);
 
 type Thread = JoinHandle<Result<(), DaemonError>>;
@@ -254,20 +262,21 @@ fn start_threads(
     config: &CellConfig,
     settings: Settings,
     model: &RobotModel,
-    ears: Ears,
+    force_processor: ForceProcessor,
     config_text: String,
     supervisor: &mut Supervisor,
     exchange: &Arc<Exchange>,
 ) -> Result<Vec<(&'static str, Thread)>, DaemonError> {
     let ports = supervisor.domain.ports();
     let cycle = start_cycle(config, settings, model, &ports, exchange)?;
-    let manners = below(config.realtime);
+    let below_cycle = below(config.realtime);
     let rules = setup::block_rules(config, settings.lockstep);
     let vibration = start("vibration", exchange, move |exchange, started| {
-        take_manners(manners)?;
-        let mut listener = Listener::join(&ports, ears)?.with_rules(rules);
+        apply_realtime(below_cycle)?;
+        let mut vibration_thread =
+            VibrationThread::join(&ports, force_processor)?.with_rules(rules);
         started();
-        listener.run(exchange);
+        vibration_thread.run(exchange);
         Ok(())
     })?;
     let mut threads = vec![(CYCLE, cycle), ("vibration", vibration)];
@@ -294,16 +303,16 @@ fn start_cycle(
 ) -> Result<Thread, DaemonError> {
     let (ports, realtime) = (ports.clone(), config.realtime);
     let pacer = Pacer::new(setup::wait(config), settings.period_ns);
-    let senses = setup::senses(config, settings.lockstep);
+    let sensor_inputs = setup::sensor_inputs(config, settings.lockstep);
     let loaded = Box::new(LoadedModel { physics: model.physics, epoch: 1 });
     start(CYCLE, exchange, move |exchange, started| {
         realtime::sleep_exactly();
-        take_manners(realtime)?;
+        apply_realtime(realtime)?;
         let mut cycle = Cycle {
             robot: Robot::join(&ports, pacer)?,
             corrector: Corrector::new(settings),
             model: loaded,
-            senses,
+            sensor_inputs,
             stale_ns: settings.stale_ns,
             period_ns: settings.period_ns,
             lockstep: settings.lockstep,
@@ -314,13 +323,13 @@ fn start_cycle(
     })
 }
 
-/// Starts a thread and waits until it has said that it is ready.
+/// Starts a thread and waits until it is ready.
 fn start(
     name: &'static str,
     exchange: &Arc<Exchange>,
     body: impl FnOnce(&Exchange, &dyn Fn()) -> Result<(), DaemonError> + Send + 'static,
 ) -> Result<Thread, DaemonError> {
-    let (tell, told) = mpsc::channel();
+    let (ready, is_ready) = mpsc::channel();
     let shared = Arc::clone(exchange);
     let thread = std::thread::Builder::new()
         .name(name.to_owned())
@@ -329,12 +338,12 @@ fn start(
                 notebook::open(&shared);
             }
             body(&shared, &|| {
-                // Whoever waits for this has not gone: it waits.
-                let _ = tell.send(());
+                // The receiver waits for this message.
+                let _ = ready.send(());
             })
         })
         .map_err(|why| DaemonError::thread(name, why.to_string()))?;
-    if told.recv().is_ok() {
+    if is_ready.recv().is_ok() {
         return Ok(thread);
     }
     match thread.join() {
@@ -343,7 +352,7 @@ fn start(
     }
 }
 
-/// Waits for a thread that has been told to stop; for one that waits for its disk not for ever.
+/// Joins a thread that was told to stop; one that waits for its disk only for a limited time.
 fn finish(name: &'static str, thread: Thread) -> Result<(), DaemonError> {
     let since = Instant::now();
     while !thread.is_finished() {
@@ -358,8 +367,8 @@ fn finish(name: &'static str, thread: Thread) -> Result<(), DaemonError> {
     }
 }
 
-/// Real-time manners of the calling thread, as configured.
-fn take_manners(realtime: Realtime) -> Result<(), Refused> {
+/// Applies the configured real-time settings to the calling thread.
+fn apply_realtime(realtime: Realtime) -> Result<(), Refused> {
     if let Some(core) = realtime.core {
         tolerate(realtime::pin_to(core), realtime.enforce)?;
     }
@@ -369,13 +378,13 @@ fn take_manners(realtime: Realtime) -> Result<(), Refused> {
     Ok(())
 }
 
-/// The manners of a thread that gives way to the cycle: a priority below it, on any core.
+/// Settings of a thread that must not preempt the cycle: a priority below it, on any core.
 fn below(realtime: Realtime) -> Realtime {
     let priority = realtime.fifo_priority.map(|priority| priority.saturating_sub(1));
     Realtime { fifo_priority: priority.filter(|priority| *priority > 0), core: None, ..realtime }
 }
 
-/// A refusal ends the start where the configuration insists; else it is told.
+/// A refusal ends the start if the configuration requires the settings; otherwise it is logged.
 fn tolerate(done: Result<(), Refused>, enforce: bool) -> Result<(), Refused> {
     match done {
         Err(refused) if enforce => Err(refused),
@@ -388,7 +397,7 @@ fn tolerate(done: Result<(), Refused>, enforce: bool) -> Result<(), Refused> {
 }
 
 /// Logs which model is active now, and of which robot.
-pub(crate) fn tell_model(model: &RobotModel) {
+pub(crate) fn log_model(model: &RobotModel) {
     info!(
         model = model.file.name,
         robot = %model.file.robot,

@@ -1,7 +1,8 @@
 //! Log lines and states of the daemon for the recording.
 //!
-//! Promises: a line costs its caller a copy, never a wait; without a recorder nothing is kept; while nothing can be written the newest
-//! lines wait for the next file. Never: in the cycle's thread, which does not log.
+//! A line costs its caller one copy, without waiting; without a recorder nothing is kept; while
+//! nothing can be written the newest lines wait for the next file. The thread of the cycle does not
+//! log.
 
 use crate::exchange::Exchange;
 use crate::records;
@@ -14,26 +15,27 @@ use std::sync::Arc;
 const STATUS_EVERY_NS: u64 = 1_000_000_000;
 
 thread_local! {
-    /// The cell that this thread works for.
+    /// The cell of this thread.
     static CELL: RefCell<Option<Arc<Exchange>>> = const { RefCell::new(None) };
 }
 
-/// From now on lines that this thread logs go into that cell's recording.
+/// Sends log lines of this thread to the recording of this cell.
 pub fn open(exchange: &Arc<Exchange>) {
     CELL.with_borrow_mut(|cell| *cell = Some(Arc::clone(exchange)));
 }
 
-/// The cell that this thread works for.
+/// The cell of this thread.
 #[must_use]
 pub fn of_this_thread() -> Option<Arc<Exchange>> {
     CELL.with_borrow(Clone::clone)
 }
 
-/// Takes a line that this thread has logged, at `info`, `warn` or `error`; the program's logger calls it.
+/// Stores a line logged by this thread, at `info`, `warn` or `error`; called by the program's
+/// logger.
 pub fn note(level: &str, says: impl FnOnce() -> String) {
-    // A thread at its end logs too, when this is gone already.
+    // A thread may log while its thread-local data are already destroyed.
     let _ = CELL.try_with(|cell| {
-        // A line that is logged while one is noted is not noted.
+        // A line that is logged while another is stored is dropped.
         let Ok(cell) = cell.try_borrow() else { return };
         if let Some(exchange) = cell.as_ref() {
             let (t_ns, level) = (monotonic_ns(), level.to_owned());
@@ -42,14 +44,14 @@ pub fn note(level: &str, says: impl FnOnce() -> String) {
     });
 }
 
-/// Chooses which states are recorded: each change, and one a second.
+/// Chooses which states are recorded: each change, and one per second.
 #[derive(Debug, Default)]
 pub struct States {
     last: Option<(u64, [u64; 5])>,
 }
 
 impl States {
-    /// The state as it is recorded, where it is time.
+    /// The state to be recorded, when due.
     pub fn take(&mut self, status: &Status) -> Option<StatusRecord> {
         let Status { health, mode, bypassed, recorder, model_epoch, .. } = *status;
         let [health, mode, bypassed, recorder] = [health, mode, bypassed, recorder].map(u64::from);

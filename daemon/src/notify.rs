@@ -1,8 +1,8 @@
 //! Notifications to the service manager: ready, watchdog, stopping (`sd_notify(3)`; one datagram each).
 //!
-//! Promises: the watchdog is triggered only while the cycles of all running cells have advanced since the last time; stopping is sent when the last
-//! cell ends; without a service manager nothing happens.
-//! Never: a wait, a socket that receives.
+//! The watchdog is triggered only while the cycles of all running cells have advanced since the
+//! last time; stopping is sent when the last cell ends; without a service manager nothing happens.
+//! It never waits and receives nothing.
 
 use std::ffi::OsStr;
 use std::os::linux::net::SocketAddrExt;
@@ -11,20 +11,20 @@ use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::time::{Duration, Instant};
 use tracing::warn;
 
-/// The service manager that started this process, where one did.
+/// The service manager that started this process, if any.
 #[derive(Debug)]
 pub struct Manager {
     to: Option<(UnixDatagram, SocketAddr)>,
-    /// The watchdog's patience.
+    /// The watchdog's time limit.
     patience: Option<Duration>,
     fed: Instant,
-    cells: Vec<Word>,
+    cells: Vec<CellState>,
 }
 
-/// What a cell said last.
+/// Last state of a cell.
 #[derive(Clone, Debug, Default)]
-struct Word {
-    /// Turns of its cycle: now, and when the watchdog was fed.
+struct CellState {
+    /// Iterations of its cycle: now, and when the watchdog was last triggered.
     turns: u64,
     fed: u64,
     /// One line for users.
@@ -33,7 +33,8 @@ struct Word {
 }
 
 impl Manager {
-    /// As this process's environment names it (`NOTIFY_SOCKET`, `WATCHDOG_USEC`, `WATCHDOG_PID`), for so many cells.
+    /// From this process's environment (`NOTIFY_SOCKET`, `WATCHDOG_USEC`, `WATCHDOG_PID`), for a
+    /// number of cells.
     #[must_use]
     pub fn of_environment(cells: usize) -> Self {
         let words = |key: &str| std::env::var(key).ok();
@@ -58,17 +59,18 @@ impl Manager {
             to: to.ok().flatten(),
             patience,
             fed: Instant::now(),
-            cells: vec![Word::default(); cells],
+            cells: vec![CellState::default(); cells],
         }
     }
 
-    /// The daemon serves.
+    /// The daemon is ready.
     pub fn ready(&self) {
         self.tell(&format!("READY=1\nSTATUS={}", self.words()));
     }
 
-    /// Cell `place` lives. The manager is told two to three times within the watchdog's patience, and only where `turns`, which a cycle counts,
-    /// has changed in every cell. `words` are one line for users.
+    /// Cell `place` is alive. The manager is notified two to three times within the watchdog's time
+    /// limit, and only if `turns`, counted by the cycle, has changed in every cell. `words` is one
+    /// line for users.
     pub fn says(&mut self, place: usize, turns: u64, words: &str) {
         let Some(cell) = self.cells.get_mut(place) else { return };
         cell.turns = turns;
@@ -88,7 +90,7 @@ impl Manager {
         all.join("; ")
     }
 
-    /// Cell `place` has ended. The manager is told where all have.
+    /// Cell `place` has ended. The manager is notified when all have.
     pub fn ended(&mut self, place: usize) {
         let Some(cell) = self.cells.get_mut(place) else { return };
         let is_news = !std::mem::replace(&mut cell.has_ended, true);
@@ -104,13 +106,14 @@ impl Manager {
 
     fn tell(&self, message: &str) {
         let Some((socket, address)) = &self.to else { return };
-        // A manager that has gone, or is behind, is not the cell's trouble: it acts where it hears nothing.
+        // A manager that has gone or lags behind does not affect the cell: it acts if it receives
+        // nothing.
         let _ = socket.set_nonblocking(true);
         let _ = socket.send_to_addr(message.as_bytes(), address);
     }
 }
 
-/// What a line end would cut in two, or make an order of.
+/// Replaces line ends, which would cut the message or form another assignment.
 fn one_line(words: &str) -> String {
     words.replace(['\n', '\r'], " ")
 }

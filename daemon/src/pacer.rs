@@ -1,8 +1,7 @@
 //! Waits for the next command: the only place where the cycle spends time.
 //!
-//! Promises: a wait ends at its deadline at the latest; between the calls of `look` it either spins or sleeps to
-//! absolute times, and never allocates, locks or logs.
-//! Never: access to messages.
+//! A wait ends at its deadline at the latest; between the calls of `look` it either spins or sleeps
+//! to absolute times, and never allocates, locks or logs.
 //!
 //! Spinning is for an isolated core: a spinning `SCHED_FIFO` thread that shares its core is stalled for 50 ms each second
 //! by the kernel's fair server. Sleeping wakes shortly before the next command is due and polls every
@@ -13,23 +12,28 @@ use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec};
 use shm_schema::monotonic_ns;
 
-/// How often a sleeping wait looks, ns.
+/// Polling interval of a sleeping wait, ns.
 const LOOK_EVERY_NS: u64 = 50_000;
-/// How often it looks where nobody has commanded for [`LATE_PERIODS_MAX`], ns: what looks more often takes a fifth of a core for nothing.
+/// Polling interval if no command has arrived for [`LATE_PERIODS_MAX`], ns: faster polling would
+/// take a fifth of a core for nothing.
 const IDLE_LOOK_EVERY_NS: u64 = 1_000_000;
-/// How long before the next command is due a sleeping wait begins to look without sleeping, ns: what a wake-up may be late.
+/// A sleeping wait starts to spin this long before the next command is due, ns: allowance for a
+/// late wake-up.
 const SPIN_BEFORE_NS: u64 = 300_000;
-/// The largest part of a period that this may be: the rest is left to others, however short the period.
+/// Largest share of a period for spinning; the rest is left to other threads, however short the
+/// period.
 const SPIN_SHARE: f64 = 0.7;
-/// How long it goes on looking without sleeping when the command is late, ns.
+/// It spins for this long when the command is late, ns.
 const SPIN_AFTER_NS: u64 = 200_000;
-/// How much of a command's lateness the time at which the next is due takes over: enough to follow a sender whose clock drifts.
+/// The due time follows a command's lateness by one part in this number: enough for a sender whose
+/// clock drifts.
 const FOLLOW_SHARE: u64 = 256;
-/// So many commands in a row that come after it has gone back to sleep, and the sender has begun anew at another time within its period.
+/// After this many consecutive commands that arrive after it has gone back to sleep, the sender is
+/// taken to have restarted at another phase of its period.
 const LATE_ROW: u32 = 16;
-/// Periods after which a late command is no longer late but the first of others.
+/// Number of periods after which a late command counts as the first of a new sequence.
 const LATE_PERIODS_MAX: u64 = 100;
-/// Looks between two looks at the clock, while not sleeping: a look takes less.
+/// Polls between two readings of the clock while spinning: a poll takes less time.
 const LOOKS_PER_CLOCK: u32 = 8;
 
 /// How the cycle waits.
@@ -41,26 +45,27 @@ pub enum Wait {
     Sleep,
 }
 
-/// Waits for commands that come every `period_ns`, more or less.
+/// Waits for commands that arrive about every `period_ns`.
 #[derive(Debug)]
 pub struct Pacer {
     wait: Wait,
     period_ns: u64,
     /// When the next command is due; zero before the first.
     due_ns: u64,
-    /// When the last one came.
+    /// When the last one arrived.
     last_ns: u64,
-    /// How many in a row came late, and by how much at least.
+    /// Number of consecutive late commands, and their least lateness.
     late: (u32, u64),
 }
 
 impl Pacer {
-    /// A pacer that has seen no command yet.
+    /// Before the first command.
     pub fn new(wait: Wait, period_ns: u64) -> Self {
         Self { wait, period_ns, due_ns: 0, last_ns: 0, late: (0, u64::MAX) }
     }
 
-    /// Looks until there is something, and tells when it was found; none once the deadline (`CLOCK_MONOTONIC`, ns) has passed.
+    /// Polls until there is something and returns the time at which it was found; `None` once the
+    /// deadline (`CLOCK_MONOTONIC`, ns) has passed.
     pub fn wait_for<T>(
         &mut self,
         deadline_ns: u64,
@@ -92,7 +97,7 @@ impl Pacer {
         }
     }
 
-    /// When the next command is due, after one that came at `now_ns`.
+    /// When the next command is due, after one that arrived at `now_ns`.
     fn next_due_ns(&mut self, now_ns: u64) -> u64 {
         match now_ns.checked_sub(self.due_ns) {
             Some(late_ns) if late_ns < LATE_PERIODS_MAX * self.period_ns => {
@@ -102,7 +107,8 @@ impl Pacer {
         }
     }
 
-    /// How much of a command's lateness the next are expected to have too: a little, or all that a row of them had.
+    /// The part of a command's lateness that is expected of the next ones too: a small share, or
+    /// all that a sequence of them had.
     fn made_up_ns(&mut self, late_ns: u64) -> u64 {
         let (row, least_ns) = self.late;
         self.late = match late_ns > SPIN_AFTER_NS {
@@ -115,7 +121,7 @@ impl Pacer {
         std::mem::replace(&mut self.late, (0, u64::MAX)).1
     }
 
-    /// When to wake next; none: look again at once.
+    /// When to wake next; `None`: poll again at once.
     fn sleep_until_ns(&self, now_ns: u64) -> Option<u64> {
         if self.wait == Wait::Spin {
             return None;
@@ -126,7 +132,7 @@ impl Pacer {
         if now_ns < spin_from_ns {
             return Some(spin_from_ns);
         }
-        // Behind one that is late, others may wait.
+        // Behind a late command, others may be waiting.
         let spin_to_ns = due_ns.max(self.last_ns) + SPIN_AFTER_NS;
         let idles = now_ns > spin_to_ns + LATE_PERIODS_MAX * self.period_ns;
         let every_ns = if idles { IDLE_LOOK_EVERY_NS } else { LOOK_EVERY_NS };
@@ -134,7 +140,8 @@ impl Pacer {
     }
 }
 
-/// Sleeps to an absolute time of `CLOCK_MONOTONIC`, ns. A signal may end the sleep early: whoever sleeps looks again.
+/// Sleeps to an absolute time of `CLOCK_MONOTONIC`, ns. A signal may end the sleep early: the
+/// caller polls again.
 pub fn sleep_until(wake_ns: u64) {
     let request = Timespec {
         tv_sec: (wake_ns / 1_000_000_000) as i64,
@@ -193,7 +200,8 @@ mod tests {
 
     #[test]
     fn a_sender_that_begins_anew_amid_the_period_is_expected_there_soon() {
-        // At 25 Hz, 13 ms after the old time: found by looks in between until then, at each of which a sleeping cycle wakes.
+        // At 25 Hz, 13 ms after the old phase: until then found by the polls in between, at each of
+        // which a sleeping cycle wakes.
         let mut pacer = Pacer { due_ns: 1_000_000_000, ..Pacer::new(Wait::Sleep, 40_000_000) };
         let came_ns = |k: u64| 1_013_000_000 + 40_000_000 * k;
         for k in 0..u64::from(LATE_ROW) {

@@ -1,7 +1,7 @@
 //! Newest known position of the arm: written by the cycle, read by the supervisor.
 //!
-//! Promises: no waiting; each joint's value is consistent, but the joints of one reading can be from two adjacent cycles.
-//! Never: a plausibility check.
+//! No waiting; each joint's value is consistent, but the joints of one reading can be from two
+//! adjacent cycles. Plausibility is not checked.
 
 use shm_schema::JOINTS_MAX;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -14,9 +14,9 @@ pub struct Position {
     at_ns: AtomicU64,
 }
 
-/// What a [`Position`] held.
+/// A reading of a [`Position`].
 #[derive(Clone, Debug, PartialEq)]
-pub struct Told {
+pub struct Reading {
     /// Joint positions, rad or m.
     pub q: Vec<f64>,
     /// When they were reported, ns, by the cycle's clock.
@@ -33,16 +33,16 @@ impl Position {
         self.at_ns.store(at_ns, Relaxed);
     }
 
-    /// The newest report; none before the first.
+    /// The newest report; `None` before the first.
     #[must_use]
-    pub fn told(&self) -> Option<Told> {
+    pub fn reading(&self) -> Option<Reading> {
         let joints = self.joints.load(Relaxed) as usize;
         let q = self.q.iter().take(joints).map(|q| f64::from_bits(q.load(Relaxed))).collect();
-        (joints > 0).then(|| Told { q, at_ns: self.at_ns.load(Relaxed) })
+        (joints > 0).then(|| Reading { q, at_ns: self.at_ns.load(Relaxed) })
     }
 }
 
-/// Where the arm was last.
+/// Last position of the arm.
 #[derive(Debug, Default)]
 pub struct Positions {
     /// By the newest command.
@@ -55,17 +55,17 @@ pub struct Positions {
 const OUTDATED_NS: u64 = 1_000_000_000;
 
 impl Positions {
-    /// The positions that tell where the arm is, with the word for their source.
+    /// The positions that are up to date, each with the name of its source.
     #[must_use]
-    pub fn newest(&self) -> Vec<(&'static str, Told)> {
-        let mut told: Vec<(&str, Told)> =
+    pub fn newest(&self) -> Vec<(&'static str, Reading)> {
+        let mut reading: Vec<(&str, Reading)> =
             [("commanded", &self.commanded), ("measured", &self.measured)]
                 .into_iter()
-                .filter_map(|(word, position)| Some((word, position.told()?)))
+                .filter_map(|(word, position)| Some((word, position.reading()?)))
                 .collect();
-        let newest_ns = told.iter().map(|(_, told)| told.at_ns).max().unwrap_or(0);
-        told.retain(|(_, told)| newest_ns - told.at_ns <= OUTDATED_NS);
-        told
+        let newest_ns = reading.iter().map(|(_, reading)| reading.at_ns).max().unwrap_or(0);
+        reading.retain(|(_, reading)| newest_ns - reading.at_ns <= OUTDATED_NS);
+        reading
     }
 }
 
@@ -81,7 +81,7 @@ mod tests {
         positions.measured.tell(&[1.1, 2.1], 5_900_000_000);
         assert_eq!(positions.newest().len(), 2);
         positions.measured.tell(&[1.2, 2.2], 6_100_000_000);
-        let [(word, told)] = &positions.newest()[..] else { panic!("one of them") };
-        assert_eq!((*word, &told.q[..]), ("measured", &[1.2, 2.2][..]));
+        let [(word, reading)] = &positions.newest()[..] else { panic!("one of them") };
+        assert_eq!((*word, &reading.q[..]), ("measured", &[1.2, 2.2][..]));
     }
 }

@@ -1,7 +1,7 @@
 //! State of the cutting process, from the cell's report, the commanded path or the configuration, in this order.
 //!
-//! In the supervisor's thread. Promises: an expired report is no longer used, and this is logged; unknown values
-//! are reported as unknown. Never: a command to the spindle.
+//! Runs in the supervisor's thread. An expired report is no longer used, and this is logged;
+//! unknown values are reported as unknown. The spindle is never commanded.
 
 use crate::exchange::Exchange;
 use crate::setup;
@@ -15,9 +15,9 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 use tracing::info;
 
-/// What the watch is to know, as it goes to its thread.
+/// Process state for the vibration monitor, as sent to its thread.
 #[derive(Clone, Copy, Debug)]
-pub struct Known {
+pub struct MonitorInputs {
     /// Spindle, teeth, feed, cut.
     pub state: ProcessState,
     /// Gear shafts along the present path.
@@ -26,26 +26,26 @@ pub struct Known {
     pub modes: [Option<Mode>; MODES_MAX],
 }
 
-/// The cell's last word. What it does not tell is NaN, 0 or `None`.
+/// The cell's last report. Unknown values are NaN, 0 or `None`.
 #[derive(Clone, Copy, Debug)]
-struct Told {
+struct Reported {
     state: ProcessState,
     until: Option<Instant>,
 }
 
-/// What is known of the process.
+/// State of the process from all sources.
 #[derive(Debug)]
 pub struct Process {
     configured: ProcessState,
     frame: Frame,
-    told: Option<Told>,
+    reported: Option<Reported>,
     travel: Travel,
     modes: [Option<Mode>; MODES_MAX],
     state: ProcessState,
 }
 
 impl Process {
-    /// By the configuration and the model.
+    /// From the configuration and the model.
     pub fn new(config: &CellConfig, model: &RobotModel) -> Self {
         let configured =
             config.vibration.map_or_else(ProcessState::default, |vibration| ProcessState {
@@ -56,7 +56,7 @@ impl Process {
         let mut process = Self {
             configured,
             frame: config.wrench.frame,
-            told: None,
+            reported: None,
             travel: Travel::default(),
             modes: [None; MODES_MAX],
             state: configured,
@@ -65,7 +65,7 @@ impl Process {
         process
     }
 
-    /// Another model is in use.
+    /// A new model is active.
     pub fn take(&mut self, model: &RobotModel) {
         self.travel.stop();
         self.modes = [None; MODES_MAX];
@@ -74,12 +74,12 @@ impl Process {
         }
     }
 
-    /// What the watch goes by now: 0 is unknown, or stands.
+    /// The state that the monitor uses now: 0 is unknown, or at rest.
     pub fn state(&self) -> ProcessState {
         self.state
     }
 
-    /// Takes the cell's word.
+    /// Stores a report of the cell.
     pub fn tell(&mut self, exchange: &Exchange, request: &Request) -> (Answer, String) {
         let (spindle_rpm, feed_mm_s) = (request.spindle_rpm, request.feed_mm_s);
         let possible = |x: f64| x.is_nan() || (0.0..f64::INFINITY).contains(&x);
@@ -99,7 +99,7 @@ impl Process {
         let holds = Duration::from_millis(u64::from(request.holds_ms));
         let until = (request.holds_ms > 0).then(|| Instant::now() + holds);
         let state = ProcessState { spindle_rpm, teeth: request.teeth, feed_mm_s, in_cut };
-        self.told = Some(Told { state, until });
+        self.reported = Some(Reported { state, until });
         exchange.spindle_rpm_bits.store(spindle_rpm.to_bits(), Relaxed);
         let words = format!(
             "spindle {spindle_rpm} rev/min, {} teeth, feed {feed_mm_s} mm/s, in {cut}",
@@ -108,7 +108,7 @@ impl Process {
         (Answer::Done, words)
     }
 
-    /// One look: what was commanded, what has run out; the watch is told how it stands.
+    /// Updates from the commanded path, drops expired reports, and informs the monitor.
     pub fn look(&mut self, model: &RobotModel, exchange: &Exchange, commands_come: bool) {
         let arm = &model.physics.arm;
         while let Some(point) = exchange.path.pop() {
@@ -117,32 +117,36 @@ impl Process {
         if !commands_come {
             self.travel.stop();
         }
-        if self.told.is_some_and(|told| told.until.is_some_and(|until| until <= Instant::now())) {
+        if self
+            .reported
+            .is_some_and(|reported| reported.until.is_some_and(|until| until <= Instant::now()))
+        {
             info!("the reported process state has expired");
-            self.told = None;
+            self.reported = None;
             exchange.spindle_rpm_bits.store(f64::NAN.to_bits(), Relaxed);
         }
         let motion = self.travel.motion(arm);
         self.state = self.known(motion.as_ref());
-        let mut known = Known { state: self.state, wheels: [None; WHEELS_MAX], modes: self.modes };
+        let mut known =
+            MonitorInputs { state: self.state, wheels: [None; WHEELS_MAX], modes: self.modes };
         let turning = motion.map_or_else(Vec::new, |m| wheels(&model.file, &m.turns_per_mm));
-        // A verdict names a shaft: its turns alone are what the watch asks for.
+        // Verdicts name shafts: only their rotations are monitored, not their teeth.
         let shafts = turning.into_iter().filter(|wheel| wheel.teeth == 1);
         for (place, wheel) in known.wheels.iter_mut().zip(shafts) {
             *place = Some(wheel);
         }
-        // A watch that is behind takes the next one.
-        let _ = exchange.known.push(known);
+        // A monitor that lags behind takes the next one.
+        let _ = exchange.monitor_inputs.push(known);
     }
 
-    /// What was told goes before what is derived, and that before what was configured.
+    /// A report takes precedence over derived values, and these over configured ones.
     fn known(&self, motion: Option<&Motion>) -> ProcessState {
         let derived_mm_s = motion.map_or(0.0, |motion| motion.feed_mm_s);
         let configured = self.configured;
-        let Some(Told { state, .. }) = self.told else {
+        let Some(Reported { state, .. }) = self.reported else {
             return ProcessState { feed_mm_s: derived_mm_s, ..configured };
         };
-        let or = |told: f64, other: f64| if told.is_nan() { other } else { told };
+        let or = |reported: f64, other: f64| if reported.is_nan() { other } else { reported };
         ProcessState {
             spindle_rpm: or(state.spindle_rpm, configured.spindle_rpm),
             teeth: if state.teeth == 0 { configured.teeth } else { state.teeth },
@@ -186,10 +190,10 @@ mod tests {
         let brief = Request { holds_ms: 30, ..word() };
         assert_eq!(process.tell(&exchange, &brief).0, Answer::Done);
         process.look(&model, &exchange, true);
-        let told = process.state();
-        assert_eq!((told.spindle_rpm, told.teeth, told.feed_mm_s), (28_000.0, 2, 5.0));
-        assert_eq!(told.in_cut, Some(true));
-        assert_eq!(exchange.known.pop().unwrap().state, told);
+        let reported = process.state();
+        assert_eq!((reported.spindle_rpm, reported.teeth, reported.feed_mm_s), (28_000.0, 2, 5.0));
+        assert_eq!(reported.in_cut, Some(true));
+        assert_eq!(exchange.monitor_inputs.pop().unwrap().state, reported);
         std::thread::sleep(Duration::from_millis(40));
         process.look(&model, &exchange, true);
         assert_eq!(process.state(), configured);
@@ -227,7 +231,7 @@ mod tests {
         model.file.modes.truncate(1);
         process.take(&model);
         process.look(&model, &exchange, true);
-        let modes = exchange.known.pop().unwrap().modes;
+        let modes = exchange.monitor_inputs.pop().unwrap().modes;
         assert_eq!(modes.iter().flatten().count(), 1);
     }
 }

@@ -1,7 +1,8 @@
 //! Real-time settings of a thread: policy, core, locked memory.
 //!
-//! Promises: a refused request is reported with its remedy; whether it ends the daemon is decided by the configuration
-//! (`[realtime] enforce`). Never: a policy for the whole process, which its helper threads would inherit.
+//! A refused request is reported with its remedy; the configuration (`[realtime] enforce`) decides
+//! whether it ends the daemon. Settings are per thread, because helper threads would inherit those
+//! of the process.
 
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::thread::{CpuSet, sched_setaffinity};
@@ -12,7 +13,7 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id,
 };
 
-/// What the machine refused.
+/// A setting that the system refused.
 #[derive(Debug, thiserror::Error)]
 pub enum Refused {
     /// `SCHED_FIFO`.
@@ -23,7 +24,7 @@ pub enum Refused {
     Policy {
         /// 1 to 99.
         priority: u8,
-        /// The system's word.
+        /// The system's error.
         why: io::Error,
     },
     /// Pinning to a core.
@@ -31,7 +32,7 @@ pub enum Refused {
     Core {
         /// 0-based.
         core: usize,
-        /// The system's word.
+        /// The system's error.
         why: io::Error,
     },
     /// Locking memory.
@@ -40,7 +41,7 @@ pub enum Refused {
          unlimited in /etc/security/limits.d), or CAP_IPC_LOCK"
     )]
     Memory {
-        /// The system's word.
+        /// The system's error.
         why: io::Error,
     },
 }
@@ -48,7 +49,7 @@ pub enum Refused {
 /// Locks all memory of the process, present and future, into RAM.
 ///
 /// # Errors
-/// Where the system refuses.
+/// If the system refuses.
 pub fn lock_memory() -> Result<(), Refused> {
     mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
         .map_err(|why| Refused::Memory { why: why.into() })
@@ -57,7 +58,7 @@ pub fn lock_memory() -> Result<(), Refused> {
 /// Gives the calling thread `SCHED_FIFO` at `priority` (1 to 99).
 ///
 /// # Errors
-/// Where the system refuses.
+/// If the system refuses.
 pub fn set_fifo(priority: u8) -> Result<(), Refused> {
     let refused = |why: io::Error| Refused::Policy { priority, why };
     let value =
@@ -70,8 +71,9 @@ pub fn set_fifo(priority: u8) -> Result<(), Refused> {
         })
 }
 
-/// Asks for sleeps of the calling thread to end when they should, not within the usual 50 µs. Without effect under a real-time
-/// policy, which has no slack; a refusal only makes sleeps less exact.
+/// Sets the timer slack of the calling thread to the least value; the default is 50 µs. Without
+/// effect under a real-time policy, which has no slack; after a refusal, sleeps are only less
+/// exact.
 pub fn sleep_exactly() {
     let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
 }
@@ -79,7 +81,7 @@ pub fn sleep_exactly() {
 /// Pins the calling thread to one core.
 ///
 /// # Errors
-/// Where the system refuses, or the core does not exist.
+/// If the system refuses, or the core does not exist.
 pub fn pin_to(core: usize) -> Result<(), Refused> {
     if core >= CpuSet::MAX_CPU {
         let why = io::Error::from(io::ErrorKind::InvalidInput);

@@ -1,13 +1,14 @@
 //! Writes the rings to the recording (MCAP).
 //!
-//! Thread `recorder`, 20 times a second. Promises: a disk that is full, slow or read-only costs only records, which are counted;
-//! when it can be written again a new file is started, and files that were not closed are repaired. A removed file or folder is
-//! created again. The newest files are kept and older ones removed; files kept on request or because of an alarm are never removed.
-//! Never: anything that the cycle waits for.
+//! Thread `recorder`, 20 times a second. A disk that is full, slow or read-only costs only records,
+//! which are counted; when it can be written again a new file is started, and files that were not
+//! closed are repaired. A removed file or folder is created again. The newest files are kept and
+//! older ones removed; files kept on request or because of an alarm are never removed. The cycle
+//! never waits for this thread.
 
 use crate::alarms::Alarms;
 use crate::exchange::{CycleRecord, Exchange, RecorderAnswer};
-use crate::{mend, records, shelf};
+use crate::{records, repair, retention};
 use physics::JointKind;
 use recording::blackbox::{
     self, BlackBox, BlackBoxError, Clocks, Few, ForceRecord, Header, ModelChange,
@@ -26,38 +27,40 @@ use tracing::{info, warn};
 
 /// How often the rings are drained: far below the time in which they fill.
 const DRAIN_EVERY: Duration = Duration::from_millis(50);
-/// How often what was drained is made safe from a kill: with a drain's wait on top, below the half second that is promised.
+/// Interval at which drained data are flushed, so that they survive a kill: together with a drain
+/// interval below the documented half second.
 const FLUSH_EVERY: Duration = Duration::from_millis(400);
-/// How long to wait after a failure before a new file is tried: back within a second of the failure's end.
+/// Waiting time after a failure before a new file is tried: recording resumes within a second after
+/// the failure ends.
 const RETRY_AFTER: Duration = Duration::from_millis(500);
 /// A recording that ended within this time of an alarm is kept too. Chosen: a minute of cutting before a chatter alarm shows what led to it.
 const BEFORE_ALARM: Duration = Duration::from_secs(60);
 /// The recording that begins within this time after an alarm is kept too. Chosen: an operator reacts within half a minute.
 const AFTER_ALARM: Duration = Duration::from_secs(30);
 
-/// The recorder's belongings.
+/// State of the recorder.
 pub struct Recorder {
     settings: Settings,
     header: Header,
     joints: usize,
     file: Option<BlackBox>,
-    /// A recording that is to be kept once it is not being repaired any more.
+    /// A recording that is to be kept once its repair has ended.
     keep_earlier: Option<PathBuf>,
-    /// The repair of recordings that were not closed.
-    mending: Option<JoinHandle<()>>,
-    /// Whether there is to be a file: somebody may have asked to stop.
+    /// The running repair of recordings that were not closed.
+    repairing: Option<JoinHandle<()>>,
+    /// Whether a file should be written: recording may have been stopped on request.
     is_on: bool,
     alarms: Alarms,
-    /// A file that is begun before this time is kept too.
+    /// A file that is started before this time is kept too.
     keep_until: Option<Instant>,
     flushed: Instant,
     retry_at: Option<Instant>,
-    /// Files may be there that were not closed.
-    may_mend: bool,
+    /// Whether there may be files that were not closed.
+    may_repair: bool,
 }
 
 impl Recorder {
-    /// A recorder that has not begun a file yet.
+    /// A recorder without a file.
     pub fn new(settings: Settings, header: Header) -> Self {
         let joints = header.joints.len();
         let now = Instant::now();
@@ -65,26 +68,26 @@ impl Recorder {
             joints,
             file: None,
             keep_earlier: None,
-            mending: None,
+            repairing: None,
             is_on: settings.starts_recording,
             alarms: Alarms::default(),
             keep_until: None,
             flushed: now,
             retry_at: None,
-            may_mend: true,
+            may_repair: true,
             settings,
             header,
         }
     }
 
-    /// Runs until the exchange says stop, then writes what is left and ends the file.
+    /// Runs until the exchange is stopped, then writes the remaining records and closes the file.
     pub fn run(&mut self, exchange: &Exchange) {
         if !self.is_on {
             exchange.set_recorder(RecorderState::Stopped);
             let (dir, cell) = (self.settings.dir.clone(), self.header.cell.clone());
-            // Nothing is written now: there is no present file.
-            self.mending = mend::start(dir, cell, PathBuf::new());
-            self.may_mend = false;
+            // No file is open, so none is excluded.
+            self.repairing = repair::start(dir, cell, PathBuf::new());
+            self.may_repair = false;
         }
         while exchange.runs() {
             self.turn(exchange);
@@ -94,11 +97,11 @@ impl Recorder {
         self.finish();
     }
 
-    /// Ends the file with its index; whether that could be written.
+    /// Closes the file with its index; returns whether it could be written.
     fn finish(&mut self) -> bool {
         let Some(Err(fault)) = self.file.take().map(BlackBox::finish) else { return true };
         warn!(%fault, "a recording has no index; it reads back all the same");
-        self.may_mend = true;
+        self.may_repair = true;
         false
     }
 
@@ -108,7 +111,7 @@ impl Recorder {
         if let Err(fault) = self.drain(exchange) {
             warn!(%fault, "the black box stops for a while");
             exchange.set_recorder(RecorderState::Failed);
-            (self.file, self.may_mend) = (None, true);
+            (self.file, self.may_repair) = (None, true);
             self.retry_at = Some(Instant::now() + RETRY_AFTER);
         }
         if let Some(action) = exchange.recorder_asked.pop() {
@@ -117,7 +120,7 @@ impl Recorder {
         self.keep_what_came_before();
     }
 
-    /// Does what somebody asks for.
+    /// Carries out a request.
     fn answer(&mut self, exchange: &Exchange, action: RecorderAction) {
         let done = |says: String| RecorderAnswer { answer: Answer::Done, says };
         let answer = match action {
@@ -148,21 +151,21 @@ impl Recorder {
         exchange.recorder_answered.force_push(answer);
     }
 
-    /// Keeps the present recording, what came just before it, and what will follow.
+    /// Keeps the present recording, the one just before it, and the one that follows.
     fn keep(&mut self, why: &str) -> RecorderAnswer {
         let Settings { dir, kept_files_max, .. } = &self.settings;
         let Some(file) = &mut self.file else { return refused("nothing is recorded now") };
-        let all = shelf::recordings(dir, &self.header.cell);
-        let mut count = all.iter().filter(|path| shelf::is_kept(path)).count();
-        let earlier = shelf::before(dir, &self.header.cell, file.path());
-        if !shelf::is_kept(file.path()) {
+        let all = retention::recordings(dir, &self.header.cell);
+        let mut count = all.iter().filter(|path| retention::is_kept(path)).count();
+        let earlier = retention::before(dir, &self.header.cell, file.path());
+        if !retention::is_kept(file.path()) {
             if count >= *kept_files_max {
                 return refused(&format!(
                     "{count} recordings are kept already (recorder.kept_files_max); move some of {} elsewhere",
                     dir.display()
                 ));
             }
-            let kept = shelf::kept(file.path());
+            let kept = retention::kept(file.path());
             if let Err(fault) = file.rename(&kept) {
                 return refused(&fault.to_string());
             }
@@ -171,7 +174,7 @@ impl Recorder {
         }
         self.keep_until = Some(Instant::now() + AFTER_ALARM);
         let says = format!("{} is kept", file.path().display());
-        let is_wanted = |path: &PathBuf| !shelf::is_kept(path) && ended_lately(path);
+        let is_wanted = |path: &PathBuf| !retention::is_kept(path) && ended_lately(path);
         if count < *kept_files_max {
             self.keep_earlier = earlier.filter(is_wanted);
             self.keep_what_came_before();
@@ -179,9 +182,9 @@ impl Recorder {
         RecorderAnswer { answer: Answer::Done, says }
     }
 
-    /// Keeps the recording before the present one, once it is not being repaired any more.
+    /// Keeps the recording before the present one, once its repair has ended.
     fn keep_what_came_before(&mut self) {
-        if self.mending.as_ref().is_some_and(|mending| !mending.is_finished()) {
+        if self.repairing.as_ref().is_some_and(|repairing| !repairing.is_finished()) {
             return;
         }
         if let Some(path) = self.keep_earlier.take() {
@@ -189,7 +192,8 @@ impl Recorder {
         }
     }
 
-    /// Keeps the recording that begins just after one that is kept. One alone: short files would use up the number that is allowed.
+    /// Keeps the recording that follows a kept one. Only one: short files would use up the allowed
+    /// number.
     fn keep_what_follows(&mut self) {
         let RecorderAnswer { answer, says } = self.keep("it follows one that is kept");
         self.keep_until = None;
@@ -209,7 +213,7 @@ impl Recorder {
         }
     }
 
-    /// Begins a file where there is none, or the present one is full.
+    /// Starts a file if none is open, or if the present one is full.
     fn begin_file(&mut self, exchange: &Exchange) {
         if !self.is_on || self.retry_at.is_some_and(|at| Instant::now() < at) {
             return;
@@ -225,9 +229,10 @@ impl Recorder {
                 exchange.set_recorder(RecorderState::Recording);
                 let Settings { dir, keep_files, .. } = &self.settings;
                 let cell = &self.header.cell;
-                shelf::remove_oldest(dir, cell, *keep_files, file.path());
-                if std::mem::take(&mut self.may_mend) {
-                    self.mending = mend::start(dir.clone(), cell.clone(), file.path().to_owned());
+                retention::remove_oldest(dir, cell, *keep_files, file.path());
+                if std::mem::take(&mut self.may_repair) {
+                    self.repairing =
+                        repair::start(dir.clone(), cell.clone(), file.path().to_owned());
                 }
                 (self.file, self.retry_at) = (Some(file), None);
                 if self.keep_until.take().is_some_and(|until| Instant::now() < until) {
@@ -251,10 +256,10 @@ impl Recorder {
             path: dir.clone(),
             source,
         })?;
-        BlackBox::create(&shelf::next(dir, &self.header.cell), &self.header, clocks())
+        BlackBox::create(&retention::next(dir, &self.header.cell), &self.header, clocks())
     }
 
-    /// Takes a change of the model: files to come begin with it, the one that is open notes it.
+    /// Stores a change of the model: new files begin with it, and it is written to the open one.
     fn change_model(&mut self, change: ModelChange) -> Result<(), BlackBoxError> {
         let Header { cell, config, .. } = std::mem::take(&mut self.header);
         self.header = Header { cell, config, ..change.header };
@@ -264,14 +269,15 @@ impl Recorder {
         }
     }
 
-    /// Counts a record that is lost; where nobody wants a recording none is.
+    /// Counts a lost record, unless recording is off.
     fn count_dropped(&self, exchange: &Exchange) {
         if self.is_on {
             exchange.counters.recorder_dropped.fetch_add(1, Relaxed);
         }
     }
 
-    /// Empties the rings. Without a file, what they hold is dropped, and counted where there should be one.
+    /// Empties the rings. Without a file, their content is dropped, and counted if there should be
+    /// one.
     fn drain(&mut self, exchange: &Exchange) -> Result<(), BlackBoxError> {
         while let Some(change) = exchange.model_changes.pop() {
             self.change_model(*change)?;
@@ -306,7 +312,8 @@ impl Recorder {
         Ok(())
     }
 
-    /// Writes what was said. Without a file it waits in its rings, so that the next file tells what happened meanwhile.
+    /// Writes log lines and states. Without a file they wait in their rings, so that the next file
+    /// contains what happened meanwhile.
     fn drain_words(&mut self, exchange: &Exchange) -> Result<(), BlackBoxError> {
         let Some(file) = &mut self.file else { return Ok(()) };
         while let Some(state) = exchange.states.pop() {
@@ -318,7 +325,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Makes what was drained safe from a kill, and looks whether anybody will find it.
+    /// Flushes the file to protect it from a kill, and checks that it still exists.
     fn flush(&mut self) -> Result<(), BlackBoxError> {
         self.flushed = Instant::now();
         let Some(file) = &mut self.file else { return Ok(()) };
@@ -339,13 +346,13 @@ fn refused(says: &str) -> RecorderAnswer {
 /// Whether a recording ended less than [`BEFORE_ALARM`] ago.
 fn ended_lately(path: &Path) -> bool {
     let changed = fs::metadata(path).and_then(|file| file.modified());
-    // A clock that was set back since makes it end in the future: lately, too.
+    // If the clock was set back since, its end is in the future: this also counts as recent.
     changed.is_ok_and(|at| at.elapsed().unwrap_or_default() < BEFORE_ALARM)
 }
 
-/// Keeps a recording that is not written any more.
+/// Keeps a recording that is already closed.
 fn keep_closed(path: &Path) {
-    match fs::rename(path, shelf::kept(path)) {
+    match fs::rename(path, retention::kept(path)) {
         Ok(()) => info!(file = %path.display(), "the recording before it is kept too"),
         Err(why) => {
             warn!(%why, file = %path.display(), "the recording before it could not be kept");
@@ -360,7 +367,7 @@ fn clocks() -> Clocks {
     Clocks { monotonic_ns: monotonic_ns(), wall_ns }
 }
 
-/// What the black box says of the run as a whole.
+/// Header of the recording: properties of the run as a whole.
 pub fn header(
     cell: &str,
     model: &recording::model::RobotModel,
@@ -441,7 +448,7 @@ mod tests {
     use super::*;
     use shm_schema::{Verdict, VibrationState};
 
-    /// A recorder that begins a file at each turn.
+    /// A recorder that starts a file at each iteration.
     fn of_short_files(name: &str) -> (PathBuf, Recorder) {
         let dir =
             std::env::temp_dir().join(format!("trued-recorder-{}-{name}", std::process::id()));
@@ -460,8 +467,9 @@ mod tests {
     fn an_alarm_keeps_its_recording_the_one_before_and_the_one_after_and_no_more_than_allowed() {
         let (dir, mut recorder) = of_short_files("alarm");
         let exchange = Exchange::new(corrector::Mode::Full, true);
-        let kept =
-            || shelf::recordings(&dir, "a").iter().filter(|path| shelf::is_kept(path)).count();
+        let kept = || {
+            retention::recordings(&dir, "a").iter().filter(|path| retention::is_kept(path)).count()
+        };
         recorder.turn(&exchange);
         recorder.turn(&exchange);
         assert_eq!(kept(), 0);
@@ -475,7 +483,7 @@ mod tests {
             recorder.turn(&exchange);
         }
         assert_eq!(kept(), 3, "one that follows, no more");
-        let all = shelf::recordings(&dir, "a").len();
+        let all = retention::recordings(&dir, "a").len();
         assert_eq!(all, 5, "the others are removed as ever");
         assert_eq!(recorder.keep("asked for").answer, Answer::Done);
         assert_eq!(kept(), 4, "as many as are allowed: without the one before it");
@@ -495,7 +503,7 @@ mod tests {
         assert!(!dir.exists() && exchange.verdicts.is_empty());
         assert_eq!(exchange.counters.recorder_dropped.load(Relaxed), 0);
         recorder.answer(&exchange, RecorderAction::Start);
-        assert_eq!(shelf::recordings(&dir, "a").len(), 1);
+        assert_eq!(retention::recordings(&dir, "a").len(), 1);
         recorder.answer(&exchange, RecorderAction::Stop);
         assert_eq!(exchange.recorder(monotonic_ns()), RecorderState::Stopped);
         fs::remove_dir_all(&dir).unwrap();
@@ -503,22 +511,22 @@ mod tests {
 
     #[test]
     fn the_recording_before_is_kept_once_its_repair_has_ended() {
-        let (dir, mut recorder) = of_short_files("mending");
+        let (dir, mut recorder) = of_short_files("repairing");
         let exchange = Exchange::new(corrector::Mode::Full, true);
         recorder.turn(&exchange);
         recorder.turn(&exchange);
-        let [earlier, _] = shelf::recordings(&dir, "a").try_into().unwrap();
+        let [earlier, _] = retention::recordings(&dir, "a").try_into().unwrap();
         let (end, ended) = std::sync::mpsc::channel::<()>();
-        recorder.mending = Some(std::thread::spawn(move || _ = ended.recv()));
+        recorder.repairing = Some(std::thread::spawn(move || _ = ended.recv()));
         assert_eq!(recorder.keep("asked for").answer, Answer::Done);
         recorder.keep_what_came_before();
         assert!(earlier.exists(), "it is being repaired");
         end.send(()).unwrap();
-        while recorder.mending.as_ref().is_some_and(|mending| !mending.is_finished()) {
+        while recorder.repairing.as_ref().is_some_and(|repairing| !repairing.is_finished()) {
             std::thread::yield_now();
         }
         recorder.keep_what_came_before();
-        assert!(!earlier.exists() && shelf::kept(&earlier).exists());
+        assert!(!earlier.exists() && retention::kept(&earlier).exists());
         fs::remove_dir_all(&dir).unwrap();
     }
 
@@ -528,7 +536,7 @@ mod tests {
         let exchange = Exchange::new(corrector::Mode::Full, true);
         recorder.turn(&exchange);
         recorder.turn(&exchange);
-        let [earlier, _] = shelf::recordings(&dir, "a").try_into().unwrap();
+        let [earlier, _] = retention::recordings(&dir, "a").try_into().unwrap();
         let long_ago = SystemTime::now() - BEFORE_ALARM - Duration::from_secs(1);
         fs::File::open(&earlier).unwrap().set_modified(long_ago).unwrap();
         assert_eq!(recorder.keep("asked for").answer, Answer::Done);

@@ -1,8 +1,7 @@
-//! The cycle's side of the robot: commands in, corrected targets out.
+//! The cycle's connection to the robot: commands in, corrected targets out.
 //!
-//! Promises: every message gets its number and time here; unreadable messages are counted and skipped. Time and messages
-//! come through a [`Link`]: shared memory, or a simulation that brings its own time.
-//! Never: an equation.
+//! Every message gets its number and time here; unreadable messages are counted and skipped. Time
+//! and messages come through a [`Link`]: shared memory, or a simulation with its own time.
 
 use crate::exchange::{Exchange, count};
 use crate::pacer::Pacer;
@@ -12,24 +11,26 @@ use shm_schema::{
 };
 use std::sync::atomic::Ordering::Relaxed;
 
-/// Where messages come from and go to, and the clock that goes with them.
+/// Source and destination of messages, and the clock that they use.
 pub trait Link {
-    /// `CLOCK_MONOTONIC`, or what stands for it, ns.
+    /// `CLOCK_MONOTONIC`, or its simulated equivalent, ns.
     fn now_ns(&self) -> u64;
-    /// The newest command with the time at which it was found; none if none comes until the deadline.
+    /// The newest command with the time at which it was found; `None` if none arrives until the
+    /// deadline.
     fn wait_command(&mut self, deadline_ns: u64) -> Option<(Command, u64)>;
     /// The newest measurement of the robot itself, if there is a new one.
     fn take_state(&mut self) -> Option<RobotState>;
-    /// The oldest measured point of the tool not yet taken. None of a link without an instrument.
+    /// The oldest measured point of the tool not yet taken; `None` for a link without an
+    /// instrument.
     fn take_measured(&mut self) -> Option<MeasuredPoint> {
         None
     }
     /// Sends a target.
     fn send(&mut self, target: &Corrected) -> SendOutcome;
-    /// Changes over to the ports of a new epoch.
+    /// Switches to the ports of a new epoch.
     ///
     /// # Errors
-    /// Where the transport refuses a port; the old ones then stay.
+    /// If the transport refuses a port; the old ones then stay.
     fn rejoin(&mut self, ports: &DaemonPorts) -> Result<(), PortError>;
 }
 
@@ -74,20 +75,20 @@ impl Link for Ports {
     }
 }
 
-/// The robot's side, as the cycle sees it.
+/// The robot, as seen by the cycle.
 #[derive(Debug)]
 pub struct Robot<L = Ports> {
-    /// What it is reached by.
+    /// The link to it.
     pub link: L,
     published: u64,
     last_seq: (u64, u64),
 }
 
 impl Robot {
-    /// Makes the ports, in the thread that will use them.
+    /// Creates the ports, in the thread that will use them.
     ///
     /// # Errors
-    /// Where the transport refuses a port.
+    /// If the transport refuses a port.
     pub fn join(ports: &DaemonPorts, pacer: Pacer) -> Result<Self, PortError> {
         let (commands, states, measured) =
             (ports.subscriber()?, ports.subscriber()?, ports.subscriber()?);
@@ -97,12 +98,13 @@ impl Robot {
 }
 
 impl<L: Link> Robot<L> {
-    /// Reached by that link.
+    /// With this link.
     pub fn over(link: L) -> Self {
         Self { link, published: 0, last_seq: (0, 0) }
     }
 
-    /// The newest command with the time at which it was taken; none if none comes until the deadline.
+    /// The newest command with the time at which it was taken; `None` if none arrives until the
+    /// deadline.
     pub fn newest_command(
         &mut self,
         exchange: &Exchange,

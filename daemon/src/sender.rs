@@ -6,10 +6,11 @@ use recording::blackbox::Utc;
 use std::fs;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Where names of users stand; without it they are numbers.
+/// File with the names of users; without it they are shown as numbers.
 const USERS: &str = "/etc/passwd";
 
-/// Such as `trued, process 4711, user operator`, read from `/proc` while the process waits for its answer.
+/// For example `trued, process 4711, user operator`, read from `/proc` while the process waits for
+/// its answer.
 #[must_use]
 pub fn words(pid: Option<u32>) -> String {
     let Some(pid) = pid else { return "an unknown process".to_owned() };
@@ -56,7 +57,7 @@ mod tests {
         let pid = std::process::id();
         let told = words(Some(pid));
         assert!(told.contains(&format!("process {pid}, user ")), "{told}");
-        // Above the largest number of a process.
+        // Above the largest process number.
         assert_eq!(words(Some(u32::MAX)), format!("process {}", u32::MAX));
         assert_eq!(words(None), "an unknown process");
     }

@@ -1,12 +1,12 @@
 //! Converts the cell's configuration to the settings of each thread.
 //!
-//! Promises: nothing starts on a configuration or a model that does not fit; the error says what to change.
+//! Nothing starts with a configuration or a model that does not fit; the error states the remedy.
 
 use crate::feed::CellFeed;
 use crate::instrument::Instrument;
 use crate::pacer::Wait;
-use crate::senses::{Senses, WrenchSource};
-use crate::vibration::{BlockRules, Clock, Ears};
+use crate::sensor_inputs::{SensorInputs, WrenchSource};
+use crate::vibration::{BlockRules, Clock, ForceProcessor};
 use corrector::{
     DELAYS, FEED_DELAYS, FeedLimit, FeedRules, FeedSettings, Mode, Settings, Task, Trim, TrimRules,
     TrimSettings, WrenchSettings,
@@ -21,10 +21,10 @@ use recording::series::Frame;
 use shm_schema::{FORCE_SAMPLES_MAX, JointBounds};
 use spectrum::{ConfigError, Stream, Watch, WatchConfig};
 
-/// What the corrector is set to.
+/// Settings of the corrector.
 ///
 /// # Errors
-/// A bound that cannot be.
+/// A limit out of range.
 pub fn settings(config: &CellConfig, arm: &Arm, lockstep: bool) -> Result<Settings, LimitsError> {
     let envelope = envelope(config, arm)?;
     Ok(Settings {
@@ -49,7 +49,7 @@ pub fn settings(config: &CellConfig, arm: &Arm, lockstep: bool) -> Result<Settin
     })
 }
 
-/// The bounds as clients see them.
+/// Limits of the joints, for clients.
 pub fn bounds(settings: &Settings, arm: &Arm) -> JointBounds {
     let mut bounds = JointBounds {
         min: [0.0; JOINTS_MAX],
@@ -68,12 +68,15 @@ pub fn bounds(settings: &Settings, arm: &Arm) -> JointBounds {
     bounds
 }
 
-/// What the force samples go through.
+/// Processing of the force samples.
 ///
 /// # Errors
-/// A setting that cannot be watched.
-pub fn ears(config: &CellConfig, model: &RobotModel) -> Result<Ears, ConfigError> {
-    let Some(force) = config.force else { return Ok(Ears::None) };
+/// An invalid setting of the vibration monitor.
+pub fn force_processor(
+    config: &CellConfig,
+    model: &RobotModel,
+) -> Result<ForceProcessor, ConfigError> {
+    let Some(force) = config.force else { return Ok(ForceProcessor::None) };
     let sensor = WatchConfig {
         rate_hz: force.rate_hz,
         channels: force.channels,
@@ -82,7 +85,7 @@ pub fn ears(config: &CellConfig, model: &RobotModel) -> Result<Ears, ConfigError
         ..WatchConfig::default()
     };
     let Some(vibration) = config.vibration else {
-        return Ok(Ears::Sensor(Box::new(Stream::new(&sensor))));
+        return Ok(ForceProcessor::Sensor(Box::new(Stream::new(&sensor))));
     };
     let watch = Watch::new(WatchConfig {
         band_hz: [vibration.band_hz.0, vibration.band_hz.1],
@@ -92,10 +95,11 @@ pub fn ears(config: &CellConfig, model: &RobotModel) -> Result<Ears, ConfigError
         threshold: vibration.threshold,
         ..sensor
     })?;
-    Ok(Ears::Watch(Box::new(watch)))
+    Ok(ForceProcessor::Watch(Box::new(watch)))
 }
 
-/// What a force block must keep to for its wrench to be used. In lockstep blocks carry the recording's time, which no clock of now can judge.
+/// Conditions under which the wrench of a force block is used. In lockstep blocks carry the
+/// recording's time, which cannot be compared with the present clock.
 pub fn block_rules(config: &CellConfig, lockstep: bool) -> BlockRules {
     let live = config.force.filter(|_| !lockstep);
     BlockRules {
@@ -107,8 +111,8 @@ pub fn block_rules(config: &CellConfig, lockstep: bool) -> BlockRules {
     }
 }
 
-/// The model's natural frequencies. Their directions stand in base axes, so that they mean something to the force channels
-/// only where those do too.
+/// The model's natural frequencies. Their directions are in base axes, so they apply to the force
+/// channels only if these are too.
 pub fn modes(model: &RobotModel, frame: Frame) -> impl Iterator<Item = spectrum::Mode> {
     model.file.modes.iter().map(move |mode| spectrum::Mode {
         frequency_hz: mode.frequency_hz,
@@ -117,14 +121,14 @@ pub fn modes(model: &RobotModel, frame: Frame) -> impl Iterator<Item = spectrum:
     })
 }
 
-/// Silence of the force stream from which on it is told, ns: a second, or two of the longest blocks. None where there is no
-/// stream.
+/// Time without force blocks after which silence is reported, ns: a second, or two of the longest
+/// blocks. `None` without a stream.
 pub fn silent_after_ns(config: &CellConfig) -> Option<u64> {
     let longest_s = |rate_hz: f64| 2.0 * FORCE_SAMPLES_MAX as f64 / rate_hz;
     config.force.map(|force| nanoseconds(longest_s(force.rate_hz).max(1.0)))
 }
 
-/// Where the wrench comes from.
+/// Source of the wrench.
 pub fn wrench_source(config: &CellConfig) -> WrenchSource {
     match config.wrench.source {
         cell::WrenchSource::Force => WrenchSource::Force,
@@ -133,17 +137,17 @@ pub fn wrench_source(config: &CellConfig) -> WrenchSource {
     }
 }
 
-/// What the cycle knows besides the command. In lockstep each row of the recording is the whole account of its time.
-pub fn senses(config: &CellConfig, lockstep: bool) -> Senses {
-    let senses = Senses::new(wrench_source(config));
+/// Sensor inputs of the cycle. In lockstep each row of the recording contains all of them.
+pub fn sensor_inputs(config: &CellConfig, lockstep: bool) -> SensorInputs {
+    let sensor_inputs = SensorInputs::new(wrench_source(config));
     if lockstep {
-        return senses;
+        return sensor_inputs;
     }
-    let senses = senses.with_age_limit(nanoseconds(config.temperature.stale_s));
-    senses.with_instrument(instrument(config)).with_feed(feed(config))
+    let sensor_inputs = sensor_inputs.with_age_limit(nanoseconds(config.temperature.stale_s));
+    sensor_inputs.with_instrument(instrument(config)).with_feed(feed(config))
 }
 
-/// How the feed is adapted to the force, where it is.
+/// The adaptation of the feed to the force, if configured.
 fn feed(config: &CellConfig) -> Option<Box<CellFeed>> {
     let feed = config.feed.filter(|feed| feed.mode != cell::FeedMode::Off)?;
     let bounds = OverrideLimits::new(feed.floor, feed.down_per_s, feed.up_per_s)?;
@@ -168,7 +172,7 @@ fn feed(config: &CellConfig) -> Option<Box<CellFeed>> {
     Some(Box::new(CellFeed::new(settings, config.mode != cell::Mode::Shadow)))
 }
 
-/// The fault of a deflection limit whose model has no compliance.
+/// The error for a deflection limit with a model that has no compliance.
 #[must_use]
 pub fn deflection_limit_fault(config: &CellConfig, model: &Model) -> Option<Fault> {
     let feed = config.feed.filter(|feed| feed.mode != cell::FeedMode::Off)?;
@@ -197,7 +201,7 @@ fn has_compliance(model: &Model) -> bool {
     tool(DVec3::splat(100.0)) != tool(DVec3::splat(-100.0))
 }
 
-/// What measures the tool, where the cell has it and uses it.
+/// The instrument that measures the tool, if the cell has one and uses it.
 fn instrument(config: &CellConfig) -> Option<Box<Instrument>> {
     let measured = config.measured.filter(|measured| measured.mode != cell::MeasuredMode::Off)?;
     let mut settings = TrimSettings {
@@ -227,17 +231,18 @@ pub fn wait(config: &CellConfig) -> Wait {
     }
 }
 
-/// How each joint moves.
+/// Kind of each joint.
 pub fn joint_kinds(arm: &Arm) -> Vec<JointKind> {
     arm.joints().iter().map(|joint| joint.kind).collect()
 }
 
-/// The mode that arming leads to: the configured one. None where that is shadow: a client does not go beyond what was commissioned.
+/// The mode after arming: the configured one. `None` if that is shadow mode: a client cannot exceed
+/// the commissioned mode.
 pub fn armed_mode(config: &CellConfig) -> Option<Mode> {
     Some(mode(config.mode)).filter(|mode| *mode != Mode::Shadow)
 }
 
-/// The mode that a client may go to at most.
+/// The highest mode that a client may select.
 pub fn mode_max(config: &CellConfig) -> shm_schema::Mode {
     match config.mode_max {
         cell::Mode::Shadow => shm_schema::Mode::Shadow,

@@ -1,9 +1,10 @@
 //! The status of the daemon, from the counters and the state of the vibration thread.
 //!
-//! Promises: a status can be generated at any time without waiting; every fault of the force stream is included.
+//! A status can be generated at any time without waiting; every fault of the force stream is
+//! included.
 
 use crate::ageing::Age;
-use crate::exchange::{Exchange, Hearing};
+use crate::exchange::{Exchange, SensorStatus};
 use crate::setup;
 use crate::temperatures::places;
 use crate::verdicts::faults;
@@ -22,7 +23,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 /// A daemon without a command for this long is idle, ns.
 const IDLE_AFTER_NS: u64 = 500_000_000;
 
-/// What changes rarely.
+/// Values that rarely change.
 #[derive(Debug)]
 pub struct Constants {
     started_ns: u64,
@@ -32,28 +33,28 @@ pub struct Constants {
     robot: RobotEntry,
     model_name: String,
     uncompensated: u32,
-    /// The model has effects that go by a temperature.
+    /// Whether the model has effects that depend on a temperature.
     is_thermal: bool,
     bounds: JointBounds,
-    /// Share of their angle in the mode that corrects.
+    /// Share of the position limit in the mode that corrects.
     angle_share: f64,
-    /// The mode that arming leads to.
+    /// The mode after arming.
     pub armed_mode: Option<Mode>,
-    /// The mode that may be asked for at most.
+    /// The highest mode that may be requested.
     pub mode_max: shm_schema::Mode,
-    /// Since when and by whom the cell is bypassed, where it was asked for.
+    /// Since when and by whom the cell is bypassed, if requested.
     pub bypassed_by: Option<String>,
-    /// Since when and by whom it is in its mode, where it was asked for.
+    /// Since when and by whom the mode was set, if requested.
     pub mode_by: Option<String>,
-    /// Silence of the force stream that is told, ns; none where the cell has no stream.
+    /// Time without force blocks after which silence is reported, ns; `None` without a stream.
     silent_after_ns: Option<u64>,
     watches: bool,
-    hearing: Option<Hearing>,
+    sensor_status: Option<SensorStatus>,
     seq: u64,
 }
 
 impl Constants {
-    /// Of this cell, model and bounds.
+    /// For this cell, model and limits.
     pub fn new(config: &CellConfig, model: &RobotModel, bounds: JointBounds, now_ns: u64) -> Self {
         let mut constants = Self {
             started_ns: now_ns,
@@ -72,14 +73,14 @@ impl Constants {
             mode_by: None,
             silent_after_ns: setup::silent_after_ns(config),
             watches: config.vibration.is_some() && config.force.is_some(),
-            hearing: None,
+            sensor_status: None,
             seq: 0,
         };
         constants.take(model);
         constants
     }
 
-    /// Another model is in use.
+    /// A new model is active.
     pub fn take(&mut self, model: &RobotModel) {
         self.joints = model.physics.arm.count() as u32;
         self.model_hash = model.hash;
@@ -94,7 +95,8 @@ impl Constants {
         }
     }
 
-    /// What bounds the corrections that are sent: in limited mode a share of the envelope, in shadow mode that of the mode before.
+    /// Limits of the corrections that are sent: in limited mode a share of the envelope, in shadow
+    /// mode that of the previous mode.
     fn bounds(&mut self, mode: Mode) -> JointBounds {
         self.angle_share = mode.angle_share().unwrap_or(self.angle_share);
         let mut bounds = self.bounds;
@@ -102,7 +104,7 @@ impl Constants {
         bounds
     }
 
-    /// The status now, while the process is in that state and the model of that age.
+    /// The present status, with this state of the process and this age of the model.
     pub fn status(
         &mut self,
         exchange: &Exchange,
@@ -111,8 +113,8 @@ impl Constants {
         now_ns: u64,
     ) -> Status {
         self.seq += 1;
-        while let Some(hearing) = exchange.hearing.pop() {
-            self.hearing = Some(hearing);
+        while let Some(sensor_status) = exchange.sensor_status.pop() {
+            self.sensor_status = Some(sensor_status);
         }
         let counters = &exchange.counters;
         let read = |counter: &AtomicU64| counter.load(Relaxed);
@@ -160,7 +162,7 @@ impl Constants {
             robot_serial: name(self.robot.serial.as_deref()),
             ..Status::default()
         };
-        self.hear(exchange, process, &mut status);
+        self.add_sensor_status(exchange, process, &mut status);
         age.put(&mut status);
         counters.trim.put(&mut status);
         counters.feed.put(&mut status);
@@ -171,8 +173,8 @@ impl Constants {
         status
     }
 
-    /// What is known of force stream, watch and process.
-    fn hear(&self, exchange: &Exchange, process: &ProcessState, status: &mut Status) {
+    /// Adds the state of force stream, monitor and process.
+    fn add_sensor_status(&self, exchange: &Exchange, process: &ProcessState, status: &mut Status) {
         let known = |x: f64| if x > 0.0 { x } else { f64::NAN };
         status.spindle_rpm = known(process.spindle_rpm);
         status.feed_mm_s = known(process.feed_mm_s);
@@ -182,9 +184,9 @@ impl Constants {
             Some(true) => InCut::Cut,
         }
         .code();
-        let Hearing { health, clock_faults, line } = self.hearing.unwrap_or_default();
+        let SensorStatus { health, clock_faults, line } = self.sensor_status.unwrap_or_default();
         let silent = self.is_silent(exchange, status.t_ns);
-        let watch = match (self.watches, self.hearing) {
+        let watch = match (self.watches, self.sensor_status) {
             (false, _) => WatchState::Off,
             (true, Some(_)) if !health.learning => WatchState::Watching,
             (true, _) => WatchState::Learning,
@@ -193,7 +195,7 @@ impl Constants {
         status.stream_faults = faults(health.stream) | clock_faults;
         status.channel_faults = health.channel.map(faults);
         if silent {
-            // What was heard last says nothing of now.
+            // The last line found is out of date.
             status.stream_faults |= SensorFault::Silent.bit();
         } else if let Some(line) = line {
             status.verdict = line;
@@ -225,7 +227,7 @@ impl Constants {
         }
     }
 
-    /// Why the last target was not simply corrected, where that is worth a word.
+    /// Why the last target was not simply corrected, if it should be reported.
     fn last_reason(&self, exchange: &Exchange) -> Option<Reason> {
         let said = exchange.counters.last_said.load(Relaxed) as u32;
         let reason = Reason::try_from(said).ok()?;
@@ -233,7 +235,7 @@ impl Constants {
         (!quiet.contains(&reason)).then_some(reason)
     }
 
-    /// What a person should know, the most urgent first.
+    /// Summary for users, most urgent first.
     fn words(
         &self,
         exchange: &Exchange,
@@ -243,7 +245,7 @@ impl Constants {
     ) -> String {
         let mut words = format!("{}: {health}", self.model_name);
         let mut add = |part: std::fmt::Arguments<'_>| {
-            // Writing to a text does not fail.
+            // Writing to a string cannot fail.
             let _ = write!(words, "; {part}");
         };
         if status.bypassed != 0 {
@@ -289,12 +291,12 @@ impl Constants {
     }
 }
 
-/// A name of the robot as it travels; empty where the model does not state it.
+/// A name of the robot for a message; empty if the model does not state it.
 fn name(name: Option<&str>) -> Text<ROBOT_BYTES_MAX> {
     Text::new(name.unwrap_or_default())
 }
 
-/// Why measurements of the tool are not used as the cell asks, in words.
+/// Why measurements of the tool are not used as configured.
 pub fn trim_fault(status: &Status) -> Option<&'static str> {
     let missing = [TrimState::Waiting, TrimState::Holding, TrimState::Ramping];
     status.trim_state().ok().filter(|state| missing.contains(state))?;
@@ -318,7 +320,7 @@ pub fn trim_fault(status: &Status) -> Option<&'static str> {
     })
 }
 
-/// Why the limit of the feed is not kept, in words.
+/// Why the limit of the feed is not kept.
 pub fn feed_fault(status: &Status) -> Option<&'static str> {
     Some(match status.feed_reason().ok()? {
         FeedReason::None | FeedReason::AtRest => return None,
@@ -343,7 +345,7 @@ pub fn feed_fault(status: &Status) -> Option<&'static str> {
     })
 }
 
-/// What is wrong with the black box.
+/// Fault of the recording.
 fn recorder_fault(status: &Status) -> Option<&'static str> {
     match RecorderState::try_from(status.recorder) {
         Ok(RecorderState::Off | RecorderState::Recording | RecorderState::Stopped) => None,
@@ -356,13 +358,13 @@ fn recorder_fault(status: &Status) -> Option<&'static str> {
     }
 }
 
-/// Whether commands have come lately.
+/// Whether commands arrived recently.
 pub fn commands_come(exchange: &Exchange, now_ns: u64) -> bool {
     let last_ns = exchange.counters.last_command_ns.load(Relaxed);
     last_ns != 0 && now_ns.saturating_sub(last_ns) <= IDLE_AFTER_NS
 }
 
-/// A mode as it travels, for the corrector.
+/// Conversion of a mode for the corrector.
 pub fn mode_of(mode: shm_schema::Mode) -> Mode {
     match mode {
         shm_schema::Mode::Shadow => Mode::Shadow,

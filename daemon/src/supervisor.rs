@@ -1,14 +1,15 @@
 //! Supervision: status, requests, reload of the model, dead clients.
 //!
-//! Thread of [`crate::run`], 50 times a second. Promises: a model that cannot be loaded has no effect, and its errors are reported;
-//! a valid one is activated between two cycles. Never: anything that the cycle waits for.
+//! Thread of [`crate::run`], 50 times a second. A model that cannot be loaded has no effect, and
+//! its errors are reported; a valid one is activated between two cycles. The cycle never waits for
+//! this thread.
 
 use crate::ageing::Age;
 use crate::change_log::{ChangeLog, RequestLog};
 use crate::exchange::{Exchange, LoadedModel, RecorderAnswer};
 use crate::notebook::States;
 use crate::process::Process;
-use crate::{admission, at_rest, recorder, sender, status, tell_model};
+use crate::{admission, at_rest, log_model, recorder, sender, status};
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
 use recording::blackbox::{LogRecord, ModelChange};
@@ -23,21 +24,22 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 use tracing::{info, warn};
 
-/// How often the supervisor looks.
+/// Period of the supervisor.
 pub const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// Looks between two messages on `/status`.
+/// Periods between two messages on `/status`.
 const STATUS_EVERY: u32 = 2;
-/// How long a recording may take to be closed: what its disk still holds back is written then.
+/// Time limit for closing a recording, in which its disk writes outstanding data.
 const CLOSING_MAX: Duration = Duration::from_secs(3);
-/// How long a model may take to be adopted, or threads to change over to a new epoch.
+/// Time limit for adopting a model, or for threads to switch to a new epoch.
 const PATIENCE: Duration = Duration::from_millis(500);
-/// Whoever knocks, or tears the cell's files, again and again does not move its clients more often than this.
+/// Least time between two epochs, so that repeated rejoin requests or damage to the cell's files do
+/// not move all clients continually.
 const RENEW_AGAIN_AFTER: Duration = Duration::from_millis(250);
 
 /// Level of markers in the recording's log.
 const MARK: &str = "mark";
 
-/// The supervisor's belongings.
+/// State of the supervisor.
 #[derive(Debug)]
 pub struct Supervisor {
     /// The cell's shared memory.
@@ -50,22 +52,23 @@ pub struct Supervisor {
     constants: status::Constants,
     process: Process,
     age: Age,
-    /// How well the model was proven, m; none: what the trim finds is not held against it.
+    /// Standard uncertainty of the model by its validation, m; `None`: the trim's estimate is not
+    /// compared with it.
     model_sigma_m: Option<f64>,
     change_log: ChangeLog,
     states: States,
     requests: RequestLog,
     looks: u32,
-    /// What the last status said in words.
+    /// Summary of the last status.
     said: Text<512>,
     renewed: Option<Instant>,
 }
 
 impl Supervisor {
-    /// Makes the ports, in the thread that will use them.
+    /// Creates the ports, in the thread that will use them.
     ///
     /// # Errors
-    /// Where the transport refuses a port.
+    /// If the transport refuses a port.
     pub fn join(
         domain: DaemonSide,
         config: &CellConfig,
@@ -93,10 +96,10 @@ impl Supervisor {
         })
     }
 
-    /// One look at everything.
+    /// One period.
     ///
     /// # Errors
-    /// [`DomainError::AlreadyServed`] where the cell was taken away from this daemon and another one serves it.
+    /// [`DomainError::AlreadyServed`] if another daemon has taken over this cell.
     pub fn look(&mut self, exchange: &Exchange) -> Result<(), DomainError> {
         free_retired(exchange);
         self.serve(exchange);
@@ -124,7 +127,7 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Publishes the status as it is now, and logs what is new in it.
+    /// Publishes the present status and logs changes.
     pub fn tell(&mut self, exchange: &Exchange) {
         let process = self.process.state();
         let message = self.constants.status(exchange, &process, &self.age, monotonic_ns());
@@ -139,7 +142,7 @@ impl Supervisor {
         self.change_log.log(exchange, &message);
     }
 
-    /// How the daemon is, in words, as the last status said.
+    /// Summary of the last status.
     #[must_use]
     pub fn words(&self) -> &str {
         self.said.as_str()
@@ -156,7 +159,8 @@ impl Supervisor {
         }) {}
     }
 
-    /// Clients cannot get into this epoch: threads change over to a new one, then it is announced.
+    /// Makes a new epoch when clients cannot join the present one: the threads switch to it, then
+    /// it is announced.
     fn renew(&mut self, exchange: &Exchange) -> Result<(), DomainError> {
         match self.domain.renew() {
             Err(fault @ DomainError::AlreadyServed { .. }) => return Err(fault),
@@ -168,7 +172,7 @@ impl Supervisor {
         }
         let ports = self.domain.ports();
         for ring in &exchange.new_ports {
-            // Ports of an epoch that a thread has not taken over yet are out of date.
+            // Ports of an epoch that a thread has not switched to yet are out of date.
             ring.force_push(ports.clone());
         }
         let since = Instant::now();
@@ -188,7 +192,7 @@ impl Supervisor {
     }
 }
 
-/// Where requests are answered.
+/// Answers requests.
 struct Desk<'a> {
     model_path: &'a mut PathBuf,
     model: &'a mut RobotModel,
@@ -196,7 +200,7 @@ struct Desk<'a> {
     constants: &'a mut status::Constants,
     process: &'a mut Process,
     age: &'a mut Age,
-    /// The process that asks.
+    /// The requesting process.
     pid: Option<u32>,
 }
 
@@ -242,7 +246,7 @@ impl Desk<'_> {
         (Answer::Done, words.to_owned())
     }
 
-    /// Goes to a mode; the corrector and the client's limiter ramp what changes.
+    /// Sets a mode; the corrector and the client's limiter ramp the change.
     fn go_to(&mut self, exchange: &Exchange, code: u32) -> (Answer, String) {
         let Ok(mode) = shm_schema::Mode::try_from(code) else {
             return (Answer::Malformed, format!("mode {code} is unknown here"));
@@ -275,7 +279,7 @@ impl Desk<'_> {
     }
 
     fn arm(&mut self, exchange: &Exchange, on: bool) -> (Answer, String) {
-        // Whatever the configuration says of corrections: the registration of an instrument was looked after.
+        // Independent of the configured mode: the registration of the instrument was checked.
         exchange.believe_instrument.store(on, Relaxed);
         let (mode, words) = match (on, self.constants.armed_mode) {
             (false, _) => (Mode::Shadow, "shadow: commands go out as they come"),
@@ -309,7 +313,7 @@ impl Desk<'_> {
             return (Answer::Failed, "the cycle did not take the model over in time".to_owned());
         }
         let words = format!("{} loaded from {}", next.file.name, path.display());
-        tell_model(&next);
+        log_model(&next);
         let header = recorder::header("", &next, *self.model_epoch, String::new());
         exchange.record_model(ModelChange { t_ns: monotonic_ns(), header });
         self.constants.take(&next);
@@ -319,11 +323,12 @@ impl Desk<'_> {
         (Answer::Done, brief(&words))
     }
 
-    /// Swaps the model in between two cycles and waits until the cycle has it.
+    /// Activates the model between two cycles and waits until the cycle has it.
     fn hand_over(&mut self, exchange: &Exchange, next: &RobotModel) -> bool {
         let epoch = *self.model_epoch + 1;
         let loaded = Box::new(LoadedModel { physics: next.physics, epoch });
-        // Several requests may come in one look: the cycle must always find room for the model that it gives back.
+        // Several requests may arrive in one period: the cycle must always find room for the model
+        // that it returns.
         free_retired(exchange);
         if exchange.next_model.push(loaded).is_err() {
             return false;
@@ -340,7 +345,7 @@ impl Desk<'_> {
     }
 }
 
-/// Hands a request on to the recorder, and what it answers back.
+/// Passes a request to the recorder, and returns its answer.
 fn record(exchange: &Exchange, code: u32) -> (Answer, String) {
     let Ok(action) = RecorderAction::try_from(code) else {
         return (Answer::Malformed, format!("what to do with a recording: {code} is unknown here"));
@@ -349,7 +354,7 @@ fn record(exchange: &Exchange, code: u32) -> (Answer, String) {
         let words = "this cell has no recorder: give its configuration a table [recorder]";
         return (Answer::Refused, words.to_owned());
     }
-    // What a recorder that was slow has answered since.
+    // Late answers of a slow recorder.
     while exchange.recorder_answered.pop().is_some() {}
     exchange.recorder_asked.force_push(action);
     let since = Instant::now();
@@ -359,7 +364,7 @@ fn record(exchange: &Exchange, code: u32) -> (Answer, String) {
         }
         std::thread::sleep(Duration::from_millis(1));
     }
-    // Not to be done later, when nobody expects it any more.
+    // A request that nobody waits for any more is withdrawn.
     let words = match exchange.recorder_asked.pop() {
         Some(_) => "the recorder does not answer: does its disk? Nothing was done",
         None => "the recorder is at it, and slow; `trued status` says how it is",
@@ -367,12 +372,12 @@ fn record(exchange: &Exchange, code: u32) -> (Answer, String) {
     (Answer::Failed, words.to_owned())
 }
 
-/// Frees models that the cycle gave back, here, where freeing may take time.
+/// Frees models returned by the cycle, in this thread, where freeing may take time.
 fn free_retired(exchange: &Exchange) {
     while exchange.retired_models.pop().is_some() {}
 }
 
-/// What fits into an answer: the first lines of a longer account.
+/// Shortens a message to the length of an answer: its first lines.
 fn brief(words: &str) -> String {
     words.chars().take(admission::WORDS_MAX).collect()
 }

@@ -1,7 +1,8 @@
 //! Present temperatures: the newest value of each, until it is stale.
 //!
-//! In the cycle. Promises: a value is used until a newer one arrives or it reaches its age limit; then it counts as unknown and its bit in
-//! [`Temperatures::stale`] is set; no allocation. Never: a plausibility check.
+//! In the cycle, without allocation. A value is used until a newer one arrives or it reaches its
+//! age limit; then it counts as unknown and its bit in [`Temperatures::stale`] is set. Plausibility
+//! is not checked.
 
 use shm_schema::JOINTS_MAX;
 
@@ -13,15 +14,16 @@ const PLACES: usize = JOINTS_MAX + 1;
 pub struct Temperatures {
     celsius: [f64; PLACES],
     good_until_ns: [u64; PLACES],
-    /// The first of them to run out.
+    /// When the first of them expires.
     expires_ns: u64,
     stale: u32,
-    /// None: a recording, in which each row is the whole account.
+    /// `None`: a recording, in which each row contains all known values.
     limit_ns: Option<u64>,
 }
 
 impl Temperatures {
-    /// Nothing is known yet. Without a limit each message is the whole account of its time, as in a recording.
+    /// Without values yet. Without a limit each message contains all known values, as in a
+    /// recording.
     #[must_use]
     pub fn new(limit_ns: Option<u64>) -> Self {
         Self {
@@ -33,7 +35,8 @@ impl Temperatures {
         }
     }
 
-    /// Takes a message. A number that it does not hold (NaN) stays what it was, until it is too old.
+    /// Takes a message. A value that it does not contain (NaN) keeps the previous one until that
+    /// expires.
     pub fn take(&mut self, celsius: &[f64; PLACES], now_ns: u64) {
         let Some(limit_ns) = self.limit_ns else {
             self.celsius = *celsius;
@@ -47,7 +50,7 @@ impl Temperatures {
         self.find_expiry();
     }
 
-    /// What is known now, °C; NaN where nothing is.
+    /// Temperatures known now, °C; NaN where unknown.
     pub fn known(&mut self, now_ns: u64) -> &[f64; PLACES] {
         if now_ns > self.expires_ns {
             for place in 0..PLACES {
@@ -62,13 +65,13 @@ impl Temperatures {
         &self.celsius
     }
 
-    /// What was known when it was last asked for.
+    /// Temperatures at the last call of [`Self::known`].
     #[must_use]
     pub fn newest(&self) -> [f64; PLACES] {
         self.celsius
     }
 
-    /// Those that were known and are too old: bit 0 the ambient one, bit `n` that of joint `n`.
+    /// Those that have expired: bit 0 the ambient one, bit `n` that of joint `n`.
     #[must_use]
     pub fn stale(&self) -> u32 {
         self.stale
@@ -79,7 +82,7 @@ impl Temperatures {
     }
 }
 
-/// The places of a set in words: "ambient, joint 2".
+/// The places of a set as text: "ambient, joint 2".
 #[must_use]
 pub fn places(set: u32) -> String {
     let name = |place| if place == 0 { "ambient".to_owned() } else { format!("joint {place}") };

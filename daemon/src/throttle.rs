@@ -1,10 +1,11 @@
 //! Rate limit of repeated log messages.
 //!
-//! Promises: immediately the first time; at increasing intervals while it continues; immediately again after a pause. Time is an argument.
+//! A message is logged immediately the first time, at increasing intervals while it continues, and
+//! immediately again after a pause. Time is an argument.
 
-/// From one line on a count to the next at least, ns.
+/// Least interval between two messages on a count, ns.
 const FIRST_NS: u64 = 10_000_000_000;
-/// And at most, ns: each line that follows without a pause takes twice as long as the one before.
+/// Largest interval, ns: without a pause each interval is twice the previous one.
 const LONGEST_NS: u64 = 600_000_000_000;
 
 /// A count that is logged.
@@ -22,14 +23,14 @@ impl Default for Tally {
 }
 
 impl Tally {
-    /// How much a count has grown since its last line, where it is time for another one.
+    /// Growth of a count since its last message, if another one is due.
     pub fn due(&mut self, total: u64, now_ns: u64) -> Option<u64> {
         let grown = total.saturating_sub(self.logged);
         let since_ns = self.last_ns.map(|last_ns| now_ns.saturating_sub(last_ns));
         if grown == 0 || since_ns.is_some_and(|since_ns| since_ns < self.every_ns) {
             return None;
         }
-        // As long again without a word: it had stopped.
+        // No growth for as long again: it had stopped.
         let goes_on = since_ns.is_some_and(|since_ns| since_ns < 2 * self.every_ns);
         self.every_ns = if goes_on { (2 * self.every_ns).min(LONGEST_NS) } else { FIRST_NS };
         (self.logged, self.last_ns) = (total, Some(now_ns));
@@ -37,7 +38,7 @@ impl Tally {
     }
 }
 
-/// Lines that may be written: some at once, then one each so often.
+/// Rate limit of messages: a burst, then one per interval.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
     most: u32,
@@ -47,13 +48,13 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// So many lines at once, and one more each `every_ns`.
+    /// `most` messages at once, and one more per `every_ns`.
     #[must_use]
     pub fn new(most: u32, every_ns: u64) -> Self {
         Self { most, every_ns, left: most, refilled_ns: 0 }
     }
 
-    /// Takes a line, where there is one.
+    /// Takes one message from the budget, if available.
     pub fn take(&mut self, now_ns: u64) -> bool {
         let more = now_ns.saturating_sub(self.refilled_ns) / self.every_ns.max(1);
         if more > 0 {

@@ -1,7 +1,7 @@
 //! Conversion between messages and corrector types: the only file of the daemon that uses both.
 //!
-//! Promises: foreign numbers are copied unchecked, for the corrector to validate; codes have the same names on both sides (tested).
-//! Never: a decision.
+//! Numbers of other processes are copied unchecked, for the corrector to validate; codes have the
+//! same names on both sides (tested).
 
 use corrector::{FeedReport, Gate, Outcome, TrimReport};
 use physics::JOINTS_MAX;
@@ -10,7 +10,7 @@ use shm_schema::{
     WrenchGate,
 };
 
-/// A command as the corrector takes it; `now_ns` is the cycle's time.
+/// A command as a type of the corrector; `now_ns` is the cycle's time.
 pub fn command(from: &Command, now_ns: u64, lockstep: bool) -> corrector::Command {
     let direction = from.has(Command::HAS_DIRECTION).then(|| {
         let mut signs = [0.0; JOINTS_MAX];
@@ -31,7 +31,7 @@ pub fn command(from: &Command, now_ns: u64, lockstep: bool) -> corrector::Comman
     }
 }
 
-/// What the corrector made of it, as it travels.
+/// An outcome of the corrector as a message.
 pub fn corrected(outcome: &Outcome, joints: usize) -> Corrected {
     Corrected {
         joints: joints as u32,
@@ -84,7 +84,7 @@ fn reason(reason: corrector::Reason) -> Reason {
     }
 }
 
-/// What the trim does and why, as it travels.
+/// State and reason of the trim as message codes.
 pub fn trim(report: &TrimReport) -> (TrimState, TrimReason) {
     let state = match report.state {
         corrector::TrimState::Off => TrimState::Off,
@@ -108,7 +108,7 @@ pub fn trim(report: &TrimReport) -> (TrimState, TrimReason) {
     (state, reason)
 }
 
-/// What the feed override does and why, as it travels.
+/// State and reason of the feed override as message codes.
 pub fn feed(report: &FeedReport) -> (FeedState, FeedReason) {
     let state = match report.state {
         corrector::FeedState::Off => FeedState::Off,

@@ -1,7 +1,8 @@
 //! Feed of the tool along the commanded path, and rotation of each joint per millimetre.
 //!
-//! Promises: uses the controller's geometry and the times of the commands over the last 0.2 s; returns nothing
-//! if these are unknown. Valid for steady cuts; corners are averaged. Never: anything in the cycle's thread.
+//! Uses the controller's geometry and the times of the commands over the last 0.2 s; returns
+//! nothing if these are unknown. Valid for steady cuts; corners are averaged. Not for the cycle's
+//! thread.
 
 use physics::gears::shafts;
 use physics::{Arm, Chain, JOINTS_MAX, JointKind, Joints};
@@ -12,19 +13,19 @@ use std::f64::consts::TAU;
 
 /// Commanded points closer than this are skipped, ns.
 const STEP_NS: u64 = 5_000_000;
-/// The stretch that is looked at, ns.
+/// Length of the evaluated part of the path, ns.
 const STRETCH_NS: u64 = 200_000_000;
-/// A shorter stretch tells nothing, ns.
+/// A shorter part is not evaluated, ns.
 const LEAST_NS: u64 = 100_000_000;
 /// Points further apart belong to different paths, ns.
 const BREAK_NS: u64 = 500_000_000;
-/// A slower tool stands, mm/s.
+/// A slower tool counts as at rest, mm/s.
 const STANDS_MM_S: f64 = 0.05;
 
-/// A commanded point, as the cycle took it.
+/// A commanded point, as taken by the cycle.
 #[derive(Clone, Copy, Debug)]
 pub struct PathPoint {
-    /// Run of the sender.
+    /// Session of the sender.
     pub session: u64,
     /// When the target holds, ns.
     pub t_ns: u64,
@@ -39,23 +40,23 @@ struct Mark {
     path_mm: f64,
 }
 
-/// The last stretch of the commanded path.
+/// The last part of the commanded path.
 #[derive(Debug, Default)]
 pub struct Travel {
     marks: VecDeque<Mark>,
 }
 
-/// What the tool does now.
+/// Motion of the tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
-    /// Speed of the TCP along its path, mm/s; 0 where it stands.
+    /// Speed of the TCP along its path, mm/s; 0 at rest.
     pub feed_mm_s: f64,
-    /// Revolutions of each revolute joint per mm of path, without sign; 0 where the tool stands.
+    /// Revolutions of each revolute joint per mm of path, without sign; 0 at rest.
     pub turns_per_mm: [f64; JOINTS_MAX],
 }
 
 impl Travel {
-    /// Takes a commanded point of this arm.
+    /// Adds a commanded point of this arm.
     pub fn take(&mut self, arm: &Arm, point: &PathPoint) {
         let before = self.marks.back().copied();
         if let Some(Mark { point: before, .. }) = before {
@@ -75,12 +76,12 @@ impl Travel {
         }
     }
 
-    /// No commands come, or another arm takes them.
+    /// Clears the path: no commands arrive, or the arm has changed.
     pub fn stop(&mut self) {
         self.marks.clear();
     }
 
-    /// What the tool does now; none where the path is not known for long enough.
+    /// The present motion of the tool; `None` if the path has not been known for long enough.
     pub fn motion(&self, arm: &Arm) -> Option<Motion> {
         let (from, to) = (self.marks.front()?, self.marks.back()?);
         let lasted_ns = to.point.t_ns - from.point.t_ns;
@@ -102,9 +103,9 @@ impl Travel {
     }
 }
 
-/// What the gear trains of a robot's joints do along the path: joint by joint the turns of every shaft that drives a stage,
-/// motor side first, then the teeth that meet at each stage. `turns_per_mm` are the joints' own; a joint that stands or
-/// slides is left out.
+/// Rotation of the gear trains along the path: for each joint the turns of every shaft that drives
+/// a stage, motor side first, then the tooth meshing of each stage. `turns_per_mm` are those of the
+/// joints; joints at rest and prismatic joints are left out.
 pub fn wheels(model: &ModelFile, turns_per_mm: &[f64]) -> Vec<Wheel> {
     let joints = (1..=u8::MAX).zip(&model.joints).zip(turns_per_mm);
     let turning =
@@ -135,7 +136,7 @@ mod tests {
         preset("irb1600-6-145-thesis").unwrap().model().unwrap()
     }
 
-    /// Joint 1 turns at this speed, rad/s, commanded each millisecond with times that jitter.
+    /// Joint 1 rotates at this speed, rad/s, commanded each millisecond with times that jitter.
     fn turning(travel: &mut Travel, arm: &Arm, from_s: f64, to_s: f64, speed: f64) {
         let mut q = [0.0; JOINTS_MAX];
         q[1] = 0.4;
@@ -181,7 +182,7 @@ mod tests {
     #[test]
     fn the_motor_of_a_joint_that_turns_has_its_ratio_and_the_others_stand() {
         let model = model();
-        // Thesis, table A III-1: the whole ratios of the joints.
+        // Thesis, table A III-1: the total gear ratios of the joints.
         for (i, ratio) in [129.99, 129.99, 104.42, 60.0, 63.74, 44.0].into_iter().enumerate() {
             let mut turns_per_mm = [0.0; JOINTS_MAX];
             turns_per_mm[i] = 1e-3;

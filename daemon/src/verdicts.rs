@@ -1,11 +1,12 @@
 //! Conversion of the vibration monitor's verdicts and faults to messages.
 //!
-//! Promises: complete, and codes have the same names on both sides (tested). No allocation. Never: a decision.
+//! Complete; codes have the same names on both sides (tested). No allocation.
 
 use shm_schema::{Advice, SensorFault, Verdict, VibrationClass, VibrationState, monotonic_ns};
 use spectrum::{Fault, Faults, Health, NearestLine};
 
-/// A verdict as it travels: the `seq`-th of this daemon, made while sensor and stream were in that health.
+/// A verdict as a message: the `seq`-th of this daemon, with the present state of sensor and
+/// stream.
 #[must_use]
 pub fn verdict(verdict: &spectrum::Verdict, health: &Health, seq: u64) -> Verdict {
     let at = |line: Option<NearestLine>| {
@@ -46,7 +47,7 @@ pub fn verdict(verdict: &spectrum::Verdict, health: &Health, seq: u64) -> Verdic
     }
 }
 
-/// Faults as a set that travels.
+/// Faults as a bit set of a message.
 #[must_use]
 pub fn faults(faults: Faults) -> u32 {
     faults.iter().fold(0, |set, named| set | fault(named).bit())
@@ -86,7 +87,7 @@ fn class(class: spectrum::Class) -> VibrationClass {
     }
 }
 
-/// An advice with what belongs to it.
+/// An advice with its values.
 struct Advised {
     code: Advice,
     rpm: f64,
@@ -130,7 +131,7 @@ mod tests {
         for said in spectrum::Class::ALL {
             assert_eq!(said.name(), class(said).name());
         }
-        // The schema's word is the plural, from a time before the watch had one.
+        // The schema uses the plural, for compatibility.
         let spoken = |fault: Fault| if fault == Fault::Gap { "gaps" } else { fault.name() };
         for said in Fault::ALL {
             assert_eq!(spoken(said), fault(said).name());

@@ -1,12 +1,12 @@
 //! The force processor: analyses force samples, publishes verdicts, passes the newest wrench to the cycle and the sensor status to the supervisor.
 //!
-//! Thread `vibration`, at the rate of the blocks. Promises: after [`Listener::join`] nothing is allocated except the transport's one
-//! block per verdict; an unreadable block is counted and reported. Never: a wait longer than
-//! `LOOK_EVERY_NS` while blocks arrive.
+//! Thread `vibration`, at the rate of the blocks. After [`VibrationThread::join`] nothing is allocated
+//! except the transport's one block per verdict; an unreadable block is counted and reported. While
+//! blocks arrive, it waits at most `LOOK_EVERY_NS`.
 
-use crate::exchange::{Exchange, Hearing, count};
+use crate::exchange::{Exchange, SensorStatus, count};
 use crate::pacer::sleep_until;
-use crate::senses::Measured;
+use crate::sensor_inputs::Measured;
 use crate::verdicts;
 use shm_schema::{
     DaemonPorts, FORCE_CHANNELS_MAX, FORCE_SAMPLES_MAX, ForceBlock, Payload, PortError, Publisher,
@@ -15,29 +15,30 @@ use shm_schema::{
 use spectrum::{Block, Health, State, Stream, Verdicts, Watch};
 use std::sync::atomic::Ordering::Relaxed;
 
-/// How often the thread looks for blocks, ns.
+/// Polling interval of the thread, ns.
 const LOOK_EVERY_NS: u64 = 500_000;
-/// How often where no block has come for [`SILENT_AFTER_NS`], ns.
+/// Polling interval if no block has arrived for [`SILENT_AFTER_NS`], ns.
 const SILENT_LOOK_EVERY_NS: u64 = 5_000_000;
-/// A sensor that has said nothing for so long is not expected from one look to the next, ns.
+/// A sensor without blocks for this long counts as silent, ns.
 const SILENT_AFTER_NS: u64 = 1_000_000_000;
-/// Blocks taken in one look at most: a sender without pause must not keep the thread from its orders.
+/// Limit on blocks taken in one poll: a sender without pause must not keep the thread from its
+/// orders.
 const BLOCKS_PER_LOOK: usize = 64;
-/// How often it gives an account of itself, ns.
-const ACCOUNT_EVERY_NS: u64 = 20_000_000;
+/// Interval of the sensor status, ns.
+const STATUS_EVERY_NS: u64 = 20_000_000;
 
-/// What the force samples go through.
-pub enum Ears {
-    /// The cell has no force stream: a wrench is passed on as it comes.
+/// Processing of the force samples.
+pub enum ForceProcessor {
+    /// No force stream: a wrench is passed on unchanged.
     None,
-    /// Sensor and stream are looked after.
+    /// Sensor and stream are monitored.
     Sensor(Box<Stream>),
-    /// And vibrations are watched for.
+    /// Vibrations are monitored too.
     Watch(Box<Watch>),
 }
 
-impl Ears {
-    /// Takes a block; says whether it was good, and what is new.
+impl ForceProcessor {
+    /// Takes a block; returns whether it was valid, and new verdicts.
     fn take(&mut self, block: &Block<'_>) -> (bool, Verdicts) {
         match self {
             Self::None => (block.channels > 0 && block.rate_hz > 0.0, Verdicts::default()),
@@ -59,12 +60,14 @@ impl Ears {
     }
 }
 
-/// How long a fault of a block's clock is reported after the last such block, ns: as the faults of the stream itself.
+/// How long a fault of a block's clock is reported after the last such block, ns: as long as faults
+/// of the stream itself.
 const CLOCK_FAULT_HELD_NS: u64 = 1_000_000_000;
-/// Faults of a channel that make its samples no measurement of a load. A dead channel says zero, which corrects nothing.
+/// Faults of a channel with which its samples do not measure a load. A dead channel reads zero,
+/// which corrects nothing.
 const NO_MEASUREMENT: [spectrum::Fault; 2] = [spectrum::Fault::Stuck, spectrum::Fault::Saturated];
 
-/// How far the stamps of blocks may lie from this machine's `CLOCK_MONOTONIC`.
+/// Largest difference between the stamps of blocks and this machine's `CLOCK_MONOTONIC`.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
     /// Ahead of it, ns.
@@ -74,7 +77,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// What is wrong with the stamps of a block that came at `now_ns`.
+    /// The fault of the stamps of a block that arrived at `now_ns`.
     fn fault(&self, t_ns: u64, length_ns: u64, now_ns: u64) -> Option<SensorFault> {
         if t_ns > now_ns.saturating_add(self.ahead_ns) {
             Some(SensorFault::InFuture)
@@ -86,43 +89,43 @@ impl Clock {
     }
 }
 
-/// What a block must keep to for its wrench to be used.
+/// Conditions under which the wrench of a block is used.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BlockRules {
-    /// None: blocks carry a recording's time.
+    /// `None`: blocks carry a recording's time.
     pub clock: Option<Clock>,
     /// The wrench is used although a channel is stuck or saturated.
     pub use_faulty_channels: bool,
 }
 
-/// The vibration thread's belongings.
-pub struct Listener {
+/// State of the vibration thread.
+pub struct VibrationThread {
     blocks: Subscriber<ForceBlock>,
     verdicts: Publisher<Verdict>,
-    ears: Ears,
+    force_processor: ForceProcessor,
     rules: BlockRules,
-    /// The clock's faults of late, each with the time until which it is reported.
+    /// Recent faults of the clock, each with the time until which it is reported.
     clock_faults: [(SensorFault, u64); 2],
     interleaved: Vec<f64>,
     said: u64,
-    account_due_ns: u64,
+    status_due_ns: u64,
 }
 
-impl Listener {
-    /// Makes the ports, in the thread that will use them.
+impl VibrationThread {
+    /// Creates the ports, in the thread that will use them.
     ///
     /// # Errors
-    /// Where the transport refuses a port.
-    pub fn join(ports: &DaemonPorts, ears: Ears) -> Result<Self, PortError> {
+    /// If the transport refuses a port.
+    pub fn join(ports: &DaemonPorts, force_processor: ForceProcessor) -> Result<Self, PortError> {
         Ok(Self {
             blocks: ports.subscriber()?,
             verdicts: ports.publisher()?,
-            ears,
+            force_processor,
             rules: BlockRules::default(),
             clock_faults: [(SensorFault::InFuture, 0), (SensorFault::Late, 0)],
             interleaved: vec![0.0; FORCE_CHANNELS_MAX * FORCE_SAMPLES_MAX],
             said: 0,
-            account_due_ns: 0,
+            status_due_ns: 0,
         })
     }
 
@@ -132,7 +135,7 @@ impl Listener {
         Self { rules, ..self }
     }
 
-    /// Runs until the exchange says stop.
+    /// Runs until the exchange is stopped.
     pub fn run(&mut self, exchange: &Exchange) {
         let mut heard_ns = 0;
         while exchange.runs() {
@@ -144,7 +147,7 @@ impl Listener {
                 self.listen(exchange, &block);
                 blocks += 1;
             }
-            self.give_account(exchange);
+            self.send_sensor_status(exchange);
             let now_ns = monotonic_ns();
             heard_ns = if blocks > 0 { now_ns } else { heard_ns };
             let silent = now_ns - heard_ns > SILENT_AFTER_NS;
@@ -155,8 +158,8 @@ impl Listener {
     }
 
     fn take_orders(&mut self, exchange: &Exchange) {
-        while let Some(known) = exchange.known.pop() {
-            if let Ears::Watch(watch) = &mut self.ears {
+        while let Some(known) = exchange.monitor_inputs.pop() {
+            if let ForceProcessor::Watch(watch) = &mut self.force_processor {
                 watch.process_state(known.state);
                 watch.wheels(known.wheels.into_iter().flatten());
                 watch.modes(known.modes.into_iter().flatten());
@@ -176,7 +179,7 @@ impl Listener {
         if !readable {
             count(&exchange.counters.malformed);
         }
-        // What cannot be read is a block without channels: of the wrong shape.
+        // An unreadable block counts as one without channels, hence of the wrong shape.
         let (channels, samples) =
             if readable { (block.channels as usize, block.samples as usize) } else { (0, 0) };
         for channel in 0..channels {
@@ -184,7 +187,7 @@ impl Listener {
                 self.interleaved[i * channels + channel] = *value;
             }
         }
-        let (is_good, news) = self.ears.take(&Block {
+        let (is_good, news) = self.force_processor.take(&Block {
             session: block.session,
             seq: block.seq,
             samples_before: Some(block.samples_before),
@@ -214,18 +217,18 @@ impl Listener {
                 *until_ns = now_ns.saturating_add(CLOCK_FAULT_HELD_NS);
             }
         }
-        // Whatever its clock says, what has come was measured before.
+        // Whatever its clock says, it was measured before it arrived.
         measured.t_ns = measured.t_ns.min(now_ns);
         measured.faulty = fault.is_some();
         self.judged(measured)
     }
 
-    /// The same by the state of its channels.
+    /// The same, marked by the state of its channels.
     fn judged(&self, measured: Measured) -> Measured {
         if self.rules.use_faulty_channels {
             return measured;
         }
-        let health = self.ears.health();
+        let health = self.force_processor.health();
         let no_measurement =
             |faults: &spectrum::Faults| NO_MEASUREMENT.iter().any(|fault| faults.contains(*fault));
         let faulty = measured.faulty || health.channel.iter().any(no_measurement);
@@ -236,40 +239,40 @@ impl Listener {
         if news.is_empty() {
             return;
         }
-        let health = self.ears.health();
+        let health = self.force_processor.health();
         for verdict in news {
             self.said += 1;
             let message = verdicts::verdict(verdict, &health, self.said);
             self.verdicts.send(&message);
-            // Rings that are full: what is lost there went out all the same.
-            let _ = exchange.told.push(message);
+            // Rings may be full: what is lost there was published anyway.
+            let _ = exchange.new_verdicts.push(message);
             let _ = exchange.verdicts.push(message);
         }
     }
 
-    /// Tells the supervisor how sensor and lines are.
-    fn give_account(&mut self, exchange: &Exchange) {
+    /// Reports sensor and lines to the supervisor.
+    fn send_sensor_status(&mut self, exchange: &Exchange) {
         let now_ns = monotonic_ns();
-        if now_ns < self.account_due_ns {
+        if now_ns < self.status_due_ns {
             return;
         }
-        self.account_due_ns = now_ns + ACCOUNT_EVERY_NS;
-        let health = self.ears.health();
+        self.status_due_ns = now_ns + STATUS_EVERY_NS;
+        let health = self.force_processor.health();
         exchange.counters.force_gaps.store(health.lost_blocks, Relaxed);
         exchange.counters.force_refused.store(health.refused_blocks, Relaxed);
-        let line = match &self.ears {
-            Ears::Watch(watch) => foremost(&watch.lines()),
-            Ears::None | Ears::Sensor(_) => None,
+        let line = match &self.force_processor {
+            ForceProcessor::Watch(watch) => most_advanced(&watch.lines()),
+            ForceProcessor::None | ForceProcessor::Sensor(_) => None,
         };
         let line = line.map(|line| verdicts::verdict(&line, &health, self.said));
-        let told = self.clock_faults.iter().filter(|(_, until_ns)| *until_ns > now_ns);
-        let clock_faults = told.fold(0, |set, (fault, _)| set | fault.bit());
-        let _ = exchange.hearing.push(Hearing { health, clock_faults, line });
+        let new_verdicts = self.clock_faults.iter().filter(|(_, until_ns)| *until_ns > now_ns);
+        let clock_faults = new_verdicts.fold(0, |set, (fault, _)| set | fault.bit());
+        let _ = exchange.sensor_status.push(SensorStatus { health, clock_faults, line });
     }
 }
 
-/// The line that has come furthest; of several the loudest, a force before a moment.
-fn foremost(lines: &Verdicts) -> Option<spectrum::Verdict> {
+/// The line in the most advanced state; of several the loudest, forces before moments.
+fn most_advanced(lines: &Verdicts) -> Option<spectrum::Verdict> {
     let rank = |line: &spectrum::Verdict| (line.state, line.axis.channel() < 3);
     lines
         .iter()
@@ -278,7 +281,7 @@ fn foremost(lines: &Verdicts) -> Option<spectrum::Verdict> {
         .copied()
 }
 
-/// The block's mean, at its middle: what the cycle takes for the wrench.
+/// The block's mean, at its middle: the wrench for the cycle.
 fn mean(block: &ForceBlock) -> Measured {
     let mut wrench = [0.0; FORCE_CHANNELS_MAX];
     for (channel, mean) in wrench.iter_mut().enumerate() {

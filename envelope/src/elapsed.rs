@@ -6,8 +6,9 @@
 
 use crate::track::NODES_S;
 
-/// A silence is longer than so many times the shorter of the two intervals before it, and than [`SILENCE_S`]. Of two: a sender that has
-/// become slow is believed at the third interval, one that fell silent twice is not taken for slow.
+/// A silence is longer than this multiple of the shorter of the two intervals before it, and than
+/// [`SILENCE_S`]. With two intervals, a sender that has become slow is recognised at the third
+/// interval, and one that paused twice is not taken for a slow one.
 const SILENT_INTERVALS: f64 = 3.0;
 /// The shortest silence, s: five cycles of a 4 ms controller.
 const SILENCE_S: f64 = 0.02;
@@ -19,32 +20,34 @@ const INTERVALS: usize = 8;
 pub struct Elapsed {
     /// s; zero: no time has passed.
     pub dt_s: f64,
-    /// s; zero where the times are exact.
+    /// s; zero if the times are exact.
     pub jitter_s: f64,
 }
 
 impl Elapsed {
-    /// An interval whose ends are known exactly.
+    /// An interval between exactly known times.
     #[must_use]
     pub const fn exactly(dt_s: f64) -> Self {
         Self { dt_s, jitter_s: 0.0 }
     }
 }
 
-/// By how much the stamps of commands may part from the clock, ns; beyond, theirs was set.
+/// Largest difference between the stamps of commands and the clock, ns; beyond it, the clock of the
+/// stamps was set.
 const PARTED_NS: u64 = 20_000_000;
 
-/// Measures the time between outputs: that of the commands' stamps, which both sides know and which does not jitter with whoever runs, as
-/// long as it stays within 20 ms of the clock; else the clock's.
+/// Measures the time between outputs by the stamps of the commands, which both sides know and which
+/// have no scheduling jitter, as long as it stays within 20 ms of the clock; otherwise by the
+/// clock.
 #[derive(Clone, Copy, Debug)]
 pub struct Intervals {
     last_ns: Option<u64>,
-    /// The newest stamp, and what is to be added to stamps, ns.
+    /// The newest stamp, and the offset of the stamps, ns.
     stamp_ns: u64,
     ahead_ns: i64,
-    /// The last two intervals, s, silences among them.
+    /// The last two intervals, s, including silences.
     before_s: [f64; 2],
-    /// The newest intervals since a silence, s, as a ring; zero where there was none yet.
+    /// The newest intervals since a silence, s, as a ring; zero for missing ones.
     ring: [f64; INTERVALS],
     newest: usize,
 }
@@ -69,8 +72,9 @@ impl Intervals {
         }
     }
 
-    /// The time since the output before, at `now_ns`, for a command with that stamp (none: for none that is new); `None` after a
-    /// silence: what is limited has come to rest. A clock that goes back counts as no time.
+    /// The time since the previous output, at `now_ns`, for a command with this stamp (`None`: no
+    /// new command); `None` after a silence: the motion has come to rest. A clock that goes back
+    /// counts as no time.
     pub fn elapse(&mut self, now_ns: u64, stamp_ns: Option<u64>) -> Option<Elapsed> {
         let now_ns = self.time_ns(now_ns, stamp_ns);
         let Some(last_ns) = self.last_ns else {
@@ -93,7 +97,7 @@ impl Intervals {
         Some(Elapsed { dt_s: passed_s, jitter_s: self.jitter_s() })
     }
 
-    /// The time by the stamp, if that is a new one and near to the clock.
+    /// The elapsed time by the stamp, if it is new and close to the clock.
     fn time_ns(&mut self, now_ns: u64, stamp_ns: Option<u64>) -> u64 {
         let Some(stamp_ns) = stamp_ns.filter(|stamp_ns| *stamp_ns != self.stamp_ns) else {
             return now_ns;
@@ -107,8 +111,9 @@ impl Intervals {
         now_ns
     }
 
-    /// The longest of the newest intervals less the shortest, and no more than that: what is several times as long is a cycle that was missed,
-    /// no jitter. Intervals too short for a node are no cycles: the positions of a loop that runs flat out are those of its stamps.
+    /// The longest of the newest intervals minus the shortest, at most the shortest: an interval
+    /// several times as long is a missed cycle, not jitter. Intervals too short for a node do not
+    /// count: a back-to-back loop takes its positions at the times of its stamps.
     fn jitter_s(&self) -> f64 {
         let (mut shortest, mut longest) = (f64::MAX, 0.0_f64);
         for interval_s in self.ring {
@@ -172,7 +177,7 @@ mod tests {
     fn stamps_count_while_they_stay_near_to_the_clock() {
         let mut intervals = Intervals::new();
         let mut dt_s = [0.0; 6];
-        // The clock jitters, the stamps do not; then they are set by an hour.
+        // The clock jitters, the stamps do not; then the stamps are set by an hour.
         let hour = 3_600_000 * MS;
         for (dt_s, (now, stamp)) in dt_s.iter_mut().zip([
             (100 * MS, 5 * MS),

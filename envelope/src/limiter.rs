@@ -20,52 +20,54 @@ use crate::motion::Motion;
 use crate::plan::{Plan, Ramp};
 use crate::track::{Times, Track};
 
-/// Plans leave this share of the rate, and half of the jerk, to `wanted` itself.
+/// Shares of rate and jerk that plans may use; the rest is left for `wanted` itself.
 const PLANNED_RATE: f64 = 0.9;
 const PLANNED_JERK: f64 = 0.5;
-/// A plan relative to a moving `wanted` keeps at least this share of the rate, to get on at all.
+/// Least share of the rate for a plan relative to a moving `wanted`, so that it makes progress.
 const LEAST_RATE: f64 = 0.05;
-/// A swing this slow, as a share of the rate, is none.
+/// A swing below this share of the rate is neglected.
 const NO_SWING: f64 = 0.05;
-/// Over this time the trend of a `wanted` that shakes is smoothed.
+/// Smoothing time of the trend of a fluctuating `wanted`.
 const TREND_S: f64 = 0.03;
-/// Over about this time what was wanted is forgotten.
+/// Time constant with which earlier values of `wanted` are forgotten.
 const REACH_S: f64 = 0.1;
-/// So many samples in a row must be steady before `wanted` is trusted again; noise near the jerk
-/// bound has a few by chance.
+/// Number of consecutive steady samples before `wanted` is followed again; noise near the jerk
+/// limit has a few by chance.
 const TRUSTED_AFTER: u8 = 8;
-/// Samples may part from the filtered motion as far as a plan that begins there shows at most so many times the jerk of jitter: each of four
-/// samples that are off by as much as one is gives 1, what is taken for jitter several times in a row gives more.
+/// Samples may deviate from the filtered motion as long as a plan that starts there shows at most
+/// this multiple of the jerk of jitter: four samples with the largest error of a single one give 1;
+/// an error taken for jitter several times in a row gives more.
 const LEAVING_JITTER: f64 = 2.0;
-/// Rounding that a motion on the edge of its limits is forgiven, as a share of the angle.
+/// Rounding allowed for a motion at its limits, as a share of the position limit.
 const ROUNDING: f64 = 1e-9;
 
-/// Bounds one joint's correction in angle, rate and jerk. Joint units: rad, or m when prismatic.
+/// Limits one joint's correction in position, rate and jerk. Joint units: rad, or m when prismatic.
 #[derive(Clone, Copy, Debug)]
 pub struct Limiter {
-    /// When all that follows was sampled.
+    /// Times of the samples of all following tracks.
     times: Times,
-    /// What was put out.
+    /// The outputs.
     output: Track,
     /// The motion in continuous time that the outputs are samples of.
     motion: Motion,
-    /// What was wanted, clamped to the angle.
+    /// The requested values, clamped to the position limit.
     wanted: Track,
-    /// Where `wanted` goes: exactly while it is steady, smoothed (without lag on a ramp) while not.
+    /// The motion of `wanted`: exact while it is steady, otherwise smoothed (without lag on a
+    /// ramp).
     trend: Motion,
-    /// The lowest and the highest of what was wanted lately, fading.
+    /// The lowest and the highest recent value of `wanted`, fading.
     reach: (f64, f64),
     /// Steady samples in a row, up to [`TRUSTED_AFTER`].
     steady: u8,
-    /// The offset of the output from `wanted`, as it dies out; none while `wanted` is not trusted.
+    /// The decaying offset of the output from `wanted`; `None` while `wanted` is not followed.
     offset: Option<Plan>,
-    /// What was wanted last, as it was given.
+    /// The last requested value, before clamping.
     asked: f64,
-    /// The limits in force; none before the first step.
+    /// The limits in force; `None` before the first step.
     in_force: Option<Limits>,
 }
 
-/// At which share of its jerk and of its rate a joint's plans go; 1 for a joint that is alone.
+/// Shares of the limits of rate and jerk for a joint's plans; 1 for a joint that moves alone.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pace {
     pub(crate) rate: f64,
@@ -83,10 +85,9 @@ impl Limiter {
         Self::from_motion(0.0, 0.0, 0.0)
     }
 
-    /// Takes over a correction that another limiter left: its value, rate and acceleration.
+    /// Continues a correction from another limiter: its value, rate and acceleration.
     ///
-    /// Numbers that are not finite are the caller's to sort out; they count as zero in
-    /// [`Limiter::step`].
+    /// The caller checks that the numbers are finite; others count as zero in [`Limiter::step`].
     #[must_use]
     pub const fn from_motion(value: f64, rate: f64, acceleration: f64) -> Self {
         let motion =
@@ -105,7 +106,7 @@ impl Limiter {
         }
     }
 
-    /// Stops at its value: after a pause so long that the receiver has stopped.
+    /// Stops at the present value: after a pause so long that the receiver has stopped.
     pub(crate) fn rest(&mut self) {
         let in_force = self.in_force;
         *self = Self { in_force, ..Self::from_motion(self.value(), 0.0, 0.0) };
@@ -134,7 +135,7 @@ impl Limiter {
         self.motion.acceleration
     }
 
-    /// Whether the last output was exactly what was wanted.
+    /// Whether the last output was exactly the requested value.
     #[must_use]
     pub fn is_following(&self) -> bool {
         self.output.value() == self.asked
@@ -142,10 +143,11 @@ impl Limiter {
 
     /// The output `dt_s` after the last one.
     ///
-    /// It equals `wanted` bit for bit while `wanted` keeps the limits and could at each sample still
-    /// stop within them (a signal that runs into the bound of the angle at full rate could not).
-    /// Beyond the angle `wanted` counts as the bound; not finite, as zero: the correction ramps out.
-    /// No time passes where `dt_s` is not above zero: the last output stands.
+    /// It equals `wanted` bit for bit while `wanted` keeps the limits and could at each sample
+    /// still stop within them (a signal that reaches the position limit at full rate could not).
+    /// Beyond the position limit `wanted` counts as the limit; if not finite, as zero: the
+    /// correction ramps to zero. If `dt_s` is not above zero, no time passes: the last output is
+    /// repeated.
     pub fn step(&mut self, wanted: f64, limits: &Limits, dt_s: f64) -> f64 {
         let elapsed = Elapsed::exactly(dt_s);
         if !self.step_with(wanted, limits, elapsed) {
@@ -154,7 +156,8 @@ impl Limiter {
         self.value()
     }
 
-    /// The next output, if it may be `wanted` and its offset; else [`Limiter::step_onto`] is to make it.
+    /// The next output, if it may be `wanted` and its offset; otherwise [`Limiter::step_onto`] has
+    /// to compute it.
     pub(crate) fn step_with(&mut self, wanted: f64, limits: &Limits, elapsed: Elapsed) -> bool {
         self.asked = wanted;
         let Elapsed { dt_s, jitter_s } = elapsed;
@@ -167,7 +170,7 @@ impl Limiter {
         in_force == *limits && self.follow(limits, dt_s)
     }
 
-    /// The next output, on a plan at that pace.
+    /// The next output, on a plan at this pace.
     pub(crate) fn step_onto(&mut self, limits: &Limits, pace: Pace, elapsed: Elapsed) {
         let dt_s = elapsed.dt_s;
         if self.offset.is_some() {
@@ -180,23 +183,23 @@ impl Limiter {
             return;
         }
         let on_plan = self.chase(limits, pace, dt_s);
-        // A stop leaves more acceleration than a slow pace could take out without a swing.
+        // A stop leaves more acceleration than a slow plan could remove without a swing.
         let pace = if on_plan { pace } else { Pace::ALONE };
         let plan = || plan_onto(self.motion.minus(self.trend), self.trend.rate, limits, pace);
         self.offset = (self.steady >= TRUSTED_AFTER).then(plan);
     }
 
-    /// Whether the output is not yet where `wanted` is.
+    /// Whether the output has not yet reached `wanted`.
     pub(crate) fn is_ramping(&self) -> bool {
         self.offset.is_none_or(|offset| !offset.is_over())
     }
 
-    /// Whether former limits still apply, because it cannot yet stop within the new ones.
+    /// Whether former limits still apply because the motion cannot yet stop within the new ones.
     pub(crate) fn brakes_into(&self, limits: &Limits) -> bool {
         self.in_force.is_some_and(|in_force| in_force != *limits)
     }
 
-    /// Drops its plan: the next output is on another, which may be faster.
+    /// Drops the plan: the next output is on a new one, which may be faster.
     pub(crate) fn plan_anew(&mut self) {
         self.offset = None;
     }
@@ -208,7 +211,7 @@ impl Limiter {
             _ if self.motion.stops_inside(limits) => *limits,
             Some(before) => {
                 let larger = before.union(limits);
-                // A stop at a larger jerk may end further on than one that swings back.
+                // A stop at a larger jerk may end further away than one that swings back.
                 let stops = self.motion.stops_inside(&larger);
                 self.with_room_to_stop(if stops { larger } else { larger.with_jerk_of(&before) })
             }
@@ -218,7 +221,8 @@ impl Limiter {
         in_force
     }
 
-    /// `limits`, widened as far as the motion needs for a stop: to rounding, unless it was taken over from elsewhere.
+    /// `limits`, widened as far as the motion needs for a stop: only by rounding, unless the motion
+    /// came from another limiter.
     fn with_room_to_stop(&self, limits: Limits) -> Limits {
         let (angle, rate) = self.motion.room_to_stop(limits.jerk());
         limits.with_room_for(angle, rate)
@@ -241,17 +245,18 @@ impl Limiter {
         if allowed { next } else { stop }
     }
 
-    /// How far the output is from where `wanted` goes, and how it moves against that, in a step that `wanted` has made already.
+    /// Offset of the output from the trend of `wanted` and its rate, in a step that already
+    /// includes the new `wanted`.
     pub(crate) fn offset(&self, dt_s: f64) -> Motion {
         self.motion.minus(self.trend.after(-dt_s, 0.0))
     }
 
-    /// How far the output is from what is wanted, in a step that `wanted` has made already.
+    /// Distance of the output from `wanted`, in a step that already includes the new `wanted`.
     pub(crate) fn distance(&self) -> f64 {
         (self.output.value() - self.wanted.value()).abs()
     }
 
-    /// Takes note of what is wanted, and whether its last samples say how it moves.
+    /// Updates the trend of `wanted`, and whether its last samples are steady.
     fn observe(&mut self, wanted: f64, limits: &Limits, dt_s: f64) {
         let wanted = wanted.clamp(-limits.angle(), limits.angle());
         let (track, jerk) = self.wanted.with(wanted, &self.times, limits.jerk());
@@ -275,7 +280,7 @@ impl Limiter {
         );
     }
 
-    /// Puts out `wanted` and its offset, if both are known and that is allowed.
+    /// Puts out `wanted` and its offset, if both are known and the limits allow it.
     fn follow(&mut self, limits: &Limits, dt_s: f64) -> bool {
         let Some(offset) = &mut self.offset else { return false };
         let wanted = self.wanted.value() + offset.ahead(dt_s).value;
@@ -294,7 +299,8 @@ impl Limiter {
         allowed
     }
 
-    /// Moves onto the trend, or to a stop where that would leave the limits. Tells whether it was onto the trend.
+    /// Moves onto the trend, or to a stop if that would exceed the limits. Returns whether it was
+    /// onto the trend.
     fn chase(&mut self, limits: &Limits, pace: Pace, dt_s: f64) -> bool {
         let planned = self.onto_trend(limits, pace, dt_s);
         self.put_out(planned.unwrap_or_else(|| self.stopping(limits, dt_s)));
@@ -306,7 +312,7 @@ impl Limiter {
         (self.output, self.motion) = (output.of(motion), motion);
     }
 
-    /// None where the limits do not allow it.
+    /// `None` if the limits do not allow it.
     fn onto_trend(&self, limits: &Limits, pace: Pace, dt_s: f64) -> Option<Motion> {
         let Motion { value, rate, .. } = self.trend;
         let trend = Motion { value: value - rate * dt_s, rate, acceleration: 0.0 };
@@ -318,8 +324,8 @@ impl Limiter {
         allowed.then_some(next)
     }
 
-    /// Whether the mean rate on the way there keeps its bound, but for the rounding of both values: within a long step a plan may be faster
-    /// than at the step's ends.
+    /// Whether the mean rate of the step keeps its limit, apart from rounding of both values:
+    /// within a long step a plan may be faster than at its ends.
     fn keeps_rate(&self, next: Motion, limits: &Limits, dt_s: f64) -> bool {
         let rounding = f64::EPSILON * (next.value.abs() + self.motion.value.abs());
         (next.value - self.motion.value).abs() <= limits.rate() * dt_s + rounding
@@ -330,7 +336,8 @@ impl Limiter {
         Motion { value: stop.value.clamp(-limits.angle(), limits.angle()), ..stop }
     }
 
-    /// Whether a stop from there ends between here and what was wanted: a way back and forth gains no swing.
+    /// Whether a stop from there ends between the present value and recent values of `wanted`:
+    /// moving back and forth then builds up no swing.
     fn is_within_reach(&self, next: Motion, limits: &Limits) -> bool {
         let stop = |motion, jerk| Ramp::to_rate(motion, 0.0, jerk).end_of(motion).value;
         let ends = [self.motion.value, stop(self.trend, PLANNED_JERK * limits.jerk())];
@@ -341,26 +348,27 @@ impl Limiter {
     }
 }
 
-/// How an offset from a target that moves at `target_rate` dies out.
+/// Plan for the decay of an offset from a target that moves at `target_rate`.
 fn plan_onto(offset: Motion, target_rate: f64, limits: &Limits, pace: Pace) -> Plan {
     let (rate, least) = (PLANNED_RATE * limits.rate(), LEAST_RATE * limits.rate());
     let most = pace.rate * rate;
     let lowest = (-rate - target_rate).min(-least).max(-most);
     let highest = (rate - target_rate).max(least).min(most);
     let (planned, most) = (pace.jerk * PLANNED_JERK * limits.jerk(), limits.jerk());
-    // A stop at full jerk may leave more acceleration than a plan could take out without swinging back.
+    // A stop at full jerk may leave more acceleration than a plan could remove without swinging
+    // back.
     let swings = swing(offset, planned) > swing(offset, most) + NO_SWING * limits.rate();
     Plan::to_zero(offset, (lowest, highest), if swings { most } else { planned })
 }
 
-/// The rate away from zero that is left once the acceleration is taken out at that jerk.
+/// The rate away from zero that remains once the acceleration is removed at `jerk`.
 fn swing(offset: Motion, jerk: f64) -> f64 {
     let coasting =
         offset.after(offset.acceleration.abs() / jerk, -jerk.copysign(offset.acceleration));
     (coasting.rate * coasting.value.signum()).max(0.0)
 }
 
-/// The trend with one sample more: critically damped double exponential smoothing.
+/// The trend with another sample: critically damped double exponential smoothing.
 fn smoothed(trend: Motion, sample: f64, dt_s: f64) -> Motion {
     let keep = libm::exp(-dt_s / TREND_S);
     let expected = trend.value + trend.rate * dt_s;

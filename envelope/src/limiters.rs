@@ -1,28 +1,31 @@
 //! Limiters for all joints of an arm.
 //!
-//! Promises: each joint keeps its own limits as [`Limiter`] does. Joints that ramp at the same time do so along a straight line in
-//! joint space, as far as their initial motions allow: joints whose corrections cancel at the tool
-//! would otherwise cause a larger tool error during the ramp than at either end. Never reads a clock,
-//! allocates or panics.
+//! Each joint keeps its own limits as [`Limiter`] does. Joints that ramp at the same time move
+//! along a straight line in joint space, as far as their initial motions allow: joints whose
+//! corrections cancel at the tool would otherwise cause a larger tool error during the ramp than at
+//! either end. No clock, no heap, no panic.
 
 use crate::elapsed::Elapsed;
 use crate::limiter::Pace;
 use crate::motion::Motion;
 use crate::{Limiter, Limits};
 
-/// A way counts as this share of the longest at least: what little is left does not wait for the others.
+/// Least distance of a ramping joint, as a share of the longest one: a small remainder does not
+/// wait for the others.
 const LEAST_WAY: f64 = 0.01;
-/// And as this share of the joint's angle at least; what is nearer follows a target that moves: that is no ramp, and waits for nobody.
+/// Least distance, as a share of the joint's position limit; a joint closer to its target is
+/// tracking it, not ramping, and waits for no other.
 const NO_RAMP: f64 = 2e-3;
-/// A rate or an acceleration takes as long to come to rest as the way that it makes in so many times a ramp's own time (the cube
-/// root of its way over the jerk): 2.1 for a rate, 1.5 for an acceleration, by the fastest plan of each.
+/// A rate or an acceleration takes as long to come to rest as the distance that it covers in this
+/// multiple of a ramp's own time (the cube root of its distance over the jerk): 2.1 for a rate, 1.5
+/// for an acceleration, by the fastest plan of each.
 const TO_REST: f64 = 2.1;
 
-/// Bounds the corrections of `N` joints; see [`Limiter`] for each.
+/// Limits the corrections of `N` joints; see [`Limiter`] for each.
 #[derive(Clone, Copy, Debug)]
 pub struct Limiters<const N: usize> {
     joints: [Limiter; N],
-    /// Those that ramp along one line and have not arrived yet.
+    /// Joints that ramp along a common line and have not arrived yet.
     on_line: [bool; N],
 }
 
@@ -33,7 +36,7 @@ impl<const N: usize> Limiters<N> {
         Self { joints: [Limiter::at_rest(); N], on_line: [false; N] }
     }
 
-    /// Takes over corrections that others left: of each joint its value, rate and acceleration.
+    /// Continues corrections from other limiters: value, rate and acceleration of each joint.
     #[must_use]
     pub fn from_motion(motion: impl Fn(usize) -> (f64, f64, f64)) -> Self {
         let joint = |i| {
@@ -43,13 +46,14 @@ impl<const N: usize> Limiters<N> {
         Self { joints: core::array::from_fn(joint), on_line: [false; N] }
     }
 
-    /// Each joint's.
+    /// The limiter of each joint.
     #[must_use]
     pub fn joints(&self) -> &[Limiter; N] {
         &self.joints
     }
 
-    /// Stands at these values at once, without bounds: for settled poses, that no motion connects. Gives where it stands: zero for what is not finite.
+    /// Sets these values at once, without limits: for settled poses, which are not connected by
+    /// motion. Returns the values set: zero for those that are not finite.
     pub fn jump(&mut self, values: &[f64; N]) -> [f64; N] {
         self.joints.iter_mut().zip(values).for_each(|(joint, value)| joint.jump(*value));
         self.values()
@@ -59,12 +63,14 @@ impl<const N: usize> Limiters<N> {
         core::array::from_fn(|i| self.joints[i].value())
     }
 
-    /// All joints come to rest at their values: nothing was sent for so long that the robot has stopped.
+    /// All joints come to rest at their values: nothing was sent for so long that the robot has
+    /// stopped.
     pub fn rest(&mut self) {
         self.joints.iter_mut().for_each(Limiter::rest);
     }
 
-    /// The next outputs, by the rule of [`Limiter::step`], each joint as fast as it can be: for what follows a correction that moves by itself.
+    /// The next outputs, by the rule of [`Limiter::step`], each joint as fast as it can: for
+    /// tracking a correction that moves by itself.
     pub fn step_apart(
         &mut self,
         wanted: &[f64; N],
@@ -75,7 +81,7 @@ impl<const N: usize> Limiters<N> {
         for (i, joint) in self.joints.iter_mut().enumerate() {
             let Some(limits) = limits(i) else { continue };
             if were_on_line[i] {
-                // Its plan has the pace of others, of which some may now go faster.
+                // Its plan has the pace of a group in which some joints may now move faster.
                 joint.plan_anew();
             }
             if !joint.step_with(wanted[i], &limits, elapsed) {
@@ -85,7 +91,8 @@ impl<const N: usize> Limiters<N> {
         self.values()
     }
 
-    /// The next outputs, by the rule of [`Limiter::step`]; joints that ramp do so along one line. A joint without limits keeps its value.
+    /// The next outputs, by the rule of [`Limiter::step`]; ramping joints move along one line. A
+    /// joint without limits keeps its value.
     pub fn step(
         &mut self,
         wanted: &[f64; N],
@@ -105,21 +112,22 @@ impl<const N: usize> Limiters<N> {
             self.step_together(&behind, limits, elapsed);
         }
         if has_arrived {
-            // The others went at a pace that let it keep up.
+            // The others moved at a pace that allowed it to keep up.
             let others = self.joints.iter_mut().zip(self.on_line).filter(|(_, is_on)| *is_on);
             others.for_each(|(joint, _)| joint.plan_anew());
         }
         self.values()
     }
 
-    /// Those that are `behind`, each as far in its share of the way as the others.
+    /// Steps the joints that are `behind`, each at the same share of its distance as the others.
     fn step_together(
         &mut self,
         behind: &[bool; N],
         limits: impl Fn(usize) -> Option<Limits>,
         elapsed: Elapsed,
     ) {
-        // A joint that brakes into new limits goes by the old ones: its way says nothing of how long the others may take.
+        // A joint that brakes into new limits uses the old ones: its distance does not determine
+        // how long the others may take.
         let brakes = |i: usize| limits(i).is_some_and(|limits| self.joints[i].brakes_into(&limits));
         let brakes: [bool; N] = core::array::from_fn(brakes);
         let offsets: [Motion; N] = core::array::from_fn(|i| self.joints[i].offset(elapsed.dt_s));
@@ -131,21 +139,24 @@ impl<const N: usize> Limiters<N> {
                 jerk: least.jerk.min(limits.jerk() / way),
             })
         };
-        // Just after a jump the trend has hardly moved: the jump itself tells how far it is.
+        // Just after a jump the trend has hardly moved: the jump itself gives the distance.
         let distance = |i: usize| offsets[i].value.abs().max(self.joints[i].distance());
-        // One that has arrived follows its target: how that moves is no way that others have to wait for.
+        // A joint that has arrived tracks its target: this motion is not a distance that others
+        // have to wait for.
         let ramps: [bool; N] = core::array::from_fn(|i| behind[i] || self.joints[i].is_ramping());
         let counts = |i: usize| ramps[i] && !brakes[i];
         let distances: [f64; N] =
             core::array::from_fn(|i| if counts(i) { distance(i) } else { 0.0 });
         let Pace { rate, jerk } = fastest(&distances);
         let time_s = TO_REST * libm::cbrt(1.0 / jerk).max(1.0 / rate);
-        // A motion is worth the way that takes as long: slower, it would swing far beyond where it is.
+        // A motion counts as the distance that takes as long: at a slower pace it would overshoot
+        // far.
         let reach = |i: usize| distances[i].max(offsets[i].reach(time_s));
         let ways: [f64; N] = core::array::from_fn(|i| if counts(i) { reach(i) } else { 0.0 });
         let longest = ways.iter().fold(0.0_f64, |longest, way| longest.max(*way));
         let no_ramp = |i: usize| limits(i).map_or(0.0, |limits| NO_RAMP * limits.angle());
-        // The pace goes by the ways of all that ramp, so that the arrival of any is news for the others.
+        // The pace depends on the distances of all ramping joints, so the arrival of any changes it
+        // for the others.
         for i in (0..N).filter(|i| ramps[*i]) {
             self.on_line[i] = ways[i] >= no_ramp(i);
         }

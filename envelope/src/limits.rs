@@ -1,8 +1,8 @@
-//! The three bounds of one joint's correction.
+//! Limits of one joint's correction in position, rate and jerk.
 //!
-//! Promises: a [`Limits`] holds positive, finite numbers. Never clamps a wrong one silently.
+//! Invariant: a [`Limits`] holds positive, finite numbers; others are refused.
 
-/// Bounds on one joint's correction. Joint units: rad, or m for a prismatic joint.
+/// Limits on one joint's correction. Joint units: rad, or m for a prismatic joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     angle: f64,
@@ -10,16 +10,16 @@ pub struct Limits {
     jerk: f64,
 }
 
-/// A bound that is not a positive, finite number.
+/// A limit that is not a positive, finite number.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
     "envelope: {bound} is {value}, expected a finite number above 0 (rad, rad/s, rad/s³; m for a \
      prismatic joint); check the `envelope` table of the cell's configuration"
 )]
 pub struct LimitsError {
-    /// Which bound: `angle`, `rate` or `jerk`.
+    /// Which limit: `angle`, `rate` or `jerk`.
     pub bound: &'static str,
-    /// What was given.
+    /// The value given.
     pub value: f64,
 }
 
@@ -27,7 +27,7 @@ impl Limits {
     /// `angle` (rad or m), `rate` (per s), `jerk` (per s³), each finite and above 0.
     ///
     /// # Errors
-    /// Names the first bound that is not.
+    /// Names the first value that is not.
     pub fn new(angle: f64, rate: f64, jerk: f64) -> Result<Self, LimitsError> {
         for (bound, value) in [("angle", angle), ("rate", rate), ("jerk", jerk)] {
             if !(value.is_finite() && value > 0.0) {
@@ -37,7 +37,7 @@ impl Limits {
         Ok(Self { angle, rate, jerk })
     }
 
-    /// The larger of both, bound by bound.
+    /// The larger of both, limit by limit.
     #[must_use]
     pub(crate) fn union(&self, other: &Self) -> Self {
         Self {
@@ -47,7 +47,7 @@ impl Limits {
         }
     }
 
-    /// The same with another's jerk.
+    /// The same with the jerk of `other`.
     #[must_use]
     pub(crate) fn with_jerk_of(&self, other: &Self) -> Self {
         Self { jerk: other.jerk, ..*self }

@@ -1,12 +1,13 @@
 //! Value, rate and acceleration at an instant, and the stop from there.
 //!
-//! Promises: [`Motion::stops_inside`] is true exactly where the fastest stop at full jerk keeps
-//! angle and rate at all times. That set is invariant under the stop, at any sampling interval. Continuous time: samples do not appear here.
+//! Invariant: [`Motion::stops_inside`] is true exactly if the fastest stop at full jerk keeps angle
+//! and rate at all times. That set is invariant under the stop, at any sampling interval: this
+//! module works in continuous time.
 
 use crate::Limits;
 use crate::plan::Ramp;
 
-/// Where a joint's correction is and how it moves, in continuous time.
+/// Value and derivatives of a joint's correction, in continuous time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Motion {
     pub(crate) value: f64,
@@ -45,13 +46,13 @@ impl Motion {
         }
     }
 
-    /// The largest of the value and of the ways that rate and acceleration make in `time_s`.
+    /// The largest of the value and of the distances that rate and acceleration cover in `time_s`.
     pub(crate) fn reach(self, time_s: f64) -> f64 {
         let Self { value, rate, acceleration } = self;
         value.abs().max(rate.abs() * time_s).max(acceleration.abs() * time_s * time_s)
     }
 
-    /// The rate that is left when the acceleration is taken out at `jerk`.
+    /// The rate that remains once the acceleration is removed at `jerk`.
     pub(crate) fn coasting_rate(self, jerk: f64) -> f64 {
         self.rate + self.acceleration * self.acceleration.abs() / (2.0 * jerk)
     }
@@ -65,11 +66,13 @@ impl Motion {
         self.stops_far_inside(limits) || self.stops_just_inside(limits)
     }
 
-    /// The same for a stop that would end inside even were it as fast as it ever gets for as long as it lasts: no root is needed to see that.
+    /// A sufficient condition without a square root: the stop would end inside even at its highest
+    /// rate over its whole duration.
     #[inline]
     fn stops_far_inside(self, limits: &Limits) -> bool {
         let Self { value, rate, acceleration } = self;
-        // Never faster than this; to rest in `brake_s` and twice the root of `fastest / jerk` at most.
+        // Upper bound of the rate; the stop lasts at most `brake_s` plus twice the root of `fastest
+        // / jerk`.
         let brake_s = acceleration.abs() / limits.jerk();
         let fastest = rate.abs() + acceleration.abs() * brake_s / 2.0;
         let room = limits.angle() - value.abs() - fastest * brake_s;
@@ -89,7 +92,7 @@ impl Motion {
             && self.coasting_rate(limits.jerk()).abs() <= limits.rate()
     }
 
-    /// The largest angle and rate that the fastest stop at `jerk` passes through.
+    /// The largest angle and rate during the fastest stop at `jerk`.
     pub(crate) fn room_to_stop(self, jerk: f64) -> (f64, f64) {
         let stop = Ramp::to_rate(self, 0.0, jerk);
         let turn = self.turning_point(stop.first_jerk());
@@ -98,7 +101,8 @@ impl Motion {
         (self.value.abs().max(turn.abs()).max(end.abs()), rate)
     }
 
-    /// The value where the rate vanishes under the stop's first jerk; the value now where it does not.
+    /// The value where the rate vanishes under the stop's first jerk; the present value if it does
+    /// not.
     fn turning_point(self, jerk: f64) -> f64 {
         let towards = self.rate * self.acceleration < 0.0 && self.acceleration * jerk < 0.0;
         let square = self.acceleration * self.acceleration - 2.0 * jerk * self.rate;

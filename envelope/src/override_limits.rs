@@ -1,8 +1,11 @@
-//! How a feed override may change: between a floor and the programmed feed, at a bounded rate down and up.
+//! Limits how fast a feed override changes: between a floor and the programmed feed, at bounded
+//! rates down and up.
 //!
-//! The daemon steps its override with it, and the client library what it hands on, from what it handed on last.
-//! Promises: the output changes by no more than its rate times the time, to rounding, whatever the goal is, and stays between the floor and 1; below a floor that was
-//! raised it rises to the floor at the bounded rate. An invalid goal leaves it unchanged. Never: a clock.
+//! The daemon steps its override with it; the client library steps the override that it returns to
+//! the cell, starting from the last returned one. Invariants: the output changes by no more than
+//! its rate times the time, to rounding, for any goal, and stays between the floor and 1; below a
+//! floor that was raised it rises to the floor at the bounded rate. An invalid goal leaves it
+//! unchanged.
 
 /// Bounds of a feed override; 1 is the programmed feed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,7 +16,8 @@ pub struct OverrideLimits {
 }
 
 impl OverrideLimits {
-    /// The least override, above 0 and at most 1, and how fast it may fall and rise, per s, above 0. None where one of them is not so.
+    /// `floor`: the lowest override, above 0 and at most 1; rates of fall and rise, per s, above 0.
+    /// `None` if one of them is out of range.
     #[must_use]
     pub fn new(floor: f64, down_per_s: f64, up_per_s: f64) -> Option<Self> {
         let is_rate = |rate: f64| rate.is_finite() && rate > 0.0;
@@ -21,25 +25,25 @@ impl OverrideLimits {
         is_good.then_some(Self { floor, down_per_s, up_per_s })
     }
 
-    /// The least override.
+    /// The lowest override.
     #[must_use]
     pub fn floor(&self) -> f64 {
         self.floor
     }
 
-    /// How fast the override may fall, per s.
+    /// The largest rate of fall, per s.
     #[must_use]
     pub fn down_per_s(&self) -> f64 {
         self.down_per_s
     }
 
-    /// How fast it may rise, per s.
+    /// The largest rate of rise, per s.
     #[must_use]
     pub fn up_per_s(&self) -> f64 {
         self.up_per_s
     }
 
-    /// From an override towards `goal` within `dt_s`.
+    /// The override after `dt_s`, from `from` towards `goal`.
     #[must_use]
     pub fn step(&self, from: f64, goal: f64, dt_s: f64) -> f64 {
         let from = if from.is_nan() { self.floor } else { from.clamp(0.0, 1.0) };

@@ -6,13 +6,15 @@
 //! integrator; cf. Haschke, Weitnauer, Ritter, "On-line planning of time-optimal, jerk-limited
 //! trajectories", IROS 2008.
 //!
-//! Promises: a plan ends exactly at zero and never exceeds its jerk.
+//! Invariants: a plan ends exactly at zero and never exceeds its jerk.
 
 use crate::motion::Motion;
 
-/// The most steps to the length of a push, were each a halving: from its longest to its last bit.
+/// Limit on iterations for the duration of the first phase, as if each were a bisection: from its
+/// longest value to its last bit.
 const STEPS_MAX: u32 = 60;
-/// A step by the slope that is smaller than this share ends at the last bit, as the next would be by its square.
+/// After a Newton step smaller than this share the iteration ends: the next one would be of the
+/// order of its square.
 const NEAR: f64 = 1e-8;
 
 /// A change of rate that ends without acceleration: one jerk, then its opposite.
@@ -36,7 +38,7 @@ impl Ramp {
         }
     }
 
-    /// To no acceleration at once, whatever the rate then is.
+    /// To zero acceleration as fast as possible, for any rate at its end.
     fn coasting(from: Motion, jerk: f64) -> Self {
         let first_s = from.acceleration.abs() / jerk;
         Self { jerk: -jerk.copysign(from.acceleration), first_s, second_s: 0.0 }
@@ -50,7 +52,7 @@ impl Ramp {
         from.after(self.first_s, self.jerk).after(self.second_s, -self.jerk)
     }
 
-    /// `dt_s` into the ramp; beyond its end the rate stays.
+    /// The motion `dt_s` into the ramp; beyond its end the rate is constant.
     pub(crate) fn after(&self, from: Motion, dt_s: f64) -> Motion {
         let first_s = dt_s.min(self.first_s);
         let second_s = (dt_s - first_s).min(self.second_s);
@@ -70,13 +72,13 @@ pub(crate) struct Plan {
     start: Motion,
     /// Duration in s, jerk.
     segments: [(f64, f64); 5],
-    /// All segments together.
+    /// Total duration.
     lasts_s: f64,
     elapsed_s: f64,
 }
 
 impl Plan {
-    /// At rest at zero already.
+    /// The plan at its end: at rest at zero.
     pub(crate) const OVER: Self = Self {
         start: Motion::at_rest(0.0),
         segments: [(0.0, 0.0); 5],
@@ -84,8 +86,8 @@ impl Plan {
         elapsed_s: 0.0,
     };
 
-    /// The fastest way from `start` to rest at zero; cruises within `rates` (lowest below 0, highest
-    /// above 0), or as fast as it came where that was faster.
+    /// The fastest motion from `start` to rest at zero; cruises within `rates` (lowest below 0,
+    /// highest above 0), or at the initial rate if that is faster.
     pub(crate) fn to_zero(start: Motion, rates: (f64, f64), jerk: f64) -> Self {
         let direct = Ramp::to_rate(start, 0.0, jerk).end_of(start).value;
         let (push, bound) = if direct > 0.0 { (-jerk, rates.0) } else { (jerk, rates.1) };
@@ -110,23 +112,23 @@ impl Plan {
         Self { start, segments, lasts_s, elapsed_s: 0.0 }
     }
 
-    /// How long it lasts from its start, s.
+    /// Duration from its start, s.
     #[cfg(test)]
     pub(crate) fn lasts_s(&self) -> f64 {
         self.lasts_s
     }
 
-    /// Whether all of it has passed.
+    /// Whether the plan has ended.
     pub(crate) fn is_over(&self) -> bool {
         self.elapsed_s >= self.lasts_s
     }
 
-    /// Time passes.
+    /// Advances by `dt_s`.
     pub(crate) fn pass(&mut self, dt_s: f64) {
         self.elapsed_s += dt_s;
     }
 
-    /// The motion `dt_s` further on; at rest at zero once the plan is over.
+    /// The motion `dt_s` ahead; at rest at zero once the plan has ended.
     pub(crate) fn ahead(&self, dt_s: f64) -> Motion {
         let mut left_s = self.elapsed_s + dt_s;
         if left_s >= self.lasts_s {
@@ -144,10 +146,12 @@ impl Plan {
     }
 }
 
-/// How long to push so that the stop after it ends at zero; the longest push ends beyond zero.
+/// Duration of the first phase for which the stop after it ends at zero; the longest one ends
+/// beyond zero.
 ///
-/// With the stop's peak `p` and the acceleration `a` along the push, the end moves by `(2p + a)(p + a) / j` per s of pushing while what is
-/// pushed goes that way, and not at all before: pushing is the stop's own first part then.
+/// With the stop's peak rate `p` and the acceleration `a` along the jerk, the end moves by `(2p +
+/// a)(p + a) / j` per s of the phase while the motion goes in that direction, and not at all
+/// before: the phase is then the first part of the stop itself.
 fn push_time(start: Motion, push: f64, longest_s: f64) -> f64 {
     let (jerk, sign) = (push.abs(), push.signum());
     let end = |pushed_s: f64| {
@@ -159,7 +163,7 @@ fn push_time(start: Motion, push: f64, longest_s: f64) -> f64 {
         (stop.end_of(pushed).value * sign, slope)
     };
     let (mut low_s, mut high_s) = (0.0, longest_s);
-    // Right for what is at rest.
+    // Exact for a start at rest.
     let mut at_s = libm::cbrt(-end(0.0).0 / (2.0 * jerk)).max(low_s).min(high_s);
     for _ in 0..STEPS_MAX {
         let (value, slope) = end(at_s);

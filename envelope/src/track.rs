@@ -18,25 +18,26 @@ use crate::motion::Motion;
 /// The least time between nodes: half the period of the fastest cycle.
 pub(crate) const NODES_S: f64 = 5e-5;
 
-/// A filter that remembers fewer samples than this is no better than three of them.
+/// A filter with a shorter memory than this is no better than three samples.
 const LEAST_MEMORY: f64 = 1.5;
 
-/// When the samples were: the same for all signals that are sampled together.
+/// Times of the samples: the same for all signals that are sampled together.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Times {
-    /// From the last node to the newest sample.
+    /// Time from the last node to the newest sample.
     since_s: f64,
-    /// Between the last two nodes, and between the two before. Zero in both: differences are derivatives at one instant (Hermite), which is how a
-    /// signal starts.
+    /// Time between the last two nodes, and between the two before. If both are zero, differences
+    /// are derivatives at one instant (Hermite), as at the start of a signal.
     node_s: f64,
     before_s: f64,
-    /// What makes differences of rates: one over the time that they span, twice and three times that over the spans of the next two.
+    /// Factors of the differences of rates: the inverse of their time span, and two and three times
+    /// that over the spans of the next two.
     per_s: [f64; 3],
-    /// Whether what was the newest sample before is now the last node.
+    /// Whether the previous newest sample is now the last node.
     is_renewed: bool,
-    /// From the sample before to the newest.
+    /// Time from the previous sample to the newest.
     dt_s: f64,
-    /// By how much the times may be off.
+    /// Uncertainty of the times.
     jitter_s: f64,
 }
 
@@ -51,7 +52,7 @@ impl Times {
         jitter_s: 0.0,
     };
 
-    /// One sample more, `dt_s > 0` later; the time is uncertain by `jitter_s`.
+    /// Another sample, `dt_s > 0` later; its time is uncertain by `jitter_s`.
     pub(crate) fn pass(&mut self, dt_s: f64, jitter_s: f64) {
         (self.dt_s, self.jitter_s) = (dt_s, jitter_s);
         self.is_renewed = self.since_s >= NODES_S;
@@ -67,7 +68,7 @@ impl Times {
         self.jitter_s > 0.0
     }
 
-    /// The jerk that uncertain times can make of a signal that moves at `rate`.
+    /// The apparent jerk that uncertain times can cause in a signal that moves at `rate`.
     ///
     /// Its four samples enter a third difference with weights 1, 3, 3, 1. Times that are off by up to
     /// `e` to either side spread their intervals by up to `4 e`, and by about `3 e` among the few
@@ -77,13 +78,13 @@ impl Times {
         8.0 / 3.0 * rate * self.jitter_s * first * second * third
     }
 
-    /// By what share a mean rate between two samples may be off.
+    /// Relative error of a mean rate between two samples.
     pub(crate) fn rate_error(&self) -> f64 {
         2.0 * self.jitter_s * self.per_s[0]
     }
 
-    /// Three times the mean of the newest two intervals: over it an acceleration changes a rate by three of its newest differences, however
-    /// long the interval before them was.
+    /// Three times the mean of the newest two intervals: during it an acceleration changes a rate
+    /// by three of its newest differences, however long the interval before was.
     fn spans_s(&self) -> f64 {
         1.5 * (self.since_s + self.node_s)
     }
@@ -94,7 +95,7 @@ impl Times {
 pub(crate) struct Track {
     node: Differences,
     newest: Differences,
-    /// The motion that the filter sees at the newest sample.
+    /// The filtered motion at the newest sample.
     filtered: Motion,
 }
 
@@ -109,7 +110,7 @@ impl Track {
         self.newest.value
     }
 
-    /// The largest rate at the newest samples, as far as their times let it be known.
+    /// The largest rate at the newest samples, as far as the uncertainty of their times allows.
     pub(crate) fn fastest(&self, times: &Times) -> f64 {
         let mean = self.newest.rate.abs().max(self.node.rate.abs());
         mean + self.filtered.acceleration.abs() * times.spans_s()
@@ -120,7 +121,8 @@ impl Track {
         self.newest.rate
     }
 
-    /// The track with the newest sample of `times`, and its jerk, of a signal whose jerk is at most `jerk_max`.
+    /// The track with the newest sample of `times`, and its jerk, for a signal whose jerk is at
+    /// most `jerk_max`.
     pub(crate) fn with(&self, value: f64, times: &Times, jerk_max: f64) -> (Self, f64) {
         let node = if times.is_renewed { self.newest } else { self.node };
         let (newest, jerk) = node.to(value, times);
@@ -128,7 +130,7 @@ impl Track {
         let filtered = if memory < LEAST_MEMORY {
             newest.parabola(times)
         } else if times.since_s < NODES_S {
-            // A sample as close as that tells nothing of the rate.
+            // A sample this close contains no information on the rate.
             self.filtered.after(times.dt_s, 0.0)
         } else {
             self.filtered(value, times, memory).no_faster_than(newest.fastest(times), times)
@@ -136,8 +138,8 @@ impl Track {
         (Self { node, newest, filtered }, jerk)
     }
 
-    /// The largest jerk that the next two samples show if they go on with the filtered motion instead of with the samples: what a plan adds to
-    /// its own jerk where it begins.
+    /// The largest jerk in the next two samples if they continue the filtered motion instead of the
+    /// samples: a plan adds it to its own jerk where it starts.
     pub(crate) fn jerk_of_leaving(&self, times: &Times) -> f64 {
         let (mut times, mut track, mut motion) = (*times, *self, self.motion());
         let mut most = 0.0_f64;
@@ -152,7 +154,7 @@ impl Track {
         most
     }
 
-    /// The best memory for the filter, samples.
+    /// The best memory of the filter, samples.
     fn memory(&self, times: &Times, jerk_max: f64) -> f64 {
         let ratio = times.jerk_of_jitter(self.fastest(times)) / jerk_max;
         libm::sqrt(libm::sqrt(ratio))
@@ -167,7 +169,8 @@ impl Track {
         Motion { value: self.newest.value, ..self.filtered }
     }
 
-    /// The same track, whose newest sample jumped: that says nothing of the rate `before`.
+    /// The same track after a jump of the newest sample, which contains no information on the rate
+    /// `before`.
     pub(crate) fn jumped_from(self, before: &Self, times: &Times) -> Self {
         if times.jitter_s == 0.0 {
             return self;
@@ -176,7 +179,7 @@ impl Track {
         self.of(Motion { value: self.newest.value, ..going_on })
     }
 
-    /// The same track, whose newest sample is known to be one of that motion.
+    /// The same track, if the newest sample is known to belong to `motion`.
     pub(crate) fn of(self, motion: Motion) -> Self {
         Self { filtered: motion, ..self }
     }
@@ -205,7 +208,8 @@ struct Differences {
 }
 
 impl Motion {
-    /// No faster than the samples of the last intervals, which the filter outlives.
+    /// Limits the rate to that of the samples of the last intervals, because the filter remembers
+    /// longer.
     fn no_faster_than(self, rate: f64, times: &Times) -> Self {
         let acceleration = rate * times.per_s[0];
         Self {
@@ -217,7 +221,7 @@ impl Motion {
 }
 
 impl Differences {
-    /// Those of the next sample, and the third.
+    /// Differences at the next sample, and the third difference.
     fn to(&self, value: f64, times: &Times) -> (Self, f64) {
         let [first, second, third] = times.per_s;
         let rate = (value - self.value) * first;
@@ -225,7 +229,7 @@ impl Differences {
         (Self { value, rate, acceleration }, (acceleration - self.acceleration) * third)
     }
 
-    /// The largest rate that the samples show.
+    /// The largest rate between the samples.
     fn fastest(&self, times: &Times) -> f64 {
         self.rate.abs() + self.acceleration.abs() * times.spans_s()
     }

@@ -2,10 +2,10 @@
 
 use thiserror::Error;
 
-/// What was found, what was expected and what to do.
+/// Each message states what was found, what was expected and what to do.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum FeedforwardError {
-    /// The model has nothing to invert.
+    /// The model has nothing to compensate.
     #[error(
         "the model states no time_delay, servo_lag or flexible_mode of a joint, so that there is nothing to compensate in time; \
          `trued diagnose` finds them in the recording of a path"
@@ -30,12 +30,12 @@ pub enum FeedforwardError {
         /// From 1.
         joint: usize,
     },
-    /// Rows are too far apart for the band.
+    /// The sampling is too coarse for the bandwidth.
     #[error(
         "{what} is sampled every {step_ms:.1} ms, expected at most {most_ms:.1} ms for a bandwidth of {bandwidth_hz} Hz: sample faster or lower the bandwidth"
     )]
     Sampling {
-        /// The path, or what was measured.
+        /// The path, or the measurement.
         what: &'static str,
         /// ms.
         step_ms: f64,
@@ -49,12 +49,12 @@ pub enum FeedforwardError {
     Setting {
         /// Its name.
         name: &'static str,
-        /// What was given.
+        /// The value given.
         value: f64,
         /// Its range.
         expected: &'static str,
     },
-    /// A command beyond what the joint can do.
+    /// A command outside the joint limits.
     #[error(
         "row {row}: joint {joint} would be commanded to {position:.5} (rad or m), beyond its limits {lower:.5} to {upper:.5}: move the path away from the limit"
     )]
@@ -70,7 +70,7 @@ pub enum FeedforwardError {
         /// rad or m.
         upper: f64,
     },
-    /// Neither joints nor points.
+    /// Neither joint positions nor points of the tool.
     #[error(
         "nothing to learn from: expected joint positions of the link or motor side (ql1_deg …, qa1_deg …) or points of the tool (x_mm, y_mm, z_mm)"
     )]
@@ -90,7 +90,7 @@ pub enum FeedforwardError {
         /// s.
         moves_to_s: f64,
     },
-    /// The error is too large for a small correction.
+    /// The error is too large for a linear correction.
     #[error(
         "joint {joint} is off by {error:.4} (rad or m) at {t_s:.3} s, expected less than {most:.4}: is this the recording of this path, \
          are the clocks the same (--clock-offset-ms)?"

@@ -1,6 +1,7 @@
 //! Spectrum of a path: extended by rest at both ends and returned to its start, so that its periodic continuation has no jump.
 //!
-//! Promises: forward and inverse transform are exact to rounding. The rest is long enough for the plant to settle, if the caller states the settling time.
+//! Forward and inverse transform are exact to rounding. The rest is long enough for the plant to
+//! settle, if the caller states the settling time.
 
 use realfft::num_complex::Complex64;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
@@ -16,7 +17,7 @@ pub(crate) struct Transform {
 }
 
 impl Transform {
-    /// Of `samples` samples every `step_s`; the path stands for `settle_s` at both ends.
+    /// For `samples` samples every `step_s`; the path rests for `settle_s` at both ends.
     pub(crate) fn new(samples: usize, step_s: f64, settle_s: f64) -> Self {
         let pad = (settle_s / step_s).ceil() as usize;
         let half = (samples + 2 * pad).next_multiple_of(256);
@@ -36,14 +37,14 @@ impl Transform {
         (0..=self.length() / 2).map(|k| k as f64 * spacing_hz).collect()
     }
 
-    /// The spectrum of samples, which are as many as [`Transform::new`] was told.
+    /// The spectrum of as many samples as stated in [`Transform::new`].
     pub(crate) fn spectrum(&self, samples: &[f64]) -> Vec<Complex64> {
         let (half, last) = (self.length() / 2, self.samples.saturating_sub(1));
         let at = |k: usize| samples.get(k.saturating_sub(self.pad).min(last)).copied();
         let there = (0..half).map(|k| at(k).unwrap_or(0.0));
         let mut signal: Vec<f64> = there.clone().chain(there.rev()).collect();
         let mut spectrum = self.forward.make_output_vec();
-        // Lengths are the plan's own, so that it cannot refuse them.
+        // The lengths are those of the plan, so that it cannot return an error.
         let done = self.forward.process(&mut signal, &mut spectrum);
         debug_assert!(done.is_ok());
         spectrum
@@ -51,7 +52,7 @@ impl Transform {
 
     /// The samples of a spectrum.
     pub(crate) fn samples(&self, mut spectrum: Vec<Complex64>) -> Vec<f64> {
-        // Of a real signal both are real; what a gain leaves there is dropped.
+        // Of a real signal both are real; an imaginary part from a gain is dropped.
         let last = spectrum.len() - 1;
         (spectrum[0].im, spectrum[last].im) = (0.0, 0.0);
         let mut signal = self.backward.make_output_vec();
@@ -61,13 +62,13 @@ impl Transform {
         signal[self.pad..self.pad + self.samples].iter().map(|value| value * scale).collect()
     }
 
-    /// Samples through a frequency response at the bins.
+    /// Filters samples by a frequency response at the bins.
     pub(crate) fn through(&self, samples: &[f64], response: &[Complex64]) -> Vec<f64> {
         self.samples(product(&self.spectrum(samples), response))
     }
 }
 
-/// Bin by bin.
+/// Product, bin by bin.
 pub(crate) fn product(a: &[Complex64], b: &[Complex64]) -> Vec<Complex64> {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }

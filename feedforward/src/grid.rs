@@ -7,25 +7,25 @@ use physics::JointKind;
 use recording::series::{Channel, Kind, Recording};
 use world::forward::positions_at;
 
-/// Fewer rows are no path.
+/// Least number of rows of a path.
 pub const ROWS_LEAST: usize = 8;
-/// Time stamps that are off by less than this share of a step are even.
+/// Time stamps that deviate by less than this share of a step count as even.
 const EVEN: f64 = 0.02;
 
 /// A path on even time stamps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extended {
-    /// Commands and loads; what was measured is left out.
+    /// Commands and loads, without measurements.
     pub recording: Recording,
     /// s.
     pub step_s: f64,
-    /// Rows of standing still before the first and after the last row of the path.
+    /// Rows at rest before the first and after the last row of the path.
     pub lead_rows: usize,
-    /// Whether rows are at other times than they were.
+    /// Whether rows were interpolated to other times.
     pub is_resampled: bool,
 }
 
-/// The time from one row to the next, s: their median.
+/// Median time from one row to the next, s.
 ///
 /// # Errors
 /// Fewer rows than [`ROWS_LEAST`].
@@ -38,7 +38,7 @@ pub fn median_step_s(times_s: &[f64]) -> Result<f64, FeedforwardError> {
     Ok(*steps.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// The path of a recording, standing still for `lead_s` before and after it.
+/// The path of a recording, with a rest of `lead_s` before and after it.
 ///
 /// # Errors
 /// Poses instead of a path, several segments, too few rows, a row without a command.
@@ -56,7 +56,7 @@ pub fn extended(
             return Err(FeedforwardError::NoCommand { row: row + 1, joint: joint + 1 });
         }
     }
-    // A whole number of steps is one in spite of its last digit.
+    // A whole number of steps stays one in spite of rounding.
     let lead_rows = (lead_s / even.step_s - 1e-6).ceil() as usize;
     let first_s = recording.t_s[0];
     let last_s = even.times_s.last().copied().unwrap_or(first_s);
@@ -115,7 +115,7 @@ fn even(recording: &Recording) -> Result<Even, FeedforwardError> {
         let times_s = recording.t_s.clone();
         return Ok(Even { times_s, step_s: mean_s, is_resampled: false });
     }
-    // The last row stands at or after the end of the path.
+    // The last row is at or after the end of the path.
     let rows = ((last_s - first_s) / step_s).ceil() as usize;
     let times_s = (0..=rows).map(|k| first_s + k as f64 * step_s).collect();
     Ok(Even { times_s, step_s, is_resampled: true })
@@ -132,7 +132,7 @@ fn is_load(channel: &Channel) -> bool {
     )
 }
 
-/// The last sample at or before each time; before the first row that one.
+/// The last sample at or before each time; before the first row the first sample.
 fn held(times_s: &[f64], samples: &[f64], at_s: &[f64]) -> Vec<f64> {
     let row = |t_s: &f64| times_s.partition_point(|time_s| time_s <= t_s).saturating_sub(1);
     at_s.iter().map(|t_s| samples.get(row(t_s)).copied().unwrap_or(f64::NAN)).collect()

@@ -4,26 +4,27 @@
 //! mean power of the residual. Frequencies of modes are first searched around the model's, since a sharp peak has a small region of convergence; then Gauss-Newton
 //! with step halving.
 //!
-//! Promises: no result unless the new parameters explain the run much better than the model's; parameters stay positive. Never: a new effect.
+//! Invariants: no result unless the new parameters explain the run much better than the model's;
+//! parameters stay positive. No effect is added.
 
 use crate::fourier::{Transform, product};
 use joint_dynamics::plant::{Plant, Uncertain};
 use nalgebra::{SMatrix, SVector};
 use realfft::num_complex::Complex64;
 
-/// Corner of the high pass, Hz: a static error changes over seconds.
+/// Corner frequency of the high-pass, Hz: static errors change over seconds.
 const STATIC_HZ: f64 = 0.5;
-/// New numbers must leave less than this share of the residual's power.
+/// The new parameters must leave less than this share of the residual's power.
 const EXPLAINED: f64 = 0.5;
 /// Step of the search over frequencies, as a share: half the width of a peak with 1 % damping.
 const SEARCH: f64 = 0.005;
-/// How far it goes, as a share of the model's frequency: beyond what a model is ever guarded against.
+/// Range of the search, as a share of the model's frequency: beyond any `robust_to`.
 const SEARCH_MOST: f64 = 0.5;
-/// Steps of Gauss and Newton's method.
+/// Gauss-Newton steps.
 const STEPS: usize = 12;
-/// Plants with more numbers are left as they are.
+/// Plants with more parameters are not identified.
 const NUMBERS_MAX: usize = 16;
-/// A number is believed no better than this, as a share: a plant is not quite linear.
+/// Least standard uncertainty of a parameter, as a share: a plant is not exactly linear.
 const SHARE_LEAST: f64 = 0.003;
 
 type Normal = SMatrix<f64, NUMBERS_MAX, NUMBERS_MAX>;
@@ -34,24 +35,24 @@ pub(crate) struct Run<'a> {
     pub(crate) transform: &'a Transform,
     /// Frequencies of the transform's bins, Hz.
     pub(crate) bins_hz: &'a [f64],
-    /// The spectrum of what was commanded.
+    /// Spectrum of the commands.
     pub(crate) commanded: &'a [Complex64],
-    /// Where the joint was, rad or m.
+    /// Position of the joint, rad or m.
     pub(crate) reached: &'a [f64],
-    /// Bins above do not count, Hz.
+    /// Bins above this frequency are ignored, Hz.
     pub(crate) band_hz: f64,
 }
 
-/// A plant by a run.
+/// A plant identified from a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refined {
-    /// The plant with the numbers of the run and their standard uncertainties.
+    /// The plant with the identified parameters and their standard uncertainties.
     pub plant: Plant,
-    /// What is left of the run by it, as a share of what the model leaves (root mean squares).
+    /// Its residual of the run, as a share of that of the model (root mean squares).
     pub unexplained: f64,
 }
 
-/// The plant by a run; none where that explains it little better than the model.
+/// The identified plant; `None` if it explains the run little better than the model.
 pub(crate) fn refined(plant: &Plant, run: &Run<'_>) -> Option<Refined> {
     let count = plant.clone().numbers().len();
     if count == 0 || count > NUMBERS_MAX {
@@ -71,7 +72,8 @@ pub(crate) fn refined(plant: &Plant, run: &Run<'_>) -> Option<Refined> {
 }
 
 impl Run<'_> {
-    /// What the plant leaves of the run. A path runs back in its transform, which a plant's memory does not: the two are compared in time.
+    /// Residual of the plant. The periodic continuation of a path returns to its start, which the
+    /// plant's memory does not: the two are compared in time.
     fn residual(&self, plant: &Plant) -> Vec<Complex64> {
         let response: Vec<Complex64> = self.bins_hz.iter().map(|hz| plant.response(*hz)).collect();
         let by_plant = self.transform.samples(product(self.commanded, &response));
@@ -83,7 +85,7 @@ impl Run<'_> {
             .collect()
     }
 
-    /// Each mode's frequency where it explains the run best.
+    /// The frequency of each mode that explains the run best.
     fn search(&self, plant: &Plant) -> Plant {
         let mut best = plant.clone();
         let steps = (SEARCH_MOST / SEARCH).ceil() as i32;
@@ -102,7 +104,7 @@ impl Run<'_> {
         best
     }
 
-    /// One step of Gauss and Newton's method, as much of it as helps.
+    /// A Gauss-Newton step, shortened until it reduces the cost.
     fn improved(&self, plant: &Plant, prior: &Plant) -> Plant {
         let residual = self.residual(plant);
         let scale = residual.len() as f64 / power(&residual).max(f64::MIN_POSITIVE);
@@ -179,7 +181,7 @@ fn values(plant: &Plant) -> Vec<f64> {
     values_and_sigmas(plant).iter().map(|number| number.value).collect()
 }
 
-/// How far numbers are from those of the model, in standard uncertainties, squared.
+/// Deviation of the parameters from those of the model, in standard uncertainties, squared.
 fn off_prior(plant: &Plant, prior: &Plant) -> f64 {
     let pairs = values(plant).into_iter().zip(values_and_sigmas(prior));
     let off = |(value, prior): (f64, Uncertain)| {
@@ -188,7 +190,7 @@ fn off_prior(plant: &Plant, prior: &Plant) -> f64 {
     pairs.map(off).sum()
 }
 
-/// A share of a step; no number falls below a tenth of what it was.
+/// The plant after a share of a step; no parameter falls below a tenth of its value.
 fn moved(plant: &Plant, step: &Numbers, share: f64) -> Plant {
     let mut moved = plant.clone();
     for (number, step) in moved.numbers().into_iter().zip(step.iter()) {

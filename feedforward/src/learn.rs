@@ -17,47 +17,49 @@ use crate::step::{Known, Stepped};
 use joint_dynamics::plant::{Plant, Plants};
 use realfft::num_complex::Complex64;
 
-/// Bins over which the power of an error is averaged, to each side.
+/// Number of bins to each side over which the power of an error is averaged.
 const BINS_ABOUT: usize = 12;
-/// Of the stated share by which numbers may be off at least this part stays for a plant that a run showed.
+/// Least part of the stated relative deviation that is kept for a plant identified from a run.
 const KNOWN_LEAST: f64 = 0.25;
-/// From so many times the bandwidth on an error counts as noise.
+/// From this multiple of the bandwidth on an error counts as noise.
 const NOISE_BANDS: f64 = 2.0;
 
-/// What was commanded, and what came of it.
+/// Commands and measurements of runs.
 #[derive(Clone, Copy, Debug)]
 pub struct Runs<'a> {
-    /// s from one row to the next.
+    /// Time from one row to the next, s.
     pub step_s: f64,
-    /// Commands without any correction in time, rad or m, a list per joint.
+    /// Commands without dynamic correction, rad or m, a list per joint.
     pub wanted: &'a [Vec<f64>],
-    /// What was commanded.
+    /// Commands that were sent.
     pub commanded: &'a [Vec<f64>],
-    /// The same commands run once or several times.
+    /// One or several runs of the same commands.
     pub measured: &'a [Measured],
 }
 
-/// What a joint learns.
+/// Result of learning for a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Learned {
-    /// What was measured of it.
+    /// The measured quantity.
     pub seen: Seen,
     /// The mean error of the runs, rad or m.
     pub error: Vec<f64>,
-    /// The next correction, and the error that is left by the model.
+    /// The next correction, and its remaining error by the model.
     pub next: Stepped,
-    /// Standard deviation of one run from the mean, rad or m; none of a single run.
+    /// Standard deviation of one run from the mean, rad or m; `None` for a single run.
     pub repeatability: Option<f64>,
-    /// The joint's plant by this run, where that explains it much better than the model's; else none.
+    /// The joint's plant identified from this run, if that explains it much better than the
+    /// model's.
     pub refined: Option<Refined>,
 }
 
 /// The next run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Next {
-    /// What is to be commanded.
+    /// The commands.
     pub commanded: Vec<Vec<f64>>,
-    /// Of each joint; none where nothing was seen of it, or only its motor where it has modes: a motor that is where it was wanted makes them ring.
+    /// Result per joint; `None` without a measurement of it, or if only the motor of a joint with
+    /// modes was measured: a motor that follows its target exactly excites them.
     pub joints: Vec<Option<Learned>>,
 }
 
@@ -124,7 +126,8 @@ pub fn learn(
     Ok(next)
 }
 
-/// By how much the model expects joints to be off that shall be at `wanted` and are commanded to `commanded`, rad or m.
+/// The errors that the model predicts for joints with target `wanted` and commands `commanded`, rad
+/// or m.
 #[must_use]
 pub fn expected_error(
     plants: &Plants,
@@ -159,7 +162,7 @@ fn repeatability(errors: &[&[f64]], mean: &[f64]) -> Option<f64> {
     Some((errors.iter().map(of_run).sum::<f64>() / freedoms as f64).sqrt())
 }
 
-/// The share of the mean error at each bin that is no noise.
+/// The share of the mean error at each bin that is above the noise.
 fn trusted(
     transform: &Transform,
     errors: &[&[f64]],
@@ -177,7 +180,7 @@ fn trusted(
             let off: Vec<f64> = errors.iter().zip(mean).map(|(error, mean)| error - mean).collect();
             noise.iter_mut().zip(power(&off)).for_each(|(sum, of_run)| *sum += of_run);
         }
-        // The variance of the mean of the runs.
+        // Variance of the mean of the runs.
         noise.iter_mut().for_each(|sum| *sum /= runs * (runs - 1.0));
         averaged(&noise)
     } else {

@@ -11,8 +11,9 @@
 //!
 //! Read in this order: [`joint_dynamics::plant`], [`joint_dynamics::inverse`], [`step`], [`mod@preview`], [`identify`], [`grid`], [`measured`], [`mod@learn`], [`tool`].
 //!
-//! Promises: same input, same bits. Never: a file, a clock, a cycle of the daemon. Couplings between joints through inertia are not modelled;
-//! effects of the model that are not compensated are listed ([`joint_dynamics::plant::Plants::left_out`]).
+//! Invariant: the same input gives the same bits. No file, no clock, no cycle of the daemon.
+//! Couplings between joints through inertia are not modelled; effects of the model that are not
+//! compensated are listed ([`joint_dynamics::plant::Plants::left_out`]).
 
 pub mod error;
 mod fourier;

@@ -4,7 +4,7 @@
 //! (`Δq = Jᵀ (J Jᵀ + μ² I)⁻¹ Δx`), with minimum norm and free orientation.
 //! For an unknown measuring frame the best-fit rigid motion is removed (Horn 1987), so that form and timing of the path remain.
 //!
-//! Promises: missing samples are interpolated (`world::forward::positions_at`). Never: a fit of the model.
+//! Missing samples are interpolated (`world::forward::positions_at`). The model is not fitted.
 
 use crate::FeedforwardError;
 use crate::grid::median_step_s;
@@ -18,22 +18,23 @@ use recording::series::{Channel, Recording};
 use world::dynamics::Dynamics;
 use world::forward::{self, positions_at};
 
-/// Damping of the step from a point to joints, m per rad: a direction in which the tool moves less than this is hardly used.
+/// Damping of the step from a point to joints, m per rad: directions in which the tool moves less
+/// than this are hardly used.
 const DAMPING_M: f64 = 0.02;
-/// Clock offsets are looked for up to so far, s, in such steps, s.
+/// Largest clock offset of the search, s, and its steps, s.
 const OFFSET_MOST_S: f64 = 1.0;
 const OFFSET_STEP_S: f64 = 1e-3;
 
-/// How the clock of a measurement relates to that of the path.
+/// Relation of the measurement's clock to that of the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Clock {
-    /// This is added to the times of the measurement, s; 0 for one clock.
+    /// Added to the times of the measurement, s; 0 for a common clock.
     Offset(f64),
-    /// The offset is found with which the measurement agrees best with what the model predicts.
+    /// The offset is estimated by the best agreement with the model's prediction.
     Unknown,
 }
 
-/// What was measured.
+/// The measured quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Seen {
     /// The joint's link.
@@ -44,33 +45,36 @@ pub enum Seen {
     Tool,
 }
 
-/// Where the joints of a path shall be and are expected, row by row.
+/// Targets and predictions of the joints of a path, row by row.
 #[derive(Clone, Copy, Debug)]
 pub struct Expected<'a> {
     /// The arm.
     pub arm: &'a Arm,
     /// Times of the rows, s.
     pub times_s: &'a [f64],
-    /// Where the motors shall be, rad or m, a list per joint.
+    /// Targets of the motors, rad or m, a list per joint.
     pub motors: &'a [Vec<f64>],
-    /// Where the links shall be.
+    /// Targets of the links.
     pub links: &'a [Vec<f64>],
-    /// Where the tool shall be: the joints by the controller's geometry.
+    /// Joints that give the target of the tool by the controller's geometry.
     pub tool: &'a [Vec<f64>],
-    /// By how much the joints are expected to be off there, rad or m: the model's answer to what was commanded. For [`Clock::Unknown`].
+    /// Errors of the joints predicted by the model for the commands sent, rad or m. For
+    /// [`Clock::Unknown`].
     pub error: &'a [Vec<f64>],
 }
 
 /// The errors of one run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
-    /// Of each joint: what was seen, and wanted minus measured, rad or m. None where nothing was seen of it.
+    /// Measured quantity and error (target minus measured, rad or m) per joint; `None` without a
+    /// measurement.
     pub joints: Vec<Option<(Seen, Vec<f64>)>>,
-    /// What was added to the times of the measurement, s.
+    /// Offset added to the times of the measurement, s.
     pub clock_offset_s: f64,
 }
 
-/// Where the links are when the motors are at `motors` on the path of `recording`, by what the model says beside delay, lag and modes, rad or m.
+/// Positions of the links for motors at `motors` on the path of `recording`, by all effects of the
+/// model except delay, lag and modes, rad or m.
 ///
 /// # Errors
 /// A recording that lacks a joint.
@@ -90,7 +94,7 @@ pub fn links(
     Ok((0..motors.len()).map(link).collect())
 }
 
-/// One column of a measurement where it was sampled.
+/// A column of a measurement, at its own sampling times.
 struct Column {
     times_s: Vec<f64>,
     values: Vec<f64>,
@@ -119,7 +123,7 @@ struct Run<'a> {
 }
 
 impl Measured {
-    /// What `recording` measured of a path.
+    /// The errors of a path measured in `recording`.
     ///
     /// # Errors
     /// Nothing measured, a sampling that is too coarse, a motion that is not covered, an error beyond the settings' bound.
@@ -213,7 +217,7 @@ impl<'a> Run<'a> {
         errors
     }
 
-    /// The offset with which what was measured agrees best with what is expected, s.
+    /// The offset with the best agreement between measurement and prediction, s.
     fn offset_s(&self) -> f64 {
         let differs = |offset_s: f64| -> f64 {
             let all = self.errors(offset_s);
@@ -260,7 +264,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// The joints' step that moves the tool by `by` at `q`.
+/// The step of the joints that moves the tool by `by` at `q`.
 fn joints_for(arm: &Arm, q: &Joints, by: DVec3) -> Vec<f64> {
     let chain = Chain::nominal(arm, q);
     let columns: Vec<DVec3> = (arm.joints().iter().enumerate())

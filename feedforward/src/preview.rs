@@ -9,24 +9,25 @@ use crate::step::{Joint, Known, Stepped};
 use joint_dynamics::plant::{Plant, Plants};
 use physics::Arm;
 
-/// What became of each joint; all in rad or m, row by row.
+/// Result of a preview; all in rad or m, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Preview {
-    /// What is commanded.
+    /// The commands.
     pub commanded: Vec<Vec<f64>>,
-    /// Where the joint goes by the model when it is commanded to where it shall be.
+    /// Predicted positions without correction.
     pub without: Vec<Vec<f64>>,
-    /// Where it goes with the correction.
+    /// Predicted positions with the correction.
     pub with: Vec<Vec<f64>>,
-    /// Of each joint; none where there was nothing to compensate.
+    /// Per joint; `None` if there was nothing to compensate.
     pub joints: Vec<Option<Stepped>>,
 }
 
-/// The commands for joints that shall be at `wanted` (a list per joint, rad or m, every `step_s`). The path begins and ends standing still, for as long as
-/// [`lead_s`] says.
+/// The commands for joints with targets `wanted` (a list per joint, rad or m, every `step_s`). The
+/// path begins and ends at rest, for as long as [`lead_s`] states.
 ///
 /// # Errors
-/// Settings out of their range, too few rows, a model without anything to invert, a sampling that is too coarse.
+/// Settings out of their range, too few rows, a model without anything to compensate, a sampling
+/// that is too coarse.
 pub fn preview(
     plants: &Plants,
     step_s: f64,
@@ -108,7 +109,7 @@ pub(crate) fn joint_of<'a>(
     Joint { plant, transform, step_s, fade_rows, settings }
 }
 
-/// How long a path stands in its transform, s: until every mode has died out.
+/// Rest of a path in its transform, s: until every mode has decayed.
 pub(crate) fn settle_s(plants: &Plants) -> f64 {
     plants.joints.iter().map(|plant| plant.reach_s() + plant.rings_s()).fold(1.0, f64::max)
 }

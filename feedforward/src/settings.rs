@@ -3,26 +3,29 @@
 use crate::FeedforwardError;
 use envelope::{Limits, LimitsError};
 
-/// How far a feedforward goes.
+/// Settings of a feedforward.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Where the weight of the correction's third derivative equals that of the path's error, Hz, 1 to 100. Default 40: several times the first modes of industrial
-    /// arms (5 to 20 Hz), and a sixth of the rate of a controller with 4 ms.
+    /// Frequency at which the weight of the correction's third derivative equals that of the path's
+    /// error, Hz, 1 to 100. Default 40: several times the first modes of industrial arms (5 to 20
+    /// Hz), and a sixth of the rate of a controller with 4 ms.
     pub bandwidth_hz: f64,
-    /// No plant whose numbers are off by up to this share makes the root mean square error larger, 0 to 0.5. Default 0.3: what a
-    /// delay or a natural frequency changes over an arm's workspace.
+    /// Relative deviation of the plant's parameters up to which the root mean square error does not
+    /// increase, 0 to 0.5. Default 0.3: the change of a delay or a natural frequency over an arm's
+    /// workspace.
     pub robust_to: f64,
-    /// Standard uncertainty of numbers whose model states none, as a share of each, 0 to 1. Default 0.1.
+    /// Relative standard uncertainty of parameters without a stated one, 0 to 1. Default 0.1.
     pub unstated: f64,
-    /// Limits of what is added to the static commands, rad or m: position, rate, jerk. Default 0.2, 1 /s, 5000 /s³: a lag of 0.1 s
-    /// at 2 rad/s, and the jerk of the joints of the FR3 (libfranka, `rate_limiting.h`).
+    /// Limits of the correction, which is added to the static commands, rad or m: position, rate,
+    /// jerk. Default 0.2, 1 /s, 5000 /s³: a lag of 0.1 s at 2 rad/s, and the jerk of the joints of
+    /// the FR3 (libfranka, `rate_limiting.h`).
     pub limits: Limits,
-    /// A measured error beyond it is refused, rad or m, above 0. Default 0.2, as the position limit.
+    /// Larger measured errors are refused, rad or m, above 0. Default 0.2, as the position limit.
     pub error_max: f64,
 }
 
 impl Settings {
-    /// The defaults with limits of their own: position (rad or m), rate (per s), jerk (per s³).
+    /// The defaults with other limits: position (rad or m), rate (per s), jerk (per s³).
     ///
     /// # Errors
     /// A limit that is not a finite number above 0.

@@ -14,9 +14,9 @@ use joint_dynamics::plant::Plant;
 use realfft::num_complex::Complex64;
 use std::f64::consts::PI;
 
-/// From one bandwidth to the next that is tried.
+/// Ratio of successive bandwidths that are tried.
 const LOWER: f64 = 0.75;
-/// So many bandwidths are tried.
+/// Number of bandwidths that are tried.
 const TRIES: i32 = 8;
 
 /// A joint on a path.
@@ -29,29 +29,29 @@ pub(crate) struct Joint<'a> {
     pub(crate) settings: &'a Settings,
 }
 
-/// What a step knows, as spectra.
+/// Input of a step, as spectra.
 pub(crate) enum Known<'a> {
-    /// Where the joint shall be.
+    /// Target of the joint.
     Path(&'a [Complex64]),
     /// The error of a run.
     Run {
-        /// Where the joint shall be, if the plant is known from the run.
+        /// Target of the joint, if the plant was identified from the run.
         path: Option<&'a [Complex64]>,
-        /// The measured error, as far as it is no noise.
+        /// The measured error, without noise.
         error: &'a [Complex64],
     },
 }
 
-/// A correction and what is left with it.
+/// A correction and its remaining error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stepped {
-    /// What is added to the static commands, rad or m.
+    /// Added to the static commands, rad or m.
     pub correction: Vec<f64>,
-    /// The error that is left by the model, rad or m.
+    /// The remaining error by the model, rad or m.
     pub left: Vec<f64>,
-    /// Hz; lower than asked where the limits wanted it.
+    /// Hz; lower than requested if the limits required it.
     pub bandwidth_hz: f64,
-    /// Rows in which the limiter held the correction back.
+    /// Rows in which the limiter reduced the correction.
     pub limited_rows: usize,
 }
 
@@ -61,7 +61,8 @@ impl Joint<'_> {
         self.transform.bins_hz().iter().map(|hz| self.plant.response(*hz)).collect()
     }
 
-    /// The step from the correction `before`, which left `error`; without an error that was measured it is the preview.
+    /// The step from the correction `before`, which left `error`; without a measured error it is
+    /// the preview.
     pub(crate) fn step(&self, known: &Known<'_>, before: &[f64], error: &[f64]) -> Stepped {
         let response = self.response();
         let mut best: Option<(f64, Stepped)> = None;
@@ -89,7 +90,8 @@ impl Joint<'_> {
         best.map_or_else(nothing, |(_, stepped)| stepped)
     }
 
-    /// Corrections before their limits: the preview; or what is learned, and, of a plant known from the run, with the preview where learning does not reach.
+    /// Corrections before limiting: the preview; or the learned one, which, for a plant identified
+    /// from the run, is supplemented by the preview where learning is not robust.
     fn wanted(&self, bandwidth_hz: f64, known: &Known<'_>, before: &[f64]) -> Vec<Vec<f64>> {
         let bins_hz = self.transform.bins_hz();
         let gains = |source: Source| {
@@ -113,7 +115,7 @@ impl Joint<'_> {
         all
     }
 
-    /// A correction and its change, gone at both ends of the path.
+    /// A correction and its change, faded to zero at both ends of the path.
     fn faded(&self, before: &[f64], change: Vec<Complex64>) -> Vec<f64> {
         let rows = before.len();
         let change = self.transform.samples(change);

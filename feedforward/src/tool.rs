@@ -6,7 +6,7 @@
 use glam::DVec3;
 use physics::{Arm, Chain, Joints};
 
-/// The path is searched so long before and after an instant, s.
+/// The nearest point of the path is searched within this time before and after an instant, s.
 const NEARBY_S: f64 = 0.5;
 
 /// Largest and root mean square, m.
@@ -21,13 +21,13 @@ pub struct Size {
 /// Errors of the tool on a path.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ToolError {
-    /// From where it shall be at that instant.
+    /// Distance from the target at that instant.
     pub in_time: Size,
-    /// From the nearest point of the path.
+    /// Distance from the nearest point of the path.
     pub from_path: Size,
 }
 
-/// Where the tool is, row by row, m, base frame; joints as lists, rad or m.
+/// Tool positions, row by row, m, base frame; joints as lists, rad or m.
 #[must_use]
 pub fn points(arm: &Arm, joints: &[Vec<f64>]) -> Vec<DVec3> {
     let rows = joints.first().map_or(0, Vec::len);
@@ -39,7 +39,7 @@ pub fn points(arm: &Arm, joints: &[Vec<f64>]) -> Vec<DVec3> {
     (0..rows).map(at).collect()
 }
 
-/// The errors of a tool that is at `reached` and shall be at `wanted`, every `step_s`.
+/// The errors of a tool at `reached` with target `wanted`, every `step_s`.
 #[must_use]
 pub fn error(wanted: &[DVec3], reached: &[DVec3], step_s: f64) -> ToolError {
     let rows = (NEARBY_S / step_s).ceil() as usize;

@@ -13,18 +13,19 @@
 use crate::plant::Plant;
 use realfft::num_complex::Complex64;
 
-/// What the commands are made from.
+/// Input from which the commands are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// The path, by what the model says of it.
+    /// The path, by the predictions of the model.
     Path,
     /// The measured error of a run.
     Error,
 }
 
 impl Source {
-    /// Of the step after which the error of the worst plant is as large as before: all but a little in a preview, which is one step; less in learning, which goes on and shall
-    /// leave less of the worst plant's error each time.
+    /// Bound on the error of the worst plant after a step, relative to that before: just below one
+    /// for a preview, which is a single step; lower for learning, which is repeated and should
+    /// reduce the error of the worst plant each time.
     fn margin(self) -> f64 {
         match self {
             Self::Path => 0.95,
@@ -33,11 +34,14 @@ impl Source {
     }
 }
 
-/// Spacing of the frequencies at which plants are tried, Hz: finer than the peak of a mode of 8 Hz with 2 % damping is wide.
+/// Spacing of the frequencies at which plants are evaluated, Hz: finer than the peak of a mode of 8
+/// Hz with 2 % damping.
 const SPACING_HZ: f64 = 0.1;
-/// Plants are tried up to so many times the bandwidth; beyond, the third derivative's weight leaves less than a thousandth.
+/// Plants are evaluated up to this multiple of the bandwidth; beyond, the weight of the third
+/// derivative leaves less than a thousandth.
 const BANDS: f64 = 3.5;
-/// The share changes over this band, Hz, so that the change of a command reaches no further than about its reciprocal, s.
+/// The share is smoothed over this band, Hz, so that the change of a command extends over about its
+/// reciprocal, s.
 const SMOOTH_HZ: f64 = 0.8;
 
 /// A design for one joint.
@@ -47,13 +51,13 @@ pub struct Design<'a> {
     pub plant: &'a Plant,
     /// Hz.
     pub bandwidth_hz: f64,
-    /// Share by which its numbers may be off.
+    /// Largest relative deviation of its parameters.
     pub robust_to: f64,
-    /// What the commands are made from.
+    /// Input from which the commands are computed.
     pub source: Source,
 }
 
-/// A design at frequencies.
+/// Gains at a set of frequencies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gains {
     /// From the source to the change of the commands.
@@ -63,7 +67,8 @@ pub struct Gains {
 }
 
 impl Design<'_> {
-    /// What takes the spectrum of the source to that of the change of the commands, at these frequencies, Hz; and the share λ of it that is in it.
+    /// The gains from the spectrum of the source to that of the change of the commands, at these
+    /// frequencies, Hz, and the share λ included in them.
     #[must_use]
     pub fn gains(&self, bins_hz: &[f64]) -> Gains {
         let neighbours = self.plant.off_by_sigma();
@@ -74,10 +79,10 @@ impl Design<'_> {
         Gains { gains, shares }
     }
 
-    /// The step at a frequency, before its share is taken.
+    /// The step at a frequency, before scaling by its share.
     fn step(&self, hz: f64, neighbours: &[Plant]) -> Complex64 {
         let g = self.plant.response(hz);
-        // Both sides of each number: half of the sum.
+        // Each parameter is varied to both sides: half of the sum.
         let spread: f64 =
             neighbours.iter().map(|near| (near.response(hz) - g).norm_sqr()).sum::<f64>() / 2.0;
         let effort = (hz / self.bandwidth_hz).powi(6);
@@ -116,7 +121,7 @@ impl Design<'_> {
     }
 }
 
-/// The least of the neighbours, then their mean over the same band: nowhere more than before.
+/// The minimum over neighbours, then their mean over the same band: nowhere more than before.
 fn smoothed(shares: &[f64]) -> Vec<f64> {
     let half = (SMOOTH_HZ / SPACING_HZ / 2.0).round() as usize;
     let about = |k: usize| k.saturating_sub(half)..(k + half + 1).min(shares.len());

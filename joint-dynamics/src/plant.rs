@@ -1,4 +1,4 @@
-//! A joint as a linear plant: how its motor follows the command, and how its link follows the motor.
+//! A joint as a linear plant: response of its motor to the command, and of its link to the motor.
 //!
 //! `G(s) = e^(−D s) Π 1/(1 + T s) · (1 − Σ γ s² / (s² + 2 ζ ω s + ω²))`: delay D, first-order lags T, modes of natural frequency ω, damping ratio ζ,
 //! participation γ. Laws: effects `time_delay`, `servo_lag`, `flexible_mode` (docs/reference/effects.md), written as frequency response.
@@ -10,7 +10,7 @@ use realfft::num_complex::Complex64;
 use recording::model::{EffectEntry, RobotModel};
 use std::f64::consts::TAU;
 
-/// A number with its standard uncertainty.
+/// A value with its standard uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Uncertain {
     /// SI.
@@ -26,7 +26,7 @@ pub struct Mode {
     pub frequency_hz: Uncertain,
     /// Share of critical damping.
     pub damping_ratio: Uncertain,
-    /// How much of the motor's acceleration excites it.
+    /// Ratio of the mode's excitation to the motor's acceleration.
     pub participation: Uncertain,
 }
 
@@ -46,12 +46,12 @@ pub struct Plant {
 pub struct Plants {
     /// One per joint.
     pub joints: Vec<Plant>,
-    /// Effects over time that move the tool and are not compensated, by name.
+    /// Dynamic effects that move the tool and are not compensated, by name.
     pub left_out: Vec<String>,
 }
 
 impl Plants {
-    /// What a model states; `unstated`: relative standard uncertainty of numbers that have none.
+    /// From a model; `unstated`: relative standard uncertainty of parameters without a stated one.
     #[must_use]
     pub fn of(model: &RobotModel, unstated: f64) -> Self {
         let arm = &model.physics.arm;
@@ -61,7 +61,7 @@ impl Plants {
         plants
     }
 
-    /// Whether no joint has anything to invert.
+    /// Whether no joint has anything to compensate.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.joints.iter().all(Plant::is_identity)
@@ -96,14 +96,14 @@ impl Plants {
     }
 }
 
-/// A parameter of an effect in SI; none where it is not given.
+/// A parameter of an effect in SI; `None` if it is not given.
 fn number(arm: &Arm, entry: &EffectEntry, stem: &str, unstated: f64) -> Option<Uncertain> {
     let si = |entry: &EffectEntry| {
         let numbers = entry.to_si(arm)?;
         numbers.into_iter().find(|(found, _)| *found == stem)?.1.first().copied()
     };
     let value = si(entry)?;
-    // The uncertainties in the place of the values, in the same units.
+    // The uncertainties in place of the values, in the same units.
     let mut uncertainties = entry.clone();
     for parameter in &mut uncertainties.parameters {
         let share = parameter.value.map(|value| value.abs() * unstated);
@@ -113,13 +113,13 @@ fn number(arm: &Arm, entry: &EffectEntry, stem: &str, unstated: f64) -> Option<U
 }
 
 impl Plant {
-    /// Whether the joint follows its command at once.
+    /// Whether the joint follows its command exactly.
     #[must_use]
     pub fn is_identity(&self) -> bool {
         self.delays_s.is_empty() && self.lags_s.is_empty() && self.modes.is_empty()
     }
 
-    /// The same joint as its motor's encoder sees it.
+    /// The same joint as measured by its motor's encoder.
     #[must_use]
     pub fn of_motor(&self) -> Self {
         Self { modes: Vec::new(), ..self.clone() }
@@ -152,19 +152,19 @@ impl Plant {
         })
     }
 
-    /// How long it remembers, s: delay, five time constants of its lags.
+    /// Duration of its response without modes, s: delay, five time constants of its lags.
     pub fn reach_s(&self) -> f64 {
         let sum = |numbers: &[Uncertain]| numbers.iter().map(|n| n.value.abs()).sum::<f64>();
         sum(&self.delays_s) + 5.0 * sum(&self.lags_s)
     }
 
-    /// How long its slowest mode rings, s: to a hundredth.
+    /// Decay time of its slowest mode, s: to a hundredth.
     pub fn rings_s(&self) -> f64 {
         let decay = |mode: &Mode| TAU * mode.frequency_hz.value * mode.damping_ratio.value;
         self.modes.iter().map(|mode| 4.6 / decay(mode).max(0.5)).fold(0.0, f64::max)
     }
 
-    /// The plant with one number after the other off by its standard uncertainty, up and down.
+    /// The plant with each parameter in turn shifted by its standard uncertainty, up and down.
     pub fn off_by_sigma(&self) -> Vec<Self> {
         let count = self.clone().numbers().len();
         let shifted = |at: usize, sign: f64| {
@@ -177,7 +177,7 @@ impl Plant {
         (0..count).flat_map(|at| [shifted(at, -1.0), shifted(at, 1.0)]).collect()
     }
 
-    /// All its numbers.
+    /// All its parameters.
     pub fn numbers(&mut self) -> Vec<&mut Uncertain> {
         let of_modes = self.modes.iter_mut().flat_map(|mode| {
             [&mut mode.frequency_hz, &mut mode.damping_ratio, &mut mode.participation]
@@ -185,7 +185,7 @@ impl Plant {
         self.delays_s.iter_mut().chain(&mut self.lags_s).chain(of_modes).collect()
     }
 
-    /// Motors whose delay and lags are off by up to a share, each kind by itself.
+    /// Motors with deviations of delay and lags up to `share`, each kind by itself.
     pub fn motors_off_by(&self, share: f64) -> Vec<Self> {
         let scaled = |delay: f64, lag: f64| {
             let mut plant = self.of_motor();
@@ -197,8 +197,9 @@ impl Plant {
         shares.iter().flat_map(|delay| shares.map(|lag| scaled(*delay, lag))).collect()
     }
 
-    /// Links whose modes are off by up to a share: frequencies together, in steps that hit a peak of 2 % damping; damping at both ends; participation
-    /// by three standard uncertainties, and no more than the share.
+    /// Links with deviations of the modes up to `share`: frequencies together, in steps that
+    /// resolve a peak of 2 % damping; damping at both ends; participation by three standard
+    /// uncertainties, at most by `share`.
     pub fn links_off_by(&self, share: f64) -> Vec<Self> {
         if self.modes.is_empty() {
             return vec![Self::default()];

@@ -1,6 +1,7 @@
-//! A joint in the time domain, for tests: a delay line, lags and modes integrated by a Runge-Kutta method. Shares no code with the inverse.
+//! A joint in the time domain, for tests: a delay line, lags and modes integrated by a Runge-Kutta
+//! method. Independent of the inverse.
 
-/// The numbers of a joint with one lag and one mode.
+/// Parameters of a joint with one lag and one mode.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct VirtualJoint {
     pub(crate) delay_s: f64,
@@ -10,7 +11,7 @@ pub(crate) struct VirtualJoint {
     pub(crate) participation: f64,
 }
 
-/// Of the tests' paths, s.
+/// Sampling time of the tests' paths, s.
 pub(crate) const STEP_S: f64 = 4e-3;
 
 /// The joint of the tests: 30 ms of delay and lag, a mode of 8 Hz.
@@ -22,18 +23,18 @@ pub(crate) const JOINT: VirtualJoint = VirtualJoint {
     participation: 1.0,
 };
 
-/// Steps of the integration in one sample.
+/// Integration steps per sample.
 const SUBSTEPS: usize = 8;
 
 impl VirtualJoint {
-    /// The same with delay, lag and frequency times `factor`: what a model that is wrong believes of it.
+    /// The same with delay, lag and frequency times `factor`: the parameters of a wrong model.
     pub(crate) fn believed(self, factor: f64) -> Self {
         let Self { delay_s, lag_s, frequency_hz, .. } = self;
         let [delay_s, lag_s, frequency_hz] = [delay_s, lag_s, frequency_hz].map(|x| x * factor);
         Self { delay_s, lag_s, frequency_hz, ..self }
     }
 
-    /// Where its link is when it is commanded so every `step_s`; it begins at rest.
+    /// Position of its link for commands every `step_s`; it starts at rest.
     pub(crate) fn run(&self, step_s: f64, commanded: &[f64]) -> Vec<f64> {
         let mut state = [commanded[0], 0.0, 0.0];
         let h = step_s / SUBSTEPS as f64;
@@ -90,10 +91,10 @@ impl VirtualJoint {
     }
 }
 
-/// Speeds change evenly over this time, s: 0.1 rad/s at 2 rad/s².
+/// Speeds change linearly over this time, s: 0.1 rad/s at 2 rad/s².
 const BLEND_S: f64 = 0.05;
 
-/// A path of constant speeds, rad/s, each for so long, s, between rests of a second.
+/// A path of constant speeds, rad/s, each with its duration, s, between rests of a second.
 pub(crate) fn corners(step_s: f64, legs: &[(f64, f64)]) -> Vec<f64> {
     let mut path = vec![0.3; (1.0 / step_s) as usize];
     for (speed, time_s) in legs {

@@ -1,14 +1,14 @@
 //! The controller's geometry: axes, points on them, bodies and the tool, at the zero configuration.
 //!
-//! Promises: an [`Arm`] that exists is usable: axes are unit vectors, limits are ordered, all is finite.
-//! Never: an effect. Deviations from this geometry are in [`crate::effects`].
+//! Invariant: an [`Arm`] is valid: axes are unit vectors, limits are ordered, all values are
+//! finite. Deviations from this geometry are in [`crate::effects`].
 
 use crate::placed::Along;
 use crate::{JOINTS_MAX, Joints};
 use glam::{DMat3, DVec3};
 use thiserror::Error;
 
-/// Gravity where a model does not say otherwise, base axes, m/s².
+/// Gravity unless a model states another one, base axes, m/s².
 pub const GRAVITY: DVec3 = DVec3::new(0.0, 0.0, -9.80665);
 
 /// How a joint moves.
@@ -72,11 +72,12 @@ pub struct Tool {
 pub struct Arm {
     joints: [Joint; JOINTS_MAX],
     along: [Along; JOINTS_MAX],
-    /// To each joint's point from that of the joint before, of the first from the base's origin, m.
+    /// Vector to each joint's point from that of the previous joint, of the first from the base's
+    /// origin, m.
     ways: [DVec3; JOINTS_MAX],
     /// The first moment of each link about its joint's point, kg m.
     moments: [DVec3; JOINTS_MAX],
-    /// A bit for each joint that slides.
+    /// One bit per prismatic joint.
     slides: u32,
     count: usize,
     /// The tool.
@@ -85,7 +86,7 @@ pub struct Arm {
     pub gravity: DVec3,
 }
 
-/// Why an arm cannot be.
+/// Why an arm is not valid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum ArmError {
     /// No joint, or more than [`JOINTS_MAX`].
@@ -99,13 +100,13 @@ pub enum ArmError {
         /// The length found.
         length: f64,
     },
-    /// The limits of a joint (1-based) are the wrong way round or not finite.
+    /// The limits of a joint (1-based) are reversed or not finite.
     #[error("joint {0}: its limits must be finite, the lower below the upper")]
     Limits(usize),
-    /// A number of a joint (1-based) is not finite, or a mass or speed is not above zero.
+    /// A value of a joint (1-based) is not finite, or a mass or speed is not above zero.
     #[error("joint {0}: points must be finite, masses and speeds above zero")]
     JointNumbers(usize),
-    /// The tool's numbers are not finite, or its rotation is not a right-handed rotation to 1e-6.
+    /// The tool's values are not finite, or its rotation is not a right-handed rotation to 1e-6.
     #[error("the tool: numbers must be finite, the rotation right-handed and orthonormal to 1e-6")]
     Tool,
     /// Gravity is not finite.
@@ -117,7 +118,7 @@ impl Arm {
     /// An arm from its joints, base to flange.
     ///
     /// # Errors
-    /// What makes the arm unusable, see [`ArmError`].
+    /// Why the arm is not valid, see [`ArmError`].
     pub fn new(joints: &[Joint], tool: Tool, gravity: DVec3) -> Result<Self, ArmError> {
         let Some(first) = joints.first() else { return Err(ArmError::JointCount(0)) };
         if joints.len() > JOINTS_MAX {
@@ -154,25 +155,26 @@ impl Arm {
         self.count
     }
 
-    /// Which of the base's axes the axis of joint `i` is along.
+    /// The base axis that the axis of joint `i` is parallel to.
     #[inline(always)]
     pub(crate) fn along(&self, i: usize) -> Along {
         self.along[i]
     }
 
-    /// To the point of joint `i` from that of the joint before, of the first from the base's origin, m.
+    /// Vector to the point of joint `i` from that of the previous joint, of the first from the
+    /// base's origin, m.
     #[inline(always)]
     pub(crate) fn way(&self, i: usize) -> DVec3 {
         self.ways[i]
     }
 
-    /// The first moment of link `i` about its joint's point, kg m; zero where its mass is not known.
+    /// The first moment of link `i` about its joint's point, kg m; zero if its mass is not known.
     #[inline(always)]
     pub(crate) fn moment(&self, i: usize) -> DVec3 {
         self.moments[i]
     }
 
-    /// Joints that slide.
+    /// Prismatic joints.
     #[inline(always)]
     pub(crate) fn slides(&self) -> impl Iterator<Item = usize> {
         let slides = self.slides;
@@ -184,12 +186,14 @@ impl Arm {
         self.joints().iter().zip(q).all(|(joint, &q)| q >= joint.limits.0 && q <= joint.limits.1)
     }
 
-    /// The point that link `i` (moved by joint `i`, 0-based) reaches to: the next joint's point, or the TCP.
+    /// The point at the far end of link `i` (moved by joint `i`, 0-based): the next joint's point,
+    /// or the TCP.
     pub fn next_point(&self, i: usize) -> DVec3 {
         self.joints().get(i + 1).map_or(self.tool.tcp, |next| next.point)
     }
 
-    /// All known masses, each with the 0-based joint that moves it; the tool hangs on the last joint.
+    /// All known masses, each with the 0-based joint that moves it; the tool is moved by the last
+    /// joint.
     pub fn bodies(&self) -> impl Iterator<Item = (usize, &Body)> {
         let links =
             self.joints().iter().enumerate().filter_map(|(i, j)| Some((i, j.link.as_ref()?)));

@@ -1,8 +1,8 @@
 //! Forward kinematics of all axes and the tool: the product of rotations (thesis equations 3.1 to 3.4).
 //!
-//! Promises: [`Chain::nominal`] is the controller's own geometry; [`Chain::real`] is the same product with a
-//! [`Deviation`]; both agree bit for bit if all entries of the deviation are zero.
-//! Never: a load or an effect.
+//! Invariants: [`Chain::nominal`] is the controller's own geometry; [`Chain::real`] is the same
+//! product with a [`Deviation`]; both agree bit for bit if all entries of the deviation are zero.
+//! Loads and effects are computed elsewhere.
 
 use crate::deviation::Deviation;
 use crate::frame::rotation_from_vector;
@@ -13,8 +13,8 @@ use crate::{Arm, Frame, JOINTS_MAX, JointKind, Joints};
 use glam::DVec3;
 use nalgebra::SMatrix;
 
-/// How the TCP moves per unit of each joint: rows are linear (m) then angular (rad) in base axes; columns are
-/// joints, zero beyond the arm's joint count.
+/// Motion of the TCP per unit of each joint: rows are linear (m) then angular (rad) in base axes;
+/// columns are joints, zero beyond the arm's joint count.
 pub type Jacobian = SMatrix<f64, 6, JOINTS_MAX>;
 
 /// The arm at one configuration.
@@ -26,14 +26,14 @@ pub struct Chain {
     pub(crate) points: [Padded; JOINTS_MAX],
     /// Tool coordinates to base coordinates; its origin is the TCP.
     pub base_from_tool: Frame,
-    /// Of each position.
+    /// Sine of each joint position.
     sines: Joints,
     cosines: Joints,
     count: usize,
 }
 
 impl Default for Chain {
-    /// No arm at all.
+    /// A chain without joints.
     fn default() -> Self {
         Self {
             bodies: [Kept::IDENTITY; JOINTS_MAX],
@@ -55,24 +55,25 @@ impl Chain {
         chain
     }
 
-    /// The geometry at `q` (rad or m) with `deviation` put in.
+    /// The geometry at `q` (rad or m) with `deviation`.
     pub fn real(arm: &Arm, q: &Joints, deviation: &Deviation) -> Self {
         let mut chain = Self::default();
         chain.deviate(arm, q, deviation, &Self::nominal(arm, q));
         chain
     }
 
-    /// Where the tool is at `q`: [`Chain::nominal`]'s to the bit, and nothing else of it.
+    /// The tool pose at `q`: bit for bit that of [`Chain::nominal`], without the rest of the chain.
     pub fn tool_at(arm: &Arm, q: &Joints) -> Frame {
         widest(arm.count(), ToolAt { arm, q })
     }
 
-    /// [`Chain::nominal`] in place of a chain of the same arm.
+    /// [`Chain::nominal`], written over a chain of the same arm.
     pub(crate) fn stand(&mut self, arm: &Arm, q: &Joints) {
         widest(arm.count(), Stand { chain: self, arm, q });
     }
 
-    /// The same, with these lanes; `on` is how far `q` is from where this chain stands, where that is known.
+    /// The same, with these lanes; `on` is the step from the configuration of this chain to `q`, if
+    /// known.
     #[inline(always)]
     pub(crate) fn stand_in<S: Lanes>(
         &mut self,
@@ -99,7 +100,8 @@ impl Chain {
         self.base_from_tool = carrier.frame(&tool_of(arm));
     }
 
-    /// [`Chain::real`] in place of a chain of the same arm; `nominal` is the arm without the deviation.
+    /// [`Chain::real`], written over a chain of the same arm; `nominal` is the arm without the
+    /// deviation.
     pub(crate) fn deviate(&mut self, arm: &Arm, q: &Joints, deviation: &Deviation, nominal: &Self) {
         widest(arm.count(), Deviate { chain: self, arm, q, deviation, nominal });
     }
@@ -163,13 +165,13 @@ impl Chain {
         self.axes[i].xyz()
     }
 
-    /// Joint `i`'s point now, base frame, m; of one that slides, before it does.
+    /// Joint `i`'s point now, base frame, m; of a prismatic joint, before its motion.
     #[inline(always)]
     pub fn point(&self, i: usize) -> DVec3 {
         self.points[i].xyz()
     }
 
-    /// How the TCP moves (m) and the tool turns (rad) per unit of joint `i`, base axes.
+    /// Motion of the TCP (m) and rotation of the tool (rad) per unit of joint `i`, base axes.
     #[inline]
     pub fn motion_of(&self, i: usize, kind: JointKind) -> (DVec3, DVec3) {
         let axis = self.axis(i);
@@ -179,7 +181,7 @@ impl Chain {
         }
     }
 
-    /// How the TCP moves with each joint at this configuration.
+    /// Jacobian of the TCP at this configuration.
     pub fn jacobian(&self, arm: &Arm) -> Jacobian {
         let mut jacobian = Jacobian::zeros();
         for (i, joint) in arm.joints().iter().enumerate() {
@@ -195,7 +197,7 @@ impl Chain {
         self.count
     }
 
-    /// Sines and cosines of joints `4 k` to `4 k + 3` go on from those before.
+    /// Sines and cosines of joints `4 k` to `4 k + 3`, by the angle difference from those before.
     #[inline(always)]
     fn turn_on<S: Lanes>(&mut self, lanes: S, before: (S::Four, S::Four), by: &Joints, k: usize) {
         let (sines, cosines) = turned_on(lanes, before, lanes.part(by, k));
@@ -203,7 +205,8 @@ impl Chain {
         lanes.put(cosines, &mut self.cosines, k);
     }
 
-    /// Puts joint `i`, at `position`, onto what carries it; where its body is then.
+    /// Adds joint `i`, at `position`, to the body that carries it; returns the pose of its own
+    /// body.
     #[inline(always)]
     fn place<S: Lanes>(
         &mut self,
@@ -222,7 +225,7 @@ impl Chain {
     }
 }
 
-/// The axis of joint `i` as the controller has it.
+/// The nominal axis of joint `i`.
 #[inline(always)]
 fn axis_of(arm: &Arm, i: usize) -> Axis {
     let joint = &arm.joints()[i];

@@ -5,8 +5,8 @@
 //! Cut axes: x along the feed, z up out of the work, y = z × x. A turning tool is at φ = 90° and always cuts.
 //! Source: thesis 4.7; Altintas, Manufacturing Automation, 2012, 2.8 (edges); Kline, 1983 (runout).
 //!
-//! Promises: the law is linear in its coefficients; [`Cutter::mean`] is exact; no force outside the cut.
-//! Never: regeneration, or a tooth that runout lifts out of the cut.
+//! Invariants: the law is linear in its coefficients; [`Cutter::mean`] is exact; there is no force
+//! outside the cut. Not modelled: regeneration, and teeth that runout lifts out of the cut.
 
 use crate::deviation::Contribution;
 use crate::frame::rotation_from_vector;
@@ -14,25 +14,27 @@ use crate::{AnyEffect, Effect, Inputs, Memories, Model, Wrench};
 use core::f64::consts::TAU;
 use glam::{DMat3, DVec3};
 
-/// A tooth that lags by less than this from tip to top is straight, rad.
+/// A tooth with less lag than this from tip to top counts as straight, rad.
 const STRAIGHT_RAD: f64 = 1e-6;
-/// A tool that gives way along its axis never cuts deeper than so many times what was set.
+/// Limit on the depth of cut of a tool that is compliant along its axis, as a multiple of the set
+/// depth.
 const DEEPEST: f64 = 20.0;
 
-/// How an effect changes the force on the tool, or what is read of it.
+/// Change of the force on the tool, or of its reading, by an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ForceTerm {
-    /// More edge force: tangential, radial, axial, N/m of depth.
+    /// Additional edge force: tangential, radial, axial, N/m of depth.
     Edge(DVec3),
-    /// More cutting force: tangential, radial, axial, N/m² of chip.
+    /// Additional cutting force: tangential, radial, axial, N/m² of chip.
     Chip(DVec3),
-    /// The share by which edge forces grow per metre of cut.
+    /// Relative growth of edge forces per metre of cut.
     Wear(f64),
-    /// The tool's axis stands off the spindle's: towards tooth 0, and a quarter of a turn from there against the rotation, m.
+    /// Offset of the tool's axis from the spindle's: towards tooth 0, and a quarter of a turn from
+    /// there against the rotation, m.
     Runout([f64; 2]),
-    /// A force across the feed that swings by itself while the tool cuts, N.
+    /// An oscillating force across the feed while the tool cuts, N.
     Ring(f64),
-    /// What each channel of the sensor reads of each axis besides its own: rows are channels.
+    /// Cross-talk: the reading of each channel from each axis besides its own; rows are channels.
     Leak(DMat3),
 }
 
@@ -50,7 +52,7 @@ impl ForceTerm {
         }
     }
 
-    /// The difference of two terms of one kind; of other kinds there is none, and it is this term.
+    /// The difference of two terms of one kind; for terms of different kinds, this term.
     #[must_use]
     pub fn minus(self, other: Self) -> Self {
         match (self, other) {
@@ -65,12 +67,13 @@ impl ForceTerm {
     }
 }
 
-/// How tangential, radial and axial forces of teeth (columns) stand in cut axes, with their weights.
+/// Directions of tangential, radial and axial forces of teeth (columns) in cut axes, with their
+/// weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Teeth {
     /// Per N of edge force.
     pub edge: DMat3,
-    /// The same, each tooth times the sine of its angle: per N of a chip of the whole feed.
+    /// The same, each tooth times the sine of its angle: per N of force by a chip of full feed.
     pub chip: DMat3,
 }
 
@@ -80,7 +83,7 @@ impl Teeth {
     }
 }
 
-/// A tooth that stands at one angle over its whole depth.
+/// A tooth at one angle over its whole depth.
 fn straight(angle: f64) -> Teeth {
     let (sin, cos) = libm::sincos(angle);
     let edge = DMat3::from_cols(DVec3::new(-cos, sin, 0.0), DVec3::new(-sin, -cos, 0.0), DVec3::Z);
@@ -111,7 +114,7 @@ fn antiderivative(angle: f64) -> Teeth {
     }
 }
 
-/// A cutter in its work. SI; angles in rad from the normal axis, with the rotation.
+/// A cutter and its engagement. SI; angles in rad from the normal axis, with the rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cutter {
     /// Number of teeth.
@@ -126,7 +129,7 @@ pub struct Cutter {
     pub entry_rad: f64,
     /// Where it leaves, above `entry_rad`.
     pub exit_rad: f64,
-    /// The work turns, and the tool stands.
+    /// Turning: the workpiece rotates, and the tool does not.
     pub turning: bool,
     /// `K_tc, K_rc, K_ac`, N/m².
     pub chip_n_m2: DVec3,
@@ -134,7 +137,7 @@ pub struct Cutter {
     pub edge_n_m: DVec3,
 }
 
-/// What the teeth do at one instant, or on average: forces per unit of each coefficient, cut axes.
+/// Forces of the teeth at one instant, or on average, per unit of each coefficient, cut axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bite {
     /// N per N/m of edge coefficient.
@@ -143,12 +146,12 @@ pub struct Bite {
     pub chip: DMat3,
     /// The same per m of runout: towards tooth 0, and a quarter of a turn from there against the rotation.
     pub runout: [DMat3; 2],
-    /// How much of a tooth cuts; 0 out of the cut.
+    /// Engaged share of a tooth; 0 outside the cut.
     pub engaged: f64,
 }
 
 impl Bite {
-    /// Nothing is cut.
+    /// Outside the cut.
     pub const NONE: Self =
         Self { edge: DMat3::ZERO, chip: DMat3::ZERO, runout: [DMat3::ZERO; 2], engaged: 0.0 };
 
@@ -185,7 +188,8 @@ impl Cutter {
                 }
                 continue;
             }
-            // From tip to top the tooth stands at all angles between these: each turn's window of engagement takes its part.
+            // From tip to top the tooth covers all angles between these: each turn's window of
+            // engagement takes its part.
             let (low, high) = (angle.min(angle - lag), angle.max(angle - lag));
             let mut entry = self.entry_rad + TAU * libm::floor((low - self.entry_rad) / TAU);
             while entry < high {
@@ -203,7 +207,7 @@ impl Cutter {
         bite
     }
 
-    /// On average over whole turns: helix and runout play no part.
+    /// The average over whole turns, which does not depend on helix and runout.
     pub fn mean(&self, feed_per_tooth_m: f64) -> Bite {
         if self.turning {
             return self.standing(feed_per_tooth_m);
@@ -219,13 +223,14 @@ impl Cutter {
         }
     }
 
-    /// A turning tool: the limit of one tooth that stays where the chip is thickest.
+    /// A turning tool: the limit of one tooth that remains at the thickest chip.
     fn standing(&self, feed_m: f64) -> Bite {
         let along = DMat3::from_cols(DVec3::Y, -DVec3::X, DVec3::Z) * self.axial_depth_m;
         Bite { edge: along, chip: along * feed_m, runout: [DMat3::ZERO; 2], engaged: 1.0 }
     }
 
-    /// How much more a tooth at this place of the tool takes, per m of runout: it stands out, and the tooth before it left more or less.
+    /// Additional chip thickness of a tooth at this angular position of the tool, per m of runout:
+    /// it protrudes, and the previous tooth left more or less material.
     fn leads(&self, place_rad: f64) -> [f64; 2] {
         let before = place_rad + TAU / f64::from(self.teeth);
         let ((sin, cos), (sin_before, cos_before)) =
@@ -234,12 +239,12 @@ impl Cutter {
     }
 }
 
-/// An angle in one turn, from 0.
+/// An angle reduced to one turn, from 0.
 fn turn_part(angle: f64) -> f64 {
     angle - TAU * libm::floor(angle / TAU)
 }
 
-/// What effects change of the force that a cutter exerts, and of what is read of it.
+/// Sum of the changes of a cutter's force, and of its reading, by effects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CutForce {
     edge: DVec3,
@@ -254,7 +259,7 @@ pub struct CutForce {
     bias: Wrench,
     scale: Wrench,
     turn: DVec3,
-    /// How far the tool gives way along its axis, m/N.
+    /// Compliance of the tool along its axis, m/N.
     give: f64,
 }
 
@@ -276,7 +281,7 @@ impl Default for CutForce {
 }
 
 impl CutForce {
-    /// With what one more effect says.
+    /// Adds the contribution of an effect.
     pub fn add(&mut self, contribution: &Contribution) {
         match *contribution {
             Contribution::ToolForce(term) => match term {
@@ -298,7 +303,7 @@ impl CutForce {
         }
     }
 
-    /// Edge coefficients of a cutter after so many metres of cut, N/m.
+    /// Edge coefficients of a cutter after `cut_m` metres of cut, N/m.
     pub fn edge(&self, cutter: &Cutter, cut_m: f64) -> DVec3 {
         (cutter.edge_n_m + self.edge) * (1.0 + self.wear * cut_m)
     }
@@ -308,7 +313,7 @@ impl CutForce {
         cutter.chip_n_m2 + self.chip
     }
 
-    /// What acts on the tool, cut axes, N, after so many metres of cut.
+    /// Force on the tool, cut axes, N, after `cut_m` metres of cut.
     pub fn acting(&self, cutter: &Cutter, bite: &Bite, cut_m: f64) -> DVec3 {
         if bite.engaged <= 0.0 {
             return DVec3::ZERO;
@@ -316,12 +321,12 @@ impl CutForce {
         let chip = self.chip(cutter);
         let lead = bite.runout[0] * self.runout[0] + bite.runout[1] * self.runout[1];
         let force = bite.edge * self.edge(cutter, cut_m) + (bite.chip + lead) * chip;
-        // Pushed out of the work the tool cuts less deep, and force goes with depth.
+        // An axial deflection reduces the depth of cut, which the force is proportional to.
         let shallower = 1.0 + self.give * force.z / cutter.axial_depth_m;
         force / shallower.max(1.0 / DEEPEST) + DVec3::Y * self.ring
     }
 
-    /// What the sensor reads of it, N; its axes are those of the cut as the model believes.
+    /// The sensor's reading, N, in the axes of the cut by the model.
     pub fn read(&self, acting: DVec3) -> DVec3 {
         let felt = rotation_from_vector(self.turn).transpose() * acting;
         self.bias.force + (DVec3::ONE + self.scale.force) * (felt + self.leak * felt)
@@ -329,7 +334,7 @@ impl CutForce {
 }
 
 impl Model {
-    /// What the effects change of a cutter's force at one sample.
+    /// Changes of a cutter's force by all effects at one sample.
     pub fn cut_force(&self, inputs: &Inputs, memories: &Memories) -> CutForce {
         let mut force = CutForce::default();
         self.contributions(inputs, memories, |_, contribution| force.add(contribution));

@@ -1,7 +1,7 @@
 //! Contributions of effects to the controller's geometry.
 //!
-//! Promises: contributions add up in any order (to rounding); a zero deviation changes nothing.
-//! Never: a check whether a deviation is small.
+//! Invariants: contributions add up in any order (to rounding); a zero deviation changes nothing.
+//! Whether a deviation is small is not checked.
 
 use crate::cut::ForceTerm;
 use crate::drive::DriveTerm;
@@ -10,23 +10,25 @@ use crate::lanes::{Lanes, Three, Work, widest};
 use crate::{Chain, Frame, JOINTS_MAX, Joints, Motions, Wrench};
 use glam::DVec3;
 
-/// What one effect adds, at the one place where it acts. Joints and links are 0-based.
+/// Contribution of one effect, at the place where it acts. Joints and links are 0-based.
 ///
-/// Link `k` is what stands between joint `k − 1` and joint `k`: link 0 is the base, link `n` the flange.
-/// A derivative of an effect by a parameter is a contribution too, since all of these add up linearly.
+/// Link `k` is the body between joint `k − 1` and joint `k`: link 0 is the base, link `n` the
+/// flange. A derivative of an effect by a parameter is a contribution too, because all of these are
+/// linear.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Contribution {
     /// Nothing.
     #[default]
     None,
-    /// Joint `joint` takes this much more, rad or m.
+    /// An addition to the position of joint `joint`, rad or m.
     Joint {
         /// 0-based joint.
         joint: usize,
         /// Actual minus commanded, rad or m.
         delta: f64,
     },
-    /// Joint `joint`'s axis alone turns about `pivot`; the rest of the zero configuration stays.
+    /// Joint `joint`'s axis alone turns about `pivot`; the rest of the zero configuration is
+    /// unchanged.
     Axis {
         /// 0-based joint.
         joint: usize,
@@ -35,7 +37,7 @@ pub enum Contribution {
         /// A point on the axis, zero configuration, base frame, m.
         pivot: DVec3,
     },
-    /// All that link `link` carries turns about `pivot`.
+    /// Everything that link `link` carries turns about `pivot`.
     LinkTurn {
         /// 0-based link.
         link: usize,
@@ -44,7 +46,7 @@ pub enum Contribution {
         /// Fixed point, base frame at the zero configuration, m.
         pivot: DVec3,
     },
-    /// All that link `link` carries, and the joint after it, is shifted.
+    /// Everything that link `link` carries, including the joint after it, is shifted.
     LinkShift {
         /// 0-based link.
         link: usize,
@@ -56,7 +58,7 @@ pub enum Contribution {
         /// Rotation vector, base axes, rad.
         turn: DVec3,
     },
-    /// The TCP is elsewhere, the tool turned.
+    /// A displacement of the TCP and a rotation of the tool.
     Tool {
         /// Shift of the TCP, tool axes, m.
         shift: DVec3,
@@ -75,30 +77,32 @@ pub enum Contribution {
         /// Rotation vector of the robot's stand: gravity becomes `Rᵀ g`.
         turn: DVec3,
     },
-    /// A mass at the flange that the arm does not know.
+    /// A mass at the flange that the arm does not include.
     Mass {
         /// kg.
         mass: f64,
         /// First moment `m c` with `c` the centre at the zero configuration, base frame, kg m.
         first_moment: DVec3,
     },
-    /// What the force sensor reads wrong, tool axes: truth `= R(turn) (reading − bias) / (1 + scale)`, axis by axis.
+    /// Errors of the force sensor, tool axes: truth `= R(turn) (reading − bias) / (1 + scale)`,
+    /// axis by axis.
     Sensor {
-        /// What it reads too much.
+        /// Additive error of the reading.
         bias: Wrench,
-        /// How much too large it reads, as a part of one.
+        /// Relative error of the reading.
         scale: Wrench,
         /// Rotation vector of the sensor's mounting, rad.
         turn: DVec3,
     },
-    /// What the drive of joint `joint` has to exert besides the rigid body's need; [`crate::Drive`] adds these up.
+    /// Additional torque of the drive of joint `joint`, besides the rigid body's; [`crate::Drive`]
+    /// adds these up.
     DriveTorque {
         /// 0-based joint.
         joint: usize,
-        /// What, positive in the joint's positive sense.
+        /// The term, positive in the joint's positive sense.
         term: DriveTerm,
     },
-    /// What changes of the force of a cut, or of what is read of it; [`crate::CutForce`] adds these up.
+    /// A change of the force of a cut, or of its reading; [`crate::CutForce`] adds these up.
     ToolForce(ForceTerm),
 }
 
@@ -132,8 +136,9 @@ impl Contribution {
         scaled
     }
 
-    /// The difference of two contributions of the same effect, which act at the same place; where one of them
-    /// is nothing, the other one alone. Contributions at different places have no difference: nothing.
+    /// The difference of two contributions of the same effect, which act at the same place; if one
+    /// of them is `None`, the other one. Contributions at different places have no difference:
+    /// `None`.
     pub fn minus(&self, other: &Self) -> Self {
         let mut difference = *self;
         match (&mut difference, other) {
@@ -179,13 +184,13 @@ pub struct LinkDeviation {
 }
 
 impl LinkDeviation {
-    /// The motion that this deviation puts in.
+    /// The rigid motion of this deviation.
     pub fn frame(&self) -> Frame {
         self.twist.frame().after(&Frame::translation(self.shift))
     }
 }
 
-/// How the tool moves, m and rad, where each joint goes by so much.
+/// Motion of the tool, m and rad, for given steps of the joints.
 struct ByJoints<'a> {
     by: &'a Joints,
     motions: &'a Motions,
@@ -215,7 +220,7 @@ pub struct Deviation {
     pub joints: Joints,
     axes: [Twist; JOINTS_MAX],
     links: [LinkDeviation; JOINTS_MAX + 1],
-    /// One bit per axis and per link that something was added to.
+    /// One bit per axis and per link with a contribution.
     moved: u32,
     bent: u32,
     /// The whole robot about the base origin: rotation vector, rad.
@@ -242,13 +247,14 @@ impl Default for Deviation {
 }
 
 impl Deviation {
-    /// Joint `i`'s axis alone: where it is moved to, base axes and frame at the zero configuration; none where it is not moved.
+    /// The displacement of joint `i`'s axis alone, base axes and frame at the zero configuration;
+    /// `None` without one.
     #[inline]
     pub fn axis(&self, i: usize) -> Option<&Twist> {
         (self.moved >> i & 1 == 1).then(|| &self.axes[i])
     }
 
-    /// Link `link`, 0 (base) to `n` (flange); none where it is as it should be.
+    /// The deviation of link `link`, 0 (base) to `n` (flange); `None` without one.
     #[inline]
     pub fn link(&self, link: usize) -> Option<&LinkDeviation> {
         (self.bent >> link & 1 == 1).then(|| &self.links[link])
@@ -260,7 +266,8 @@ impl Deviation {
         self.moved | self.bent == 0
     }
 
-    /// How it moves the TCP (m) and turns the tool (rad) to first order, base axes; `chain` is the arm without it, `motions` how that moves the tool.
+    /// The displacement of the TCP (m) and the rotation of the tool (rad) to first order, base
+    /// axes; `chain` is the arm without deviation, `motions` its Jacobian.
     pub fn moves(&self, chain: &Chain, motions: &Motions) -> (DVec3, DVec3) {
         let tool = &chain.base_from_tool;
         let (linear, angular) = widest(chain.count(), ByJoints { by: &self.joints, motions });
@@ -272,7 +279,8 @@ impl Deviation {
         if !self.is_of_joints() {
             for i in 0..=chain.count() {
                 if let Some(axis) = self.axis(i) {
-                    // What an axis that stands elsewhere adds at its joint's zero, it takes away again at its position.
+                    // What a displaced axis adds at its joint's zero, it subtracts again at its
+                    // position.
                     sum.follow(axis, &carrier(i), 1.0);
                     sum.follow(axis, &chain.body(i), -1.0);
                 }
@@ -288,7 +296,7 @@ impl Deviation {
         (moved, angular + sum.turn + turn)
     }
 
-    /// Forgets what was added.
+    /// Resets the deviation to zero.
     pub(crate) fn clear(&mut self) {
         self.joints = [0.0; JOINTS_MAX];
         while self.moved != 0 {
@@ -304,7 +312,7 @@ impl Deviation {
         self.tool_turn = DVec3::ZERO;
     }
 
-    /// Adds a contribution to the geometry; contributions to loads and torques are not geometry and pass by.
+    /// Adds a contribution to the geometry; contributions to loads and torques are ignored.
     #[inline(always)]
     pub fn add(&mut self, contribution: &Contribution) {
         match *contribution {

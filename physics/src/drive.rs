@@ -3,8 +3,10 @@
 //! The recorded value is `(1 + g) (τ + Σ)`, with τ of [`crate::dynamics`] including effects on the loads, and Σ of friction, springs and
 //! ripple. Viscous friction is kept separately in the sum because it depends on temperature; springs provide their rest position, from which hardening is computed.
 //!
-//! Promises: [`Model::drive`] of a model without effects is [`crate::dynamics::inverse_dynamics`]; effects add up in any order;
-//! [`Model::drive_slopes`] are its derivatives by the effects' values. Never: a delay, which needs a path (`world`); influence on the correction.
+//! Invariants: [`Model::drive`] of a model without effects is
+//! [`crate::dynamics::inverse_dynamics`]; effects add up in any order; [`Model::drive_slopes`] are
+//! its derivatives by the effects' values. Delays need a path and are computed in `world`; the
+//! correction does not depend on drive torques.
 
 use crate::deviation::Contribution;
 use crate::loads::{LoadChange, Loads};
@@ -17,27 +19,28 @@ use glam::DVec3;
 /// Half of a step of a load effect's derivative, in units of that derivative: loads are nearly linear in it.
 const STEP: f64 = 1e-4;
 
-/// How a drive takes what an effect adds. Torques are Nm, forces N.
+/// Contribution of an effect to a drive's torque. Torques are Nm, forces N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DriveTerm {
     /// A torque of the joint's own drive.
     Torque(f64),
     /// A torque of viscous friction.
     Viscous(f64),
-    /// The share by which the joint's viscous friction is larger than it says.
+    /// Relative increase of the joint's viscous friction.
     ViscousShare(f64),
     /// A spring.
     Spring {
-        /// What it asks of the drive.
+        /// Its torque at this position.
         torque: f64,
-        /// Where it rests, rad or m.
+        /// Its rest position, rad or m.
         rest: f64,
     },
-    /// Torque per cube of the stretch from where the joint's spring rests, Nm/rad³ or N/m³.
+    /// Torque per cube of the deflection from the rest position of the joint's spring, Nm/rad³ or
+    /// N/m³.
     SpringCubic(f64),
-    /// A moment that this joint's drive and those of all joints before it hold, base axes, Nm.
+    /// A moment held by this joint's drive and those of all previous joints, base axes, Nm.
     Carried(DVec3),
-    /// The share by which what is recorded is larger than what acts.
+    /// Relative excess of the recorded torque over the actual one.
     Recorded(f64),
 }
 
@@ -58,7 +61,7 @@ impl DriveTerm {
         }
     }
 
-    /// The difference of two terms of one kind; of other kinds there is none, and it is this term.
+    /// The difference of two terms of one kind; for terms of different kinds, this term.
     #[must_use]
     pub fn minus(self, other: Self) -> Self {
         match (self, other) {
@@ -76,16 +79,16 @@ impl DriveTerm {
     }
 }
 
-/// What the drives exert at one sample. Zero beyond the arm's joints.
+/// Drive torques at one sample. Zero beyond the arm's joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Drive {
-    /// What the rigid body asks, `M q̈ + C q̇ + ∂V/∂q − JᵀW`, Nm or N.
+    /// Rigid-body torque, `M q̈ + C q̇ + ∂V/∂q − JᵀW`, Nm or N.
     pub rigid: Joints,
-    /// Friction, springs, ripple, but for viscous friction and what hardens, Nm or N.
+    /// Friction, springs and ripple, without viscous friction and hardening, Nm or N.
     plain: Joints,
     viscous: Joints,
     viscous_share: Joints,
-    /// Where the springs rest, rad or m.
+    /// Rest positions of the springs, rad or m.
     rest: Joints,
     cubic: Joints,
     gain: Joints,
@@ -119,24 +122,24 @@ impl Drive {
         }
     }
 
-    /// What acts on joint `i`, Nm or N.
+    /// Actual torque of joint `i`, Nm or N.
     pub fn acting(&self, i: usize) -> f64 {
         let viscous = self.viscous[i] * (1.0 + self.viscous_share[i]);
         let stretch = self.positions[i] - self.rest[i];
         self.rigid[i] + self.plain[i] + viscous + self.cubic[i] * stretch * stretch * stretch
     }
 
-    /// What is recorded of joint `i`, Nm or N.
+    /// Recorded torque of joint `i`, Nm or N.
     pub fn recorded(&self, i: usize) -> f64 {
         self.read(i, self.acting(i))
     }
 
-    /// What is recorded of joint `i` where this acts, Nm or N.
+    /// Recorded torque of joint `i` for this actual one, Nm or N.
     pub fn read(&self, i: usize, acting: f64) -> f64 {
         (1.0 + self.gain[i]) * acting
     }
 
-    /// By how much what is recorded changes with a change of what an effect of the drives adds.
+    /// Change of the recorded torques by a change of a drive effect's contribution.
     fn changed(&self, arm: &Arm, chain: &Chain, change: &Contribution) -> Joints {
         let mut all = [0.0; JOINTS_MAX];
         let Contribution::DriveTorque { joint: i, term } = *change else { return all };
@@ -162,7 +165,8 @@ impl Drive {
     }
 }
 
-/// What drives up to that of joint `last` exert against a moment, base axes; a slide needs nothing.
+/// Torques of the drives up to that of joint `last` against a moment, base axes; a prismatic joint
+/// needs none.
 fn held<'a>(
     arm: &'a Arm,
     chain: &'a Chain,
@@ -175,13 +179,14 @@ fn held<'a>(
 }
 
 impl Model {
-    /// What the drives exert at one sample with these memories; the memories stay.
+    /// Drive torques at one sample with these memories, which are not changed.
     pub fn drive(&self, inputs: &Inputs, memories: &Memories) -> Drive {
         self.driven(inputs, memories, |signals, _| self.drive_of(signals, memories))
     }
 
-    /// Calls `visit` with each place in `wanted` and by how much what is recorded changes per unit of that value, Nm or N per SI; `wanted` names places in
-    /// [`Model::effects`] and values of these. Effects that move the tool change nothing here.
+    /// Calls `visit` with each place in `wanted` and the derivative of the recorded torques by that
+    /// value, Nm or N per SI; `wanted` names places in [`Model::effects`] and values of these. For
+    /// effects that move the tool the derivative is zero.
     pub fn drive_slopes(
         &self,
         inputs: &Inputs,
@@ -227,7 +232,7 @@ impl Model {
         drive
     }
 
-    /// By loads that are a little more and a little less: load friction feels them too.
+    /// Central difference in the loads, which also affects load friction.
     fn by_loads(
         &self,
         signals: &Signals<'_>,

@@ -3,8 +3,9 @@
 //! `τ = M q̈ + C q̇ + ∂V/∂q − JᵀW`: minus the loads of [`crate::loads`], whose Newton-Euler recursions are there and in `inertia`.
 //! It is linear in ten numbers of each body, so `τ + JᵀW = Σ Y_k p_k`. Source: Atkeson, An and Hollerbach, 1986.
 //!
-//! Promises: parameters are defined as for a link of the model: base frame, zero configuration; the regressor times the arm's parameters is
-//! [`inverse_dynamics`] without a wrench. Never: identifiability of the parameters; this is determined in `diagnosis` (by rank).
+//! Parameters are defined as for a link of the model: base frame, zero configuration; the regressor
+//! times the arm's parameters is [`inverse_dynamics`] without a wrench. Which parameters are
+//! identifiable is determined in `diagnosis` (by rank).
 
 use crate::inertia::{Moving, moving};
 use crate::{
@@ -12,7 +13,7 @@ use crate::{
 };
 use glam::{DMat3, DVec3};
 
-/// How many inertial parameters a body has.
+/// Number of inertial parameters of a body.
 pub const INERTIAL: usize = 10;
 
 /// One row per joint, one column per inertial parameter of one body: Nm (N) per unit of the parameter.
@@ -30,7 +31,7 @@ pub struct Inertial {
 }
 
 impl Inertial {
-    /// Those of a body.
+    /// The parameters of a body.
     pub fn of(body: &Body) -> Self {
         let first_moment = body.centre * body.mass;
         let moved = DMat3::from_cols(
@@ -50,7 +51,8 @@ impl Inertial {
     }
 }
 
-/// What the drives exert: `M q̈ + C q̇ + ∂V/∂q − JᵀW` of the arm's own masses at one sample, Nm or N; zero beyond the arm's joints.
+/// Drive torques `M q̈ + C q̇ + ∂V/∂q − JᵀW` of the arm's own masses at one sample, Nm or N; zero
+/// beyond the arm's joints.
 pub fn inverse_dynamics(arm: &Arm, inputs: &Inputs) -> Joints {
     let chain = Chain::nominal(arm, &inputs.q);
     let mut change = LoadChange::default();
@@ -60,7 +62,7 @@ pub fn inverse_dynamics(arm: &Arm, inputs: &Inputs) -> Joints {
     loads.drive_torque()
 }
 
-/// The arm in motion at one sample, ready to say what each body's parameters ask of the drives.
+/// Regressor of the arm in motion at one sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Regressor<'a> {
     arm: &'a Arm,
@@ -76,7 +78,8 @@ impl<'a> Regressor<'a> {
         Self { arm, chain, bodies, gravity }
     }
 
-    /// The table of the body that joint `body` (0-based) moves; rows of joints beyond it are zero. A tool or payload is a body of the last joint.
+    /// The regressor of the body that joint `body` (0-based) moves; rows of joints beyond it are
+    /// zero. A tool or payload is a body of the last joint.
     pub fn of_body(&self, body: usize) -> BodyRegressor {
         let mut table = [[0.0; INERTIAL]; JOINTS_MAX];
         for (column, (force, moment)) in self.wrenches(body).into_iter().enumerate() {
@@ -103,7 +106,7 @@ impl<'a> Regressor<'a> {
             (force, arm.cross(fall) + frame.origin.cross(force))
         };
         let of_inertia = |a: DVec3, b: DVec3| {
-            // Of a bᵀ + b aᵀ.
+            // For `a bᵀ + b aᵀ`.
             let times = |v: DVec3| a * b.dot(v) + b * a.dot(v);
             (DVec3::ZERO, times(spin_rate) + spin.cross(times(spin)))
         };

@@ -7,7 +7,7 @@
 //! Guarantees of every effect, verified by the conformance suite (`effects/conformance.rs`): zero parameters do nothing;
 //! derivatives agree with finite differences; a contribution has the place stated in its [`Spec`]; memory settles
 //! to the same state for any history; no panic on finite input.
-//! Never: a clock, a heap, access to another effect.
+//! No clock, no heap, no access to another effect.
 
 use crate::deviation::Contribution;
 use crate::laws::Law;
@@ -18,81 +18,87 @@ use crate::{Arm, Inputs, JOINTS_MAX, JointKind};
 use glam::DVec3;
 use thiserror::Error;
 
-/// The most numbers that an effect has.
+/// Largest number of values of an effect.
 pub const VALUES_MAX: usize = 3 * JOINTS_MAX;
 
-/// What an effect remembers between samples. All zeros before anything happened.
+/// State of an effect between samples. All zeros initially.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Memory(pub [f64; 4]);
 
 /// One physical effect with its parameters.
 pub trait Effect: Copy + Sized {
-    /// What it says of itself.
+    /// Name, parameters and needs.
     const SPEC: Spec;
 
-    /// The effect with the given numbers at the given site; the generic checks of [`Site::checked`] are done.
+    /// The effect with the given values at the given site; the generic checks of [`Site::checked`]
+    /// are done.
     ///
     /// # Errors
-    /// What only this effect knows to be wrong.
+    /// Errors that only this effect can detect.
     fn build(site: &Site<'_>) -> Result<Self, BuildError>;
 
-    /// The 0-based joint that it belongs to; none for the whole robot.
+    /// The 0-based joint that it belongs to; `None` for the whole robot.
     fn joint(&self) -> Option<usize>;
 
-    /// The parameters whose numbers [`Effect::values`] are, in that order: the spec's without its settings and without
-    /// optional ones that were not given.
+    /// The parameters that [`Effect::values`] holds, in that order: those of the spec without its
+    /// settings and without optional ones that were not given.
     fn fitted(&self) -> &'static [Parameter] {
         let parameters = Self::SPEC.parameters;
         let count = parameters.iter().take_while(|p| p.role != Role::Setting).count();
         &parameters[..count]
     }
 
-    /// The parameters that a fit may change, SI, in the order of [`Effect::fitted`], lists laid out flat.
+    /// The parameters that a fit may change, SI, in the order of [`Effect::fitted`], lists
+    /// flattened.
     fn values(&self) -> &[f64];
 
     /// The same, to be changed.
     fn values_mut(&mut self) -> &mut [f64];
 
-    /// What it adds, for these signals and this memory.
+    /// Its contribution for these signals and this memory.
     fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution;
 
-    /// What it is where it is a law of its joint alone; [`Effect::predict`] and [`Effect::slope`] then say the same.
+    /// The effect as a law of its joint alone, if it is one; [`Effect::predict`] and
+    /// [`Effect::slope`] then agree with it.
     fn law(&self) -> Option<Law> {
         None
     }
 
-    /// The derivative of [`Effect::predict`] by value `k`, for a memory that was settled or advanced with the same
-    /// values (what memory owes to them it carries along). Exact where the value enters linearly, else a central
-    /// difference unless the effect knows better.
+    /// The derivative of [`Effect::predict`] by value `k`, for a memory that was settled or
+    /// advanced with the same values (including the memory's dependence on them). Exact if the
+    /// effect is linear in the value, otherwise a central difference, unless the effect provides a
+    /// better one.
     fn derivative(&self, k: usize, signals: &Signals<'_>, memory: &Memory) -> Contribution {
         derivative_of(self, k, signals, memory)
     }
 
-    /// How what it adds follows the arm, memory as it is; untold unless it says. A solver converges the sooner for it and is no less exact without.
+    /// Derivative of its contribution by the joints, for constant memory; unknown unless the effect
+    /// provides it. It speeds up a solve without affecting its accuracy.
     fn slope(&self, _signals: &Signals<'_>) -> Slope {
         Slope::Untold
     }
 
-    /// Both at once, for an effect that has most of their work in common.
+    /// Both at once, for an effect with common subexpressions.
     #[inline(always)]
     fn predict_and_slope(&self, signals: &Signals<'_>, memory: &Memory) -> (Contribution, Slope) {
         (self.predict(signals, memory), self.slope(signals))
     }
 
-    /// Brings the memory to where it stands after a long move that ended in `inputs.direction`.
+    /// Sets the memory to its state after a long move that ended in `inputs.direction`.
     fn settle(&self, _inputs: &Inputs, _memory: &mut Memory) {}
 
-    /// Lets the memory follow one sample, the motor going from `inputs.q_before` to `inputs.q`.
+    /// Advances the memory by one sample, with the motor moving from `inputs.q_before` to
+    /// `inputs.q`.
     fn advance(&self, _inputs: &Inputs, _memory: &mut Memory) {}
 
-    /// The inverse: lets the memory follow one sample in which the LINK shall go from `inputs.q_before` to
-    /// `inputs.q`, the motor doing what that takes. The corrector asks this.
+    /// The inverse: advances the memory by one sample in which the LINK is to move from
+    /// `inputs.q_before` to `inputs.q`, and the motor as required. Used by the corrector.
     fn follow(&self, inputs: &Inputs, memory: &mut Memory) {
         self.advance(inputs, memory);
     }
 }
 
-/// Where an effect is to be built, and the numbers given for it.
+/// Where an effect is to be built, and its values.
 #[derive(Clone, Copy, Debug)]
 pub struct Site<'a> {
     /// The arm.
@@ -102,12 +108,12 @@ pub struct Site<'a> {
     given: Given<'a>,
 }
 
-/// The numbers given for an effect: stems of [`crate::spec::Parameter`] with values in SI.
+/// The values of an effect: stems of [`crate::spec::Parameter`] with values in SI.
 #[derive(Clone, Copy, Debug)]
 pub struct Given<'a>(pub &'a [(&'a str, &'a [f64])]);
 
 impl<'a> Given<'a> {
-    /// The numbers of one entry.
+    /// The values of one entry.
     pub fn list(&self, stem: &str) -> Option<&'a [f64]> {
         self.0.iter().find(|(name, _)| *name == stem).map(|(_, values)| *values)
     }
@@ -130,13 +136,13 @@ pub enum BuildError {
     NoSuchJoint {
         /// 1-based.
         joint: usize,
-        /// How many the arm has.
+        /// Number of joints of the arm.
         count: usize,
     },
     /// The effect needs a revolute joint.
     #[error("this effect needs a revolute joint")]
     NeedsRevolute,
-    /// A needed entry is missing.
+    /// A required entry is missing.
     #[error("`{stem}` is missing")]
     Missing {
         /// Stem of the entry.
@@ -145,7 +151,7 @@ pub enum BuildError {
     /// An entry that the effect does not have.
     #[error("an entry that this effect does not have")]
     Unknown {
-        /// Its place in [`Given`].
+        /// Its index in [`Given`].
         index: usize,
     },
     /// A list of the wrong length.
@@ -183,10 +189,10 @@ pub enum BuildError {
 }
 
 impl<'a> Site<'a> {
-    /// A site whose numbers fit the spec: names, counts, ranges, joint.
+    /// A site whose values fit the spec: names, counts, ranges, joint.
     ///
     /// # Errors
-    /// The first thing that does not fit.
+    /// The first value that does not fit.
     pub fn checked(
         spec: &Spec,
         arm: &'a Arm,
@@ -224,22 +230,22 @@ impl<'a> Site<'a> {
         Ok(Self { arm, joint, given })
     }
 
-    /// A number that the spec requires; zero where the spec does not require it and it is not there.
+    /// A required value; zero for an optional one that was not given.
     pub fn one(&self, stem: &str) -> f64 {
         self.maybe(stem).unwrap_or(0.0)
     }
 
-    /// A number that may be missing.
+    /// An optional value.
     pub fn maybe(&self, stem: &str) -> Option<f64> {
         self.given.list(stem).and_then(|values| values.first().copied())
     }
 
-    /// The numbers of an entry; empty where it is missing.
+    /// The values of an entry; empty if it is missing.
     pub fn list(&self, stem: &str) -> &'a [f64] {
         self.given.list(stem).unwrap_or(&[])
     }
 
-    /// The first `N` numbers of an entry; zeros where it is missing or shorter.
+    /// The first `N` values of an entry; zeros if it is missing or shorter.
     pub fn array<const N: usize>(&self, stem: &str) -> [f64; N] {
         let mut values = [0.0; N];
         for (slot, value) in values.iter_mut().zip(self.list(stem)) {
@@ -248,12 +254,12 @@ impl<'a> Site<'a> {
         values
     }
 
-    /// A vector that may be missing.
+    /// An optional vector.
     pub fn vector(&self, stem: &str) -> Option<DVec3> {
         self.given.list(stem).map(|_| DVec3::from_array(self.array(stem)))
     }
 
-    /// The joint's pivot: its point, or `pivot` where given.
+    /// The joint's pivot: its point, or `pivot` if given.
     ///
     /// # Errors
     /// A pivot that is not on the axis.
@@ -284,8 +290,8 @@ fn check_place(spec: &Spec, arm: &Arm, joint: Option<usize>) -> Result<usize, Bu
     }
 }
 
-/// Exact for a linear value (the effect with that value one and its other linear values zero), a central
-/// difference for a nonlinear one.
+/// Exact for a linear value (the effect with that value one and its other linear values zero), a
+/// central difference for a nonlinear one.
 fn derivative_of<E: Effect>(
     effect: &E,
     k: usize,
@@ -310,7 +316,7 @@ fn derivative_of<E: Effect>(
     above.minus(&below).times(0.5 / step)
 }
 
-/// The role of flat value `k`: the spec's fit parameters, each as long as the effect carries it.
+/// The role of flat value `k`: the spec's fit parameters, each with its length in this effect.
 fn role_of<E: Effect>(effect: &E, k: usize) -> Role {
     let mut first = 0;
     for parameter in effect.fitted() {

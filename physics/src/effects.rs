@@ -1,7 +1,7 @@
 //! The list of effects. To add one, add a file and a line here.
 //!
-//! Promises: this is the only list of all effects, used by files, corrector, simulation, diagnosis and the conformance suite.
-//! Never: a heap or a virtual table; an effect is a value that can be copied.
+//! This is the only list of all effects, used by files, corrector, simulation, diagnosis and the
+//! conformance suite. An effect is a copyable value, without heap or virtual table.
 
 use crate::deviation::{Contribution, Deviation};
 use crate::effect::{BuildError, Effect, Given, Memory, Site};
@@ -40,7 +40,7 @@ macro_rules! of_robot {
     };
 }
 
-/// What an effect says that is a law of its joint, which `law_of_joint` gives.
+/// The methods of an effect that is a law of its joint, by its `law_of_joint`.
 macro_rules! by_law {
     () => {
         fn law(&self) -> Option<Law> {
@@ -67,12 +67,12 @@ macro_rules! effects {
     ) => {
         $(pub mod $module;)+
 
-        /// What the motors feel: torques of the drives. They move nothing.
+        /// Drive torques. These effects do not move the tool.
         pub mod drives {
             $(pub mod $drive;)+
         }
 
-        /// What the cutter does, and what a sensor makes of it: forces on the tool. They move nothing.
+        /// Cutting forces and their readings. These effects do not move the tool.
         pub mod cutting {
             $(pub mod $cut;)+
         }
@@ -91,17 +91,17 @@ macro_rules! effects {
             OverPath(OverPath),
         }
 
-        /// What every effect says of itself that adds something to where the tool is at a sample.
+        /// Specs of all effects on the position of the tool.
         pub static SPECS: &[Spec] = &[$($module::$Kind::SPEC),+];
 
-        /// What every effect says of itself that adds something to what a drive exerts at a sample.
+        /// Specs of all effects on drive torques.
         pub static DRIVES: &[Spec] = &[$(drives::$drive::$Drive::SPEC),+];
 
-        /// What every effect says of itself that changes the force of a cut at a sample, or what is read of it.
+        /// Specs of all effects on the force of a cut, or on its reading.
         pub static CUTTING: &[Spec] = &[$(cutting::$cut::$Cut::SPEC),+];
 
         impl AnyEffect {
-            /// An effect by its name in the contract, with its numbers in SI; `joint` is 0-based.
+            /// An effect by its name in files, with values in SI; `joint` is 0-based.
             ///
             /// # Errors
             /// What does not fit, see [`BuildError`].
@@ -128,7 +128,7 @@ macro_rules! effects {
                     .map_or(Err(BuildError::UnknownKind), |built| built.map(Self::OverPath))
             }
 
-            /// What it says of itself.
+            /// Its spec.
             pub fn spec(&self) -> &'static Spec {
                 match self {
                     $(Self::$Kind(_) => const { &$module::$Kind::SPEC },)+
@@ -188,7 +188,8 @@ macro_rules! effects {
                 }
             }
 
-            /// Puts [`AnyEffect::predict`] into a deviation and [`AnyEffect::slope`] into a sum where one is asked for: one look at the kind for all.
+            /// Adds [`AnyEffect::predict`] to a deviation and, if requested, [`AnyEffect::slope`]
+            /// to a sum: one dispatch for both.
             #[inline(always)]
             pub(crate) fn act(
                 &self,
@@ -327,26 +328,27 @@ effects! {
     }
 }
 
-/// All specs of that name. `hysteresis` alone has two: of a position and of a torque.
+/// All specs of that name. Only `hysteresis` has two: of a position and of a torque.
 pub fn specs_of(kind: &str) -> impl Iterator<Item = &'static Spec> {
     let all = SPECS.iter().chain(OVER_PATHS).chain(DRIVES).chain(CUTTING);
     all.filter(move |spec| spec.kind == kind)
 }
 
-/// The spec of that name that has most of these stems; the first where two have as many.
+/// The spec of that name that has most of these stems; in a tie the first.
 fn spec_of_stems(kind: &str, given: Given<'_>) -> Option<&'static Spec> {
     let has = |spec: &Spec, stem: &str| spec.parameters.iter().any(|p| p.stem == stem);
     specs_of(kind).min_by_key(|spec| given.0.iter().filter(|(stem, _)| !has(spec, stem)).count())
 }
 
-/// The spec of that name that has most of these keys; the one that is modelled where two have as many. `joint_kind`: that of
-/// the effect's joint; `Revolute` for effects of the whole robot.
+/// The spec of that name that has most of these keys; in a tie the modelled one. `joint_kind`: that
+/// of the effect's joint; `Revolute` for effects of the whole robot.
 pub fn spec_for(kind: &str, joint_kind: JointKind, keys: &[&str]) -> Option<&'static Spec> {
     let strange = |spec: &&Spec| keys.iter().filter(|key| !spec.has_key(key, joint_kind)).count();
     specs_of(kind).min_by_key(strange)
 }
 
-/// Whether an effect of this spec adds something to where the tool is at a sample, so that a correction can stand on it; the others are loaded and listed as not compensated.
+/// Whether an effect of this spec acts on the position of the tool at a sample, so that it can be
+/// compensated; others are loaded and listed as not compensated.
 pub fn is_modelled(spec: &Spec) -> bool {
     SPECS.contains(spec)
 }

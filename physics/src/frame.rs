@@ -1,7 +1,7 @@
 //! Rigid transformations: position and orientation of a body.
 //!
-//! Promises: rotations stay orthonormal to rounding over an arm's length of products.
-//! Never: Euler angles.
+//! Invariant: rotations remain orthonormal to rounding over an arm's length of products. Euler
+//! angles are not used.
 
 use crate::trig::sin_cos;
 use glam::{DMat3, DVec3};
@@ -62,7 +62,7 @@ impl Frame {
         self.rotation * point + self.origin
     }
 
-    /// The motion back.
+    /// The inverse motion.
     #[inline]
     pub fn inverse(&self) -> Self {
         let back = self.rotation.transpose();
@@ -70,13 +70,13 @@ impl Frame {
     }
 }
 
-/// A sum of small turns about pivots, kept so that the sum does not depend on the order: a screw's rate,
-/// `x ↦ turn × x + velocity`, run for unit time.
+/// A sum of small turns about pivots, independent of their order: the rate of a screw motion, `x ↦
+/// turn × x + velocity`, applied for unit time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Twist {
     /// Rotation vector, rad.
     pub turn: DVec3,
-    /// How the origin moves, m.
+    /// Displacement of the origin, m.
     pub velocity: DVec3,
 }
 
@@ -88,15 +88,15 @@ impl Twist {
         self.velocity += pivot.cross(turn);
     }
 
-    /// Adds so many times a twist of what `frame` has moved.
+    /// Adds a multiple of a twist that is given in coordinates moved by `frame`.
     pub(crate) fn follow(&mut self, twist: &Self, frame: &Frame, times: f64) {
         let turn = frame.rotation * twist.turn * times;
         self.turn += turn;
         self.velocity += frame.rotation * twist.velocity * times + frame.origin.cross(turn);
     }
 
-    /// The motion: the exponential of the twist. Turns about one pivot give exactly the rotation about it; turns
-    /// that cancel about different pivots leave the shift that they are.
+    /// The motion: the exponential of the twist. Turns about one pivot give exactly the rotation
+    /// about it; turns about different pivots whose sum is zero give a pure shift.
     #[inline]
     pub fn frame(&self) -> Frame {
         let (turn, velocity) = (self.turn, self.velocity);
@@ -132,7 +132,7 @@ pub fn rotation_from_vector(turn: DVec3) -> DMat3 {
     exponential(turn, first, second)
 }
 
-/// Below this square of an angle, rad², series stand for sine and cosine: their next terms are below rounding.
+/// Below this square of an angle, rad², series are used: their next terms are below rounding.
 pub(crate) const SMALL: f64 = 0.01;
 
 /// `sin θ/θ`, `(1 − cos θ)/θ²` and `(θ − sin θ)/θ³`, of `θ²`.
@@ -170,15 +170,15 @@ fn exponential(turn: DVec3, a: f64, b: f64) -> DMat3 {
     )
 }
 
-/// Below this square of a sine the arc sine needs two terms: the third is below 1e-15 of it.
+/// Below this square of a sine two terms of the arc sine suffice: the third is below 1e-15 of it.
 const HARDLY_ANY: f64 = 1e-7;
-/// Below this square of a sine its arc is taken by a series, whose next term is below rounding.
+/// Below this square of a sine its arc is computed by a series, whose next term is below rounding.
 const NEARLY_NONE: f64 = 1e-3;
 
 /// The rotation vector of a rotation, rad; its length is at most π.
 ///
-/// Holds its precision for small angles (`atan2` of the antisymmetric part). Within 1e-7 rad of a half
-/// turn the direction is taken from the symmetric part and its sign is arbitrary.
+/// Accurate for small angles (`atan2` of the antisymmetric part). Within 1e-7 rad of a half turn
+/// the direction is taken from the symmetric part and its sign is arbitrary.
 #[inline]
 pub fn vector_from_rotation(rotation: &DMat3) -> DVec3 {
     let (c0, c1, c2) = (rotation.x_axis, rotation.y_axis, rotation.z_axis);
@@ -191,7 +191,7 @@ pub fn vector_from_rotation(rotation: &DMat3) -> DVec3 {
     large_vector(rotation, twice_sin, twice_cos)
 }
 
-/// The same of a turn that is not next to nothing.
+/// The same for a rotation that is not nearly zero.
 #[inline(never)]
 fn large_vector(rotation: &DMat3, twice_sin: DVec3, twice_cos: f64) -> DVec3 {
     let (c0, c1, c2) = (rotation.x_axis, rotation.y_axis, rotation.z_axis);
@@ -218,8 +218,9 @@ fn large_vector(rotation: &DMat3, twice_sin: DVec3, twice_cos: f64) -> DVec3 {
     column * (angle / sqrt(column.length_squared()))
 }
 
-/// Two unit vectors normal to the unit vector `axis`, by the contract's rule (`effects.md`): the base axis
-/// `k` with the smallest `|k·e|` (ties to 1e-9: x, then y, then z), `n1 = unit(k − (k·e)e)`, `n2 = e × n1`.
+/// Two unit vectors normal to the unit vector `axis`, by the definition of
+/// `docs/reference/effects.md`: the base axis `k` with the smallest `|k·e|` (ties to 1e-9: x, then
+/// y, then z), `n1 = unit(k − (k·e)e)`, `n2 = e × n1`.
 pub fn normals(axis: DVec3) -> (DVec3, DVec3) {
     let along = axis.abs();
     let least = along.min_element();

@@ -11,20 +11,21 @@
 pub struct Shaft {
     /// From 1, motor side first.
     pub number: u8,
-    /// Revolutions of the shaft in one of the joint.
+    /// Revolutions of the shaft per revolution of the joint.
     pub turns: f64,
     /// Teeth of its driver.
     pub teeth: u32,
 }
 
 impl Shaft {
-    /// Teeth that meet at its stage in one revolution of the joint.
+    /// Tooth meshes of its stage per revolution of the joint.
     pub fn meshes(&self) -> f64 {
         f64::from(self.teeth) * self.turns
     }
 }
 
-/// Revolutions of the motor in one of the joint; 1 without stages. A driver without teeth counts as one tooth.
+/// Revolutions of the motor per revolution of the joint; 1 without stages. A driver without teeth
+/// counts as one tooth.
 pub fn ratio(stages: &[[u32; 2]]) -> f64 {
     stages.iter().map(|[driver, driven]| f64::from(*driven) / f64::from((*driver).max(1))).product()
 }
@@ -43,7 +44,7 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    /// Table A III-1, with the whole ratios and the rows of table A III-2 for cut 1, +Y.
+    /// Table A III-1, with the total ratios and the rows of table A III-2 for cut 1, +Y.
     type Row = (&'static [[u32; 2]], f64, &'static [f64]);
     const THESIS: [Row; 6] = [
         (&[[10, 131], [13, 129]], 129.99, &[5.95, 0.45]),
@@ -62,7 +63,7 @@ mod tests {
             assert_eq!(found.len(), stages.len());
             for (shaft, known) in found.iter().zip(table) {
                 let carried = table[0] * shaft.turns / found[0].turns;
-                // To 1 %, or one of the last digit that is printed: the table cuts digits off.
+                // To 1 %, or one unit of the last printed digit: the table truncates.
                 assert!((carried - known).abs() < (0.01 * known).max(0.01), "{shaft:?}: {known}");
             }
         }

@@ -1,8 +1,8 @@
 //! Thermal input: a temperature (or spindle speed) with a first-order lag, or the time since the start.
 //!
 //! `level = k x̃`, `dx̃/dt = (x − x̃)/lag`, x: `T − T₀` in K or the speed in rev/min, held between samples; or `A (1 − e^(−t/t₀))`.
-//! Promises: an unknown input (NaN) has no effect or, with a lag, keeps the last state.
-//! Never: a choice between the two; the file states it.
+//! An unknown input (NaN) has no effect or, with a lag, keeps the last state. The file states which
+//! of the two laws applies.
 //!
 //! Memory: `[x̃, dx̃/dlag, 1 once x was known]`.
 
@@ -17,13 +17,13 @@ pub(crate) const LAG: Parameter =
 /// Time constant of a warm-up, s.
 pub(crate) const TIME_CONSTANT: Parameter =
     Parameter::nonlinear("time_constant", Unit::Second, Range::Positive).optional();
-/// Temperature at which the geometry is right, °C.
+/// Temperature at which the geometry is nominal, °C.
 pub(crate) const REFERENCE: Parameter = Parameter::setting("reference", Unit::Celsius, Range::Any);
 
-/// What [`REFERENCE`] is where it is not given.
+/// Default of [`REFERENCE`].
 pub(crate) const REFERENCE_C: f64 = 20.0;
 
-/// What warms.
+/// The thermal input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Cause {
     /// A joint's own temperature, or the ambient one.
@@ -36,11 +36,12 @@ pub(crate) enum Cause {
     WarmUp,
 }
 
-/// A law of warmth; its two numbers are kept by the effect: amount per cause and lag, or amplitude and time constant.
+/// A thermal law; the effect keeps its two values: amount per unit of input and lag, or amplitude
+/// and time constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Heat {
     pub(crate) cause: Cause,
-    /// How many of the effect's two numbers were given: a lag may be missing and is zero then.
+    /// How many of the effect's two values were given: a missing lag is zero.
     pub(crate) count: usize,
     reference_celsius: f64,
 }
@@ -76,12 +77,12 @@ impl Heat {
         }
     }
 
-    /// The level now.
+    /// The present level.
     pub(crate) fn level(&self, values: [f64; 2], inputs: &Inputs, memory: &Memory) -> f64 {
         values[0] * self.slope([1.0, values[1]], 0, inputs, memory)
     }
 
-    /// How the level changes with number `k`.
+    /// Derivative of the level by value `k`.
     pub(crate) fn slope(
         &self,
         values: [f64; 2],
@@ -105,13 +106,13 @@ impl Heat {
         }
     }
 
-    /// Warmed through: the lag has nothing left to follow.
+    /// Thermal equilibrium: the lag has decayed.
     pub(crate) fn settle(&self, inputs: &Inputs, memory: &mut Memory) {
         let x = self.input(inputs);
         *memory = if x.is_nan() { Memory::default() } else { Memory([x, 0.0, 1.0, 0.0]) };
     }
 
-    /// One sample later.
+    /// Advances by one sample.
     pub(crate) fn advance(&self, values: [f64; 2], inputs: &Inputs, memory: &mut Memory) {
         let (x, lag) = (self.input(inputs), values[1]);
         let [followed, by_lag, known, _] = memory.0;

@@ -1,7 +1,7 @@
 //! Inertial loads `−(M q̈ + C q̇)` by the recursive Newton–Euler equations.
 //!
-//! Promises: zero speeds and accelerations change nothing; masses are those of the gravity loads, including the unmodelled
-//! payload. Never: gravity, which is computed separately.
+//! Zero speeds and accelerations give zero loads; masses are those of the gravity loads, including
+//! the unmodelled payload. Gravity is computed separately.
 //!
 //! Outward: `ω' = ω + e q̇`, `α' = α + e q̈ + ω × e q̇`, `a' = a + α × r + ω × (ω × r)`, `r` from point to point; a prismatic joint adds
 //! `e q̈ + 2 ω × e q̇`. Inward: the reactions `−m a` and `−(I α + ω × I ω)` of all that a joint carries. Source: Luh, Walker
@@ -18,7 +18,7 @@ pub(crate) struct Extra {
     pub(crate) first_moment: DVec3,
 }
 
-/// What the arm's own motion exerts on it.
+/// Inertial loads by the arm's own motion.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Reaction {
     /// `−(M q̈ + C q̇)_i`, Nm or N.
@@ -27,7 +27,7 @@ pub(crate) struct Reaction {
     pub(crate) base_moment: DVec3,
 }
 
-/// How a body moves.
+/// Motion of a body.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Moving {
     pub(crate) spin: DVec3,
@@ -38,7 +38,7 @@ pub(crate) struct Moving {
 }
 
 impl Moving {
-    /// Of a point of the body, where it is now, m/s².
+    /// Acceleration of a point of the body, given at its present position, m/s².
     pub(crate) fn acceleration_of(&self, point: DVec3) -> DVec3 {
         let lever = point - self.point;
         self.acceleration + self.spin_rate.cross(lever) + self.spin.cross(self.spin.cross(lever))
@@ -66,7 +66,7 @@ pub(crate) fn reaction(
         let mut take = |mass: f64, centre: DVec3, inertia: DMat3| {
             let (body, turned) = (&bodies[i], &chain.body(i).rotation);
             let pull = -mass * body.acceleration_of(centre);
-            // About the body's own axes: there the tensor need not be turned.
+            // In the body's own axes, so that the tensor need not be rotated.
             let own = turned.transpose();
             let (spin, spin_rate) = (own * body.spin, own * body.spin_rate);
             let twist = turned * (inertia * spin_rate + spin.cross(inertia * spin));
@@ -95,15 +95,15 @@ pub(crate) fn reaction(
     Reaction { torque, base_moment: moment }
 }
 
-/// Whether no joint moves: then nothing moves the masses.
+/// Whether all joints are at rest: then there are no inertial loads.
 #[inline(always)]
 pub(crate) fn is_still(velocity: &Joints, acceleration: &Joints) -> bool {
-    // Without a branch, of all that is not a zero of either sign.
+    // Branch-free test for values other than zero of either sign.
     let both = velocity.iter().zip(acceleration);
     both.fold(0, |any, (v, a)| any | (v.to_bits() << 1) | (a.to_bits() << 1)) == 0
 }
 
-/// How each body of the arm moves.
+/// Motion of each body of the arm.
 #[inline(always)]
 pub(crate) fn moving(
     arm: &Arm,
@@ -125,7 +125,8 @@ pub(crate) fn moving(
                 point,
             },
             JointKind::Prismatic => {
-                // The joint's point slides with what it carries: `chain.points` is where it was before the slide.
+                // The point of a prismatic joint moves with its body: `chain.points` is its
+                // position before that motion.
                 let slid = chain.body(i).point(joint.point);
                 Moving {
                     acceleration: body.acceleration_of(slid) + push + 2.0 * body.spin.cross(rate),
@@ -171,7 +172,7 @@ pub(crate) mod tests {
         assert!((loaded.torque[0] + (12.0 + 1.0) * 0.5).abs() < 1e-12);
     }
 
-    /// Kinetic energy by differences of places: no speed of a body is computed here.
+    /// Kinetic energy by differences of positions: no speed of a body is computed here.
     pub(crate) fn energy(arm: &Arm, q: &Joints, velocity: &Joints) -> f64 {
         let h = 1e-5;
         let at = |sign: f64| {

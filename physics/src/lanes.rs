@@ -3,7 +3,8 @@
 //! A kernel is written once over [`Lanes`] and compiled twice: for AVX2 with fused multiply-add, where the processor has them, and for any other. The four lanes
 //! are the three coordinates of a vector (one unused), or one coordinate of four joints.
 //!
-//! Promises: always the same selection on one machine, so that the same numbers give the same bits; selections differ by rounding. Never: access to memory.
+//! The selection is always the same on one machine, so that the same inputs give the same bits;
+//! selections differ by rounding. No access to memory.
 
 use crate::JOINTS_MAX;
 use crate::trig::quartered;
@@ -14,24 +15,25 @@ use pulp::{NullaryFnOnce, f64x4, x86::V3};
 mod vectors;
 pub use vectors::{Padded, Three, Vectors};
 
-/// Numbers at once.
+/// Number of lanes.
 pub const WIDTH: usize = 4;
 
-/// How four numbers are reckoned with at once.
+/// Arithmetic on four numbers at once.
 pub trait Lanes: Copy {
     /// Four numbers.
     type Four: Copy;
 
-    /// Parts of four that hold all joints of the arm at hand: known to the compiler, so that no loop over them is left.
+    /// Number of groups of four that hold all joints of the present arm: a compile-time constant,
+    /// so that loops over them are unrolled.
     const PARTS: usize;
 
     /// Four numbers side by side.
     fn of(self, numbers: [f64; WIDTH]) -> Self::Four;
 
-    /// The numbers.
+    /// The four numbers as an array.
     fn numbers(self, four: Self::Four) -> [f64; WIDTH];
 
-    /// One number four times.
+    /// One number in all lanes.
     fn same(self, number: f64) -> Self::Four;
 
     /// `a + b`.
@@ -52,7 +54,7 @@ pub trait Lanes: Copy {
     /// `|a|`.
     fn size(self, a: Self::Four) -> Self::Four;
 
-    /// The larger of each two: `b` where that is not `a`.
+    /// The larger of each pair: `b` if `a` is NaN.
     fn larger(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
     /// The sum of each of four.
@@ -61,7 +63,8 @@ pub trait Lanes: Copy {
     /// The first three columns of four rows.
     fn columns(self, rows: [Self::Four; WIDTH]) -> [Self::Four; 3];
 
-    /// Sines and cosines of angles that are as many quarter turns on as the last bits of `shifted` tell.
+    /// Sines and cosines of angles advanced by as many quarter turns as the last bits of `shifted`
+    /// state.
     fn quartered(
         self,
         shifted: Self::Four,
@@ -103,27 +106,29 @@ pub trait Lanes: Copy {
         larger(larger(a, c), larger(b, d))
     }
 
-    /// Puts the numbers of four joints in their places.
+    /// Stores the values of four joints.
     #[inline(always)]
     fn put(self, four: Self::Four, into: &mut [f64; JOINTS_MAX], k: usize) {
         into.as_chunks_mut().0[k] = self.numbers(four);
     }
 }
 
-/// What is to be done with lanes. Closures and adaptors of iterators that reckon with lanes stand in the way of the compiler: plain loops do not.
+/// A kernel over lanes. Write plain loops: closures and iterator adaptors prevent the compiler from
+/// optimising lanes.
 pub trait Work {
-    /// What comes of it.
+    /// Result of the kernel.
     type Output;
 
-    /// Does it. To be inlined whole: what is called from here is compiled for the machine at hand only where it stands here.
+    /// Runs the kernel. Must be inlined completely: functions called from here are compiled for the
+    /// selected instruction set only if they are inlined.
     fn run<S: Lanes>(self, lanes: S) -> Self::Output;
 }
 
-/// Parts that hold the joints of nearly every arm, and of any.
+/// Groups that hold the joints of nearly every arm, and of any.
 const FEW: usize = 2;
 const ALL: usize = JOINTS_MAX / WIDTH;
 
-/// Does the work for an arm of `count` joints with the widest lanes that this machine has.
+/// Runs the kernel for an arm of `count` joints with the widest lanes of this machine.
 #[inline(always)]
 pub fn widest<W: Work>(count: usize, work: W) -> W::Output {
     let are_few = count <= FEW * WIDTH;
@@ -154,7 +159,7 @@ impl<L: Lanes, W: Work> NullaryFnOnce for On<L, W> {
     }
 }
 
-/// Whatever the compiler makes of it.
+/// Portable code, vectorised by the compiler if possible.
 #[derive(Clone, Copy)]
 pub struct Plain<const PARTS: usize>;
 
@@ -300,7 +305,7 @@ impl<const PARTS: usize> Lanes for Wide<PARTS> {
     #[inline(always)]
     fn sums(self, of: [f64x4; WIDTH]) -> f64x4 {
         let (avx, [a, b, c, d]) = (self.0.avx, of.map(pulp::cast));
-        // Pairs of each, those of lower lanes first.
+        // Sums of pairs, those of lower lanes first.
         let (ab, cd) = (avx._mm256_hadd_pd(a, b), avx._mm256_hadd_pd(c, d));
         let low = avx._mm256_permute2f128_pd::<0x20>(ab, cd);
         pulp::cast(avx._mm256_add_pd(low, avx._mm256_permute2f128_pd::<0x31>(ab, cd)))
@@ -323,7 +328,7 @@ impl<const PARTS: usize> Lanes for Wide<PARTS> {
         let (avx, avx2) = (self.0.avx, self.0.avx2);
         let (sine, cosine) = (pulp::cast(sine), pulp::cast(cosine));
         let (bits, minus) = (pulp::cast(shifted), pulp::cast(self.same(-0.0)));
-        // A look at the topmost bit: whether the quarter is odd, then whether it is one that turns the sign.
+        // Tests the top bit: whether the quarter is odd, then whether the sign changes.
         let odd = pulp::cast(avx2._mm256_slli_epi64::<63>(bits));
         let next = avx2._mm256_add_epi64(bits, avx._mm256_set1_epi64x(1));
         let [sign, next] = [bits, next].map(|of| pulp::cast(avx2._mm256_slli_epi64::<62>(of)));

@@ -2,7 +2,7 @@
 //!
 //! Most effects of a calibrated arm are of this kind: they are summed for four joints at a time, without evaluating each effect separately.
 //!
-//! Promises: equal to the sum of the separate effects, to rounding. Never: a memory.
+//! Equal to the sum of the separate effects, to rounding. Without memory.
 
 use crate::deviation::{Contribution, Deviation};
 use crate::lanes::Lanes;
@@ -11,12 +11,12 @@ use crate::slopes::{Slope, Told};
 use crate::trig::{sin_cos, sin_cos_four};
 use crate::{JOINTS_MAX, Joints};
 
-/// What one effect adds to its joint's position, rad or m.
+/// Contribution of one effect to its joint's position, rad or m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {
-    /// Always as much.
+    /// Constant.
     Offset(f64),
-    /// So much per unit of the position.
+    /// Proportional to the position.
     Ratio(f64),
     /// `amplitude · sin(cycles · q + phase)`.
     Wave {
@@ -27,19 +27,19 @@ pub enum Law {
         /// rad.
         phase: f64,
     },
-    /// So much per unit of load, rad/Nm or m/N.
+    /// Proportional to the load, rad/Nm or m/N.
     Compliance {
-        /// Of gravity's load.
+        /// For the load by gravity.
         gravity: f64,
-        /// Of the wrench's.
+        /// For the load by the wrench.
         wrench: f64,
-        /// Of the arm's own motion.
+        /// For the inertial load.
         inertia: f64,
     },
 }
 
 impl Law {
-    /// What it adds at `joint`, and how that follows the arm.
+    /// Its contribution at `joint`, and the derivative of that.
     pub(crate) fn at(&self, joint: usize, signals: &Signals<'_>) -> (Contribution, Slope) {
         let (q, loads) = (signals.inputs.q[joint], signals.loads);
         let (delta, slope) = match *self {
@@ -60,10 +60,10 @@ impl Law {
     }
 }
 
-/// Waves that one joint has room for.
+/// Largest number of waves per joint.
 const WAVES_MAX: usize = 4;
 
-/// A wave of each joint.
+/// One wave per joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
 struct Waves {
@@ -82,16 +82,16 @@ pub(crate) struct Laws {
     pub(crate) wrench: Joints,
     inertia: Joints,
     waves: [Waves; WAVES_MAX],
-    /// How many each joint has, and the most of them.
+    /// Number of waves per joint, and the largest of these.
     counts: [usize; JOINTS_MAX],
     most: usize,
     pub(crate) is_compliant: bool,
-    /// Whether gravity and the wrench bend every joint alike.
+    /// Whether every joint has the same compliance under gravity and under the wrench.
     pub(crate) is_even: bool,
 }
 
 impl Laws {
-    /// Of no effect.
+    /// Without effects.
     pub(crate) const NONE: Self = {
         let none = [0.0; JOINTS_MAX];
         let waves = [Waves { amplitude: none, cycles: none, phase: none }; WAVES_MAX];
@@ -100,7 +100,7 @@ impl Laws {
         Self { offset, ratio, gravity, wrench, inertia, waves, counts, most, is_compliant, is_even }
     };
 
-    /// Takes a law of `joint` in; false where there is no room for it.
+    /// Adds a law of `joint`; false if there is no room for it.
     pub(crate) fn take(&mut self, joint: usize, law: &Law) -> bool {
         match *law {
             Law::Offset(offset) => self.offset[joint] += offset,
@@ -123,7 +123,7 @@ impl Laws {
         true
     }
 
-    /// Begins a deviation of the joints, and what follows the arm where that is asked for.
+    /// Starts a deviation of the joints and, if requested, its derivatives.
     #[inline(always)]
     pub(crate) fn begin<S: Lanes>(
         &self,

@@ -1,8 +1,8 @@
 //! The physical model of the robot: geometry, loads, and one file per physical effect behind one trait.
 //!
-//! Promises: pure functions of their arguments; the same input gives the same bits on every machine of
-//! one kind (all transcendental functions come from `libm`, not from the system's C library).
-//! Never: a clock, input or output, shared memory, a heap, a panic on finite input.
+//! All functions are pure; the same input gives the same bits on every machine of one kind (all
+//! transcendental functions come from `libm`, not from the system's C library). No clock, input or
+//! output, shared memory, heap, or panic on finite input.
 //!
 //! Read in this order: [`arm`] (the controller's geometry), [`chain`] (forward
 //! kinematics), [`loads`] (loads of the joints), [`dynamics`] (torques of the drives), [`effect`] (the interface of an effect),
@@ -50,10 +50,10 @@ pub use motions::Motions;
 pub use signals::{Inputs, Signals, Wrench};
 pub use slopes::{Following, Slope, Told};
 
-/// The most joints an arm may have.
+/// Largest number of joints of an arm.
 pub const JOINTS_MAX: usize = 16;
 
-/// The most effects a model may have.
+/// Largest number of effects of a model.
 pub const EFFECTS_MAX: usize = 128;
 
 /// One number per joint: rad or rad-like for a revolute joint, m for a prismatic one.

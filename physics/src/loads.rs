@@ -1,8 +1,9 @@
 //! Loads of the joints: gravity, the wrench on the tool, and contributions of effects.
 //!
-//! Promises: `gravity_torque[i] = −∂V/∂q_i` and `wrench_torque[i] = (JᵀW)_i` on the geometry of the chain that is
-//! passed in, which is the controller's own: the loads of an arm bent by a milliradian differ by a thousandth.
-//! Never: inertia unless the caller says speeds and accelerations (see [`crate::signals::Inputs`]).
+//! `gravity_torque[i] = −∂V/∂q_i` and `wrench_torque[i] = (JᵀW)_i` on the geometry of the given
+//! chain, which is the nominal one: the loads of an arm deflected by a milliradian differ by a
+//! thousandth. Inertia is included only if speeds and accelerations are given (see
+//! [`crate::signals::Inputs`]).
 
 use crate::deviation::Contribution;
 use crate::frame::rotation_from_vector;
@@ -12,7 +13,7 @@ use crate::placed::Placed;
 use crate::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Motions, Wrench};
 use glam::{DMat3, DVec3};
 
-/// Force and moment that all beyond a joint exerts at the joint's point, base axes.
+/// Force and moment that everything beyond a joint exerts at the joint's point, base axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PivotLoad {
     /// N.
@@ -22,7 +23,7 @@ pub struct PivotLoad {
 }
 
 impl PivotLoad {
-    /// The moment about another point, Nm, where this load's point is `from`.
+    /// The moment about `to`, Nm, of this load at `from`.
     pub fn moment_about(&self, from: DVec3, to: DVec3) -> DVec3 {
         self.moment + (from - to).cross(self.force)
     }
@@ -35,31 +36,31 @@ pub struct Loads {
     pub gravity: DVec3,
     /// The wrench at the TCP, base axes.
     pub wrench: Wrench,
-    /// Of all that each joint carries: its mass, kg, and its first moment about the joint's point, kg m.
+    /// Mass carried by each joint, kg, and its first moment about the joint's point, kg m.
     masses: Joints,
     first_moments: [Padded; JOINTS_MAX],
-    /// The first moment of all that each joint carries, kg m per rad or per m of it.
+    /// Change of the first moment carried by each joint, kg m per rad or per m of it.
     pub(crate) swings: Vectors,
-    /// How the tool moves with each joint.
+    /// Motion of the tool per unit of each joint.
     pub motions: Motions,
-    /// `−∂V/∂q_i`, Nm or N, with what effects say of springs.
+    /// `−∂V/∂q_i`, Nm or N, including springs of effects.
     pub gravity_torque: Joints,
     /// `(JᵀW)_i`, Nm or N.
     pub wrench_torque: Joints,
-    /// `−(M q̈ + C q̇)_i`, Nm or N; zero for an arm taken as at rest.
+    /// `−(M q̈ + C q̇)_i`, Nm or N; zero for an arm treated as at rest.
     pub inertia_torque: Joints,
     /// Moment of gravity and wrench about the base frame's origin, Nm.
     pub base_moment: DVec3,
-    /// Whether the arm is taken as at rest.
+    /// Whether the arm is treated as at rest.
     pub(crate) at_rest: bool,
-    /// Moment of the arm's own motion about the base frame's origin, Nm; zero for an arm taken as at rest.
+    /// Inertial moment about the base frame's origin, Nm; zero for an arm treated as at rest.
     pub inertia_base_moment: DVec3,
 }
 
-/// What effects change of the loads before these are taken.
+/// Changes of the loads by effects.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LoadChange {
-    /// Whether there is any.
+    /// Whether there are any.
     is_any: bool,
     gravity_turn: DVec3,
     mass: f64,
@@ -71,7 +72,7 @@ pub struct LoadChange {
 }
 
 impl LoadChange {
-    /// Adds a contribution to the loads; contributions to the geometry pass by.
+    /// Adds a contribution to the loads; contributions to the geometry are ignored.
     pub fn add(&mut self, contribution: &Contribution) {
         self.is_any = true;
         match *contribution {
@@ -90,7 +91,7 @@ impl LoadChange {
         }
     }
 
-    /// The wrench that acts where the sensor says `read`; both about the TCP, base axes.
+    /// The actual wrench for the sensor's reading `read`; both about the TCP, base axes.
     fn truth(&self, read: Wrench, base_from_tool: &DMat3) -> Wrench {
         let untouched = self.sensor_bias == Wrench::ZERO && self.sensor_scale == Wrench::ZERO;
         if untouched && self.sensor_turn == DVec3::ZERO {
@@ -115,14 +116,14 @@ impl Loads {
         Self::changed(arm, chain, wrench, &LoadChange::default())
     }
 
-    /// The same, with what effects change; `wrench` is then what the sensor reads.
+    /// The same, with the changes by effects; `wrench` is then the sensor's reading.
     pub fn changed(arm: &Arm, chain: &Chain, wrench: Wrench, change: &LoadChange) -> Self {
         let mut loads = Self::default();
         widest(arm.count(), Carry { loads: &mut loads, arm, chain, wrench, change });
         loads
     }
 
-    /// [`Loads::changed`] in place of the loads of the same arm.
+    /// [`Loads::changed`], written over loads of the same arm.
     #[inline(always)]
     pub(crate) fn carry<S: Lanes>(
         &mut self,
@@ -147,37 +148,38 @@ impl Loads {
             first_moment.cross(self.gravity) + tcp.cross(self.wrench.force) + self.wrench.moment;
     }
 
-    /// The torque (or force) that bends joint `i`: gravity, wrench and inertia.
+    /// The torque (or force) that deflects joint `i`: gravity, wrench and inertia.
     pub fn torque(&self, i: usize) -> f64 {
         self.gravity_torque[i] + self.wrench_torque[i] + self.inertia_torque[i]
     }
 
-    /// What the drives exert against these loads: `M q̈ + C q̇ + ∂V/∂q − JᵀW`, Nm or N.
+    /// Drive torques that balance these loads: `M q̈ + C q̇ + ∂V/∂q − JᵀW`, Nm or N.
     pub fn drive_torque(&self) -> Joints {
         core::array::from_fn(|i| -self.torque(i))
     }
 
-    /// What gravity exerts at the point of joint `i`.
+    /// Load of gravity at the point of joint `i`.
     pub fn gravity_at(&self, i: usize) -> PivotLoad {
         let (mass, first_moment) = (self.masses[i], self.first_moments[i].xyz());
         PivotLoad { force: self.gravity * mass, moment: first_moment.cross(self.gravity) }
     }
 
-    /// What the wrench exerts at the point of joint `i` of the chain that these loads were taken on.
+    /// Load of the wrench at the point of joint `i` of the chain for which these loads were
+    /// computed.
     pub fn wrench_at(&self, i: usize, chain: &Chain) -> PivotLoad {
         let lever = chain.base_from_tool.origin - chain.point(i);
         let moment = self.wrench.moment + lever.cross(self.wrench.force);
         PivotLoad { force: self.wrench.force, moment }
     }
 
-    /// As of an arm at rest.
+    /// Sets the inertial loads to zero.
     pub(crate) fn forget_inertia(&mut self) {
         self.inertia_torque = [0.0; JOINTS_MAX];
         self.inertia_base_moment = DVec3::ZERO;
         self.at_rest = true;
     }
 
-    /// What the arm's own motion adds, at the speeds and accelerations of `inputs`.
+    /// Adds the inertial loads for the speeds and accelerations of `inputs`.
     #[inline(always)]
     pub(crate) fn carry_inertia(
         &mut self,
@@ -196,7 +198,8 @@ impl Loads {
         (self.inertia_torque, self.inertia_base_moment) = (moved.torque, moved.base_moment);
     }
 
-    /// From the tool back to the base: mass and first moment of all that each joint carries; the first moment of all about the base frame's origin.
+    /// From the tool back to the base: mass and first moment carried by each joint; the total first
+    /// moment about the base frame's origin.
     #[inline(always)]
     fn carry_along<S: Lanes>(
         &mut self,
@@ -231,7 +234,8 @@ impl Loads {
         lanes.xyz(first_moment)
     }
 
-    /// What moves with each joint, and what gravity and wrench do along that.
+    /// Motion of the carried masses and of the tool with each joint, and the torques of gravity and
+    /// wrench from these.
     #[inline(always)]
     fn swing<S: Lanes>(&mut self, lanes: S, arm: &Arm, chain: &Chain) {
         self.motions.take(lanes, arm, chain);

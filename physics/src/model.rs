@@ -1,9 +1,9 @@
-//! The sum of the effects: where the tool really goes.
+//! The sum of the effects: actual position of the tool.
 //!
-//! Promises: [`Model::evaluate`] is `FK_real(q + δθ(q, W, T))`, loads and effects taken on the controller's geometry at `q`
-//! (see docs/decisions/0002); effects on the loads come first, all others see the changed loads; [`Model::check`] holds what
-//! effects must not see of each other.
-//! Never: an inverse. Solving for the joint positions that put the tool right is the corrector's.
+//! [`Model::evaluate`] is `FK_real(q + δθ(q, W, T))`, with loads and effects evaluated on the
+//! nominal geometry at `q` (see docs/decisions/0002); effects on the loads are applied first, all
+//! others see the changed loads; [`Model::check`] verifies dependencies between effects. The
+//! inverse problem is solved by the corrector.
 
 use crate::deviation::{Contribution, Deviation};
 use crate::laws::Laws;
@@ -19,13 +19,13 @@ mod evaluate;
 /// An arm with its effects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// What the controller believes.
+    /// The nominal arm.
     pub arm: Arm,
     effects: [Option<AnyEffect>; EFFECTS_MAX],
     count: usize,
     changes_loads: bool,
     hardens: bool,
-    /// Effects that are a law of their joint, summed; places of all others.
+    /// The sum of effects that are laws of their joint, and the indices of all others.
     laws: Laws,
     others: [u8; EFFECTS_MAX],
     others_count: usize,
@@ -33,7 +33,7 @@ pub struct Model {
 
 const _: () = assert!(EFFECTS_MAX <= 1 << u8::BITS, "a place of an effect fits into a byte");
 
-/// What the effects of one model remember in one run, in the order of [`Model::effects`].
+/// Memories of the effects of one model in one run, in the order of [`Model::effects`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Memories([Memory; EFFECTS_MAX]);
 
@@ -48,7 +48,7 @@ impl Memories {
         self.0.iter()
     }
 
-    /// What the effect in place `to` remembers becomes what the one in place `from` of `other` does.
+    /// Copies the memory of effect `from` of `other` to effect `to`.
     pub fn take(&mut self, to: usize, other: &Self, from: usize) {
         if let (Some(slot), Some(memory)) = (self.0.get_mut(to), other.0.get(from)) {
             *slot = *memory;
@@ -56,19 +56,19 @@ impl Memories {
     }
 }
 
-/// Why effects do not make a model. Joints are 1-based here, as in files.
+/// Why effects do not form a model. Joints are 1-based here, as in files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ModelError {
-    /// More effects than there is room for.
+    /// More effects than [`EFFECTS_MAX`].
     #[error("a model has at most {EFFECTS_MAX} effects")]
     TooManyEffects,
-    /// A `stiffness_hardening` with nothing to harden.
+    /// A `stiffness_hardening` without a compliance at its joint.
     #[error("joint {joint}: `stiffness_hardening` needs a linear compliance on the same joint")]
     HardensNothing {
         /// 1-based.
         joint: usize,
     },
-    /// The whole and one of its halves.
+    /// A compliance and one of its two parts.
     #[error(
         "joint {joint}: `joint_compliance` stands for `gravity_compliance` and `load_compliance` with one number, \
          it cannot stand beside either"
@@ -79,34 +79,35 @@ pub enum ModelError {
     },
 }
 
-/// A load for which a joint's stiffening law is not physical any more.
+/// A load outside the physical range of a joint's stiffening law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beyond {
     /// 0-based joint.
     pub joint: usize,
     /// The load, Nm or N.
     pub torque: f64,
-    /// The law holds below this load's magnitude, Nm or N.
+    /// Largest magnitude of the load for which the law holds, Nm or N.
     pub limit: f64,
 }
 
-/// Everything that the model says of one sample.
+/// Results of the model for one sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Evaluation {
     /// The controller's geometry.
     pub nominal: Chain,
-    /// The loads on it.
+    /// The loads on this geometry.
     pub loads: Loads,
-    /// What the effects add.
+    /// Sum of the effects' contributions.
     pub deviation: Deviation,
-    /// Where everything really is.
+    /// The actual geometry.
     pub real: Chain,
-    /// The first joint that is loaded beyond what its `stiffness_hardening` holds for: refuse this evaluation then.
+    /// The first joint whose load is outside the range of its `stiffness_hardening`: the evaluation
+    /// is then not valid.
     pub beyond: Option<Beyond>,
 }
 
 impl Evaluation {
-    /// The second half of [`Model::evaluate_into`]: where everything really is.
+    /// The second half of [`Model::evaluate_into`]: the actual geometry.
     pub fn stand(&mut self, arm: &Arm, inputs: &Inputs) {
         self.real.deviate(arm, &inputs.q, &self.deviation, &self.nominal);
     }
@@ -135,7 +136,7 @@ impl Model {
         }
     }
 
-    /// An arm with effects that fit each other.
+    /// An arm with compatible effects.
     ///
     /// # Errors
     /// What does not fit, see [`ModelError`].
@@ -148,10 +149,10 @@ impl Model {
         Ok(model)
     }
 
-    /// Whether the effects fit each other; [`Model::new`] asks this.
+    /// Checks whether the effects are compatible; used by [`Model::new`].
     ///
     /// # Errors
-    /// The first joint at which they do not.
+    /// The first joint at which they are not.
     pub fn check(&self) -> Result<(), ModelError> {
         for i in 0..self.arm.count() {
             let joint = i + 1;
@@ -167,7 +168,7 @@ impl Model {
         Ok(())
     }
 
-    /// Adds an effect; see [`Model::check`] for whether it fits the others.
+    /// Adds an effect; [`Model::check`] verifies whether it is compatible with the others.
     ///
     /// # Errors
     /// More than [`EFFECTS_MAX`] effects.
@@ -183,14 +184,15 @@ impl Model {
 
     /// The effects, in the order in which they were added.
     pub fn effects(&self) -> impl ExactSizeIterator<Item = &AnyEffect> {
-        // All slots below `count` are taken: `flatten` would say so too, but without the exact length.
+        // All slots below `count` are occupied: `flatten` would work too, but without the exact
+        // length.
         self.effects[..self.count].iter().map(|slot| match slot {
             Some(effect) => effect,
             None => unreachable!("slots below count are taken"),
         })
     }
 
-    /// Changes the effect in place `index`; what the change answers, none where there is no such effect.
+    /// Changes effect `index`; returns the result of the change, `None` if there is no such effect.
     pub fn change<R>(
         &mut self,
         index: usize,
@@ -211,7 +213,7 @@ impl Model {
         Some(answer)
     }
 
-    /// Sums the effect in place `index` with the laws of joints, or puts it among the others.
+    /// Adds effect `index` to the laws of joints, or to the other effects.
     fn sort(&mut self, index: usize) {
         let law = self.effects[index].as_ref().and_then(|e| e.joint().zip(e.law()));
         if !law.is_some_and(|(joint, law)| self.laws.take(joint, &law)) {
@@ -220,7 +222,7 @@ impl Model {
         }
     }
 
-    /// What happens at one sample with these memories; the memories stay.
+    /// Evaluates one sample with these memories, which are not changed.
     pub fn evaluate(&self, inputs: &Inputs, memories: &Memories) -> Evaluation {
         let mut seen = Evaluation::default();
         self.evaluate_into(inputs, memories, &mut seen);
@@ -254,8 +256,8 @@ impl Model {
         }
     }
 
-    /// Calls `visit` with each place in `wanted` and the derivative of that effect's contribution by that value; `wanted` names
-    /// places in [`Model::effects`] and values of these.
+    /// Calls `visit` with each place in `wanted` and the derivative of that effect's contribution
+    /// by that value; `wanted` names places in [`Model::effects`] and values of these.
     pub fn derivatives(
         &self,
         inputs: &Inputs,
@@ -268,7 +270,8 @@ impl Model {
         self.derivatives_under(inputs, memories, &seen, wanted, visit);
     }
 
-    /// [`Model::derivatives`] at a sample of which [`Model::load_into`] has said where the arm is at rest and what pulls at it.
+    /// [`Model::derivatives`] for the nominal geometry and loads that [`Model::load_into`]
+    /// computed.
     pub fn derivatives_under(
         &self,
         inputs: &Inputs,
@@ -291,8 +294,8 @@ impl Model {
         self.update(inputs, memories, AnyEffect::settle);
     }
 
-    /// A settled pose after another one, `inputs.dt_s` later: what remembers the way of a joint settles, what remembers warmth follows the
-    /// time; without a pose before (`dt_s` of 0) all settles.
+    /// A settled pose after another one, `inputs.dt_s` later: memories of motion settle, thermal
+    /// memories advance by the time; without a previous pose (`dt_s` of 0) all settle.
     pub fn arrive(&self, inputs: &Inputs, memories: &mut Memories) {
         self.update(inputs, memories, |effect, inputs, memory| {
             if inputs.dt_s > 0.0 && !effect.spec().needs.contains(&Need::Direction) {
@@ -313,14 +316,14 @@ impl Model {
         self.update(inputs, memories, AnyEffect::follow);
     }
 
-    /// Whether a joint hardens: then its law has a limit ([`Evaluation::beyond`]).
+    /// Whether a joint has a hardening law, whose range is limited ([`Evaluation::beyond`]).
     #[must_use]
     pub fn hardens(&self) -> bool {
         self.hardens
     }
 
-    /// The first joint whose load is at or above `sqrt(C/3D)`, C and D being the sums over that joint. Where gravity
-    /// and wrench have compliances of their own, the smaller counts.
+    /// The first joint whose load is at or above `sqrt(C/3D)`, C and D being the sums over that
+    /// joint. If gravity and wrench have separate compliances, the smaller one is used.
     fn beyond(&self, loads: &Loads) -> Option<Beyond> {
         (0..self.arm.count()).find_map(|joint| {
             let sum = |wanted: fn(&AnyEffect) -> bool| -> f64 {

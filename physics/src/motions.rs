@@ -1,12 +1,12 @@
-//! How the tool moves with each joint, four joints at once.
+//! Motion of the tool by each joint (Jacobian), for four joints at once.
 //!
-//! Promises: those of [`Chain::motion_of`], to rounding. Never: a load or an effect.
+//! Equal to [`Chain::motion_of`], to rounding.
 
 use crate::lanes::{Lanes, Three, Vectors};
 use crate::{Arm, Chain};
 use glam::DVec3;
 
-/// How the tool moves per unit of each joint, base axes.
+/// Motion of the tool per unit of each joint, base axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motions {
     /// The TCP, m per rad or per m.
@@ -16,7 +16,7 @@ pub struct Motions {
 }
 
 impl Motions {
-    /// On a chain of the arm; in place of those of the same arm.
+    /// Computed for a chain of the arm; written over those of the same arm.
     #[inline(always)]
     pub fn take<S: Lanes>(&mut self, lanes: S, arm: &Arm, chain: &Chain) {
         let tcp = Three::same(lanes, chain.base_from_tool.origin);
@@ -32,7 +32,7 @@ impl Motions {
         }
     }
 
-    /// Those of another, of the same arm or of none before.
+    /// Copies another, of the same arm, or over the default.
     #[inline(always)]
     pub fn copy<S: Lanes>(&mut self, lanes: S, other: &Self) {
         for k in 0..S::PARTS {

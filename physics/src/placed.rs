@@ -1,16 +1,17 @@
-//! A body's place in lanes, and a joint put onto it: the step of the product that [`crate::Chain`] is made of.
+//! The pose of a body in lanes, and the next joint on it: one step of the product of
+//! [`crate::Chain`].
 //!
-//! Columns of a rotation and an origin are four vectors of three coordinates each, so that a joint along one of the base's axes, as most are, mixes two columns
-//! with four products.
+//! Columns of a rotation and an origin are four vectors of three coordinates each, so that a joint
+//! parallel to a base axis, as most are, combines two columns with four products.
 //!
-//! Promises: the same bits for a tool as for a whole chain. Never: a load or an effect.
+//! A tool pose alone has the same bits as with a whole chain.
 
 use crate::frame::{SMALL, coefficients, rodrigues};
 use crate::lanes::{Lanes, Padded, WIDTH};
 use crate::{Frame, JOINTS_MAX, JointKind};
 use glam::{DMat3, DVec3};
 
-/// Which of the base's axes a unit vector is along, either way.
+/// The base axis that a unit vector is parallel to, in either sense.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Along {
     X,
@@ -20,7 +21,7 @@ pub(crate) enum Along {
 }
 
 impl Along {
-    /// Of a unit vector.
+    /// For a unit vector.
     pub(crate) fn of(axis: DVec3) -> Self {
         match (axis.x == 0.0, axis.y == 0.0, axis.z == 0.0) {
             (false, true, true) => Self::X,
@@ -37,17 +38,18 @@ pub(crate) struct Axis {
     /// Unit vector.
     pub(crate) axis: DVec3,
     pub(crate) point: DVec3,
-    /// To the point from that of what carries the joint.
+    /// Vector to its point from that of the joint that carries it.
     pub(crate) way: DVec3,
 }
 
-/// Where a body is, by where one of its points is: so no joint waits for where the base's origin would be.
+/// Pose of a body, given by the position of one of its points: avoids a dependency on the position
+/// of the base's origin.
 #[derive(Clone, Copy)]
 pub(crate) struct Placed<S: Lanes> {
     lanes: S,
-    /// Of its rotation.
+    /// Columns of its rotation.
     columns: [S::Four; 3],
-    /// Where the point is now.
+    /// Present position of the point.
     at: S::Four,
     /// The point at the zero configuration.
     point: DVec3,
@@ -84,7 +86,7 @@ impl<S: Lanes> Placed<S> {
         Self { lanes, columns, at: lanes.vector(frame.origin), point: DVec3::ZERO }
     }
 
-    /// What it is reckoned with.
+    /// Its lanes.
     #[inline(always)]
     pub(crate) fn lanes(&self) -> S {
         self.lanes
@@ -104,7 +106,8 @@ impl<S: Lanes> Placed<S> {
         Kept { columns, at: Padded::put(lanes, self.at), point: self.point }
     }
 
-    /// What `first` has moved in this body: told by the same point, so that no motion leaves the same bits.
+    /// This pose after the motion `first`, with the same point as reference, so that a zero motion
+    /// keeps the same bits.
     #[inline(always)]
     pub(crate) fn after(&self, first: &Frame) -> Self {
         let moved = first.point(self.point) - self.point;
@@ -125,13 +128,14 @@ impl<S: Lanes> Placed<S> {
         [self.turned(x_axis), self.turned(y_axis), self.turned(z_axis)]
     }
 
-    /// To a point of the body from that which its place is told by.
+    /// Vector to a point of the body from its reference point.
     #[inline(always)]
     pub(crate) fn way_to(&self, point: DVec3) -> DVec3 {
         point - self.point
     }
 
-    /// A joint at a position with this sine and cosine: its axis and its point now, and the body that it moves.
+    /// A joint at a position with this sine and cosine: its present axis and point, and the body
+    /// that it moves.
     #[inline(always)]
     pub(crate) fn joint(
         &self,
@@ -156,7 +160,7 @@ impl<S: Lanes> Placed<S> {
         }
     }
 
-    /// The axis now, and the columns after a turn about it.
+    /// The present axis, and the columns after a rotation about it.
     #[inline(always)]
     fn about(&self, axis: &Axis, (sin, cos): (f64, f64)) -> (S::Four, [S::Four; 3]) {
         let lanes = self.lanes;
@@ -180,7 +184,7 @@ impl<S: Lanes> Placed<S> {
         }
     }
 
-    /// A vector of the body.
+    /// A vector of the body in base axes.
     #[inline(always)]
     fn turned(&self, v: DVec3) -> S::Four {
         let (lanes, [a, b, c]) = (self.lanes, self.columns);
@@ -188,19 +192,20 @@ impl<S: Lanes> Placed<S> {
         lanes.times_plus(a, lanes.same(v.x), lanes.times_plus(b, lanes.same(v.y), along_z))
     }
 
-    /// A point of the body.
+    /// Position of a point of the body.
     #[inline(always)]
     pub(crate) fn at(&self, point: DVec3) -> S::Four {
         self.beyond(self.way_to(point))
     }
 
-    /// A point of the body, so far from that which its place is told by. What waits for the joint before comes last.
+    /// Position of a point of the body, given relative to its reference point. The dependency on
+    /// the previous joint comes last.
     #[inline(always)]
     fn beyond(&self, way: DVec3) -> S::Four {
         self.lanes.plus(self.at, self.turned(way))
     }
 
-    /// The first moment of a mass of the body, where `moment` is that about the point which its place is told by.
+    /// First moment of a mass of the body, from its moment about the reference point.
     #[inline(always)]
     pub(crate) fn moment(&self, mass: f64, moment: DVec3) -> S::Four {
         let lanes = self.lanes;
@@ -208,7 +213,7 @@ impl<S: Lanes> Placed<S> {
     }
 }
 
-/// Two columns turned into each other: `u cos + v sin`, `v cos − u sin`.
+/// Rotates two columns: `u cos + v sin`, `v cos − u sin`.
 #[inline(always)]
 fn mixed<S: Lanes>(
     lanes: S,
@@ -220,7 +225,8 @@ fn mixed<S: Lanes>(
     (first, lanes.times_from(u, sine, lanes.times(v, cosine)))
 }
 
-/// Sines and cosines of positions that are `by` from those of these sines and cosines; the same bits where that is zero.
+/// Sines and cosines of positions that differ by `by` from those given; the same bits if that is
+/// zero.
 #[inline(always)]
 pub(crate) fn turned_on<S: Lanes>(
     lanes: S,

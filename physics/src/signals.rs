@@ -1,7 +1,7 @@
-//! What an effect may look at.
+//! Inputs of the effects.
 //!
-//! Promises: plain numbers, copied in; an unknown temperature, torque or speed of a spindle is NaN, never a guess.
-//! Never: a clock. Time comes with the sample.
+//! Values are copied; an unknown temperature, torque or spindle speed is NaN. No clock: time is
+//! part of the sample.
 
 use crate::{Arm, Chain, JOINTS_MAX, Joints, Loads};
 use glam::DVec3;
@@ -30,24 +30,25 @@ impl Wrench {
     }
 }
 
-/// One sample of what goes into the robot.
+/// Inputs of the robot at one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
 pub struct Inputs {
     /// Joint positions, rad or m.
     pub q: Joints,
-    /// Joint positions at the sample before, rad or m; equal to `q` at the first.
+    /// Joint positions at the previous sample, rad or m; equal to `q` at the first.
     pub q_before: Joints,
     /// Sign of each joint's last motion: −1, 0 (unknown) or 1.
     pub direction: Joints,
-    /// Joint speeds, rad/s or m/s; zero where the arm is taken as at rest.
+    /// Joint speeds, rad/s or m/s; zero for an arm treated as at rest.
     pub velocity: Joints,
-    /// Joint accelerations, rad/s² or m/s²; zero where the arm is taken as at rest.
+    /// Joint accelerations, rad/s² or m/s²; zero for an arm treated as at rest.
     pub acceleration: Joints,
     /// What the environment exerts on the tool, at the TCP, base axes.
     pub wrench_base: Wrench,
-    /// How the base stands turned against the frame that its place was told in, as an inclinometer on it sees: rotation vector, rad. It turns the whole
-    /// arm about the base's origin, and gravity against the arm.
+    /// Tilt of the base relative to the frame in which its pose was stated, as measured by an
+    /// inclinometer: rotation vector, rad. It rotates the whole arm about the base's origin, and
+    /// gravity relative to the arm.
     pub base_tilt: DVec3,
     /// Ambient temperature, °C; NaN where unknown.
     pub ambient_celsius: f64,
@@ -57,7 +58,7 @@ pub struct Inputs {
     pub spindle_rpm: f64,
     /// Time since the segment began, s.
     pub time_s: f64,
-    /// Time since the sample before, s; 0 at the first.
+    /// Time since the previous sample, s; 0 at the first.
     pub dt_s: f64,
 }
 
@@ -80,22 +81,22 @@ impl Inputs {
         }
     }
 
-    /// Which way joint `i` moves: −1, 0 (at rest) or 1.
+    /// Sign of joint `i`'s motion: −1, 0 (at rest) or 1.
     pub fn sign_of_velocity(&self, i: usize) -> f64 {
         let velocity = self.velocity[i];
         if velocity == 0.0 { 0.0 } else { velocity.signum() }
     }
 
-    /// Joint `i`'s own temperature where it is known, else the ambient one, °C; NaN where neither is known.
+    /// Joint `i`'s own temperature, or if unknown the ambient one, °C; NaN if neither is known.
     pub fn celsius(&self, i: usize) -> f64 {
         if self.joint_celsius[i].is_nan() { self.ambient_celsius } else { self.joint_celsius[i] }
     }
 }
 
-/// The inputs with what follows from them on the controller's geometry.
+/// The inputs with derived quantities on the nominal geometry.
 #[derive(Clone, Copy, Debug)]
 pub struct Signals<'a> {
-    /// The arm as the controller believes it.
+    /// The nominal arm.
     pub arm: &'a Arm,
     /// The sample.
     pub inputs: &'a Inputs,

@@ -1,64 +1,67 @@
-//! How what the effects add follows the arm: what a small step of the joints changes of joints' deviations and of the base's turn.
+//! Derivatives of the effects by the joints: change of the joints' deviations and of the base's
+//! rotation by a small step of the joints.
 //!
-//! Gravity and wrench pull through how the masses and the TCP move with each joint. A step turns these motions by all that the joints up to theirs turn,
-//! and the joints beyond shift what they move. Memory, temperatures and what the sensor reads are taken as they are.
+//! Loads of gravity and wrench depend on the motion of the masses and of the TCP with each joint. A
+//! step rotates these motions by all joints up to theirs, and the joints beyond shift the moved
+//! masses. Memory, temperatures and readings of the sensor are constant.
 //!
-//! Promises: exact where [`Told::is_whole`], held by the conformance suite. Never: a deviation of links, axes or tool.
+//! Exact if [`Told::is_whole`], verified by the conformance suite. Deviations of links, axes and
+//! tool are not included.
 
 use crate::lanes::{Lanes, Three, Vectors, WIDTH};
 use crate::laws::Laws;
 use crate::{JOINTS_MAX, Joints, Loads, Motions};
 
-/// How what one effect adds follows the arm, memory as it is.
+/// Derivative of one effect's contribution by the joints, for constant memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Slope {
-    /// It stays as it is, however the arm moves.
+    /// Independent of the joints.
     Steady,
-    /// It does not say.
+    /// Not provided.
     Untold,
-    /// So much per unit of its joint's position.
+    /// Per unit of its joint's position.
     Position(f64),
-    /// So much per unit of each joint's position.
+    /// Per unit of each joint's position.
     Positions(Joints),
-    /// So much per unit of the load on its joint, rad/Nm or m/N.
+    /// Per unit of the load on its joint, rad/Nm or m/N.
     Load {
-        /// Of gravity's load.
+        /// For the load by gravity.
         gravity: f64,
-        /// Of the wrench's load.
+        /// For the load by the wrench.
         wrench: f64,
     },
-    /// The base's turn about x and y per unit of the moment about its origin, rad/Nm.
+    /// Rotation of the base about x and y per unit of the moment about its origin, rad/Nm.
     Base(f64),
 }
 
-/// The sums of what all effects of a model tell.
+/// The sums over all effects of a model.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(align(64))]
 pub struct Told {
-    /// Each joint's deviation per unit of its own position.
+    /// Deviation of each joint per unit of its own position.
     pub position: Joints,
-    /// Per unit of all joints' positions, of those joints that `are_wide` has a bit for.
+    /// Deviation per unit of all joints' positions, for the joints whose bit is set in `are_wide`.
     positions: [Joints; JOINTS_MAX],
     are_wide: u32,
     gravity: Joints,
     wrench: Joints,
     base: f64,
     is_coupled: bool,
-    /// Whether gravity and the wrench bend every joint alike.
+    /// Whether every joint has the same compliance under gravity and under the wrench.
     is_even: bool,
-    /// Whether that is all that follows the arm.
+    /// Whether all derivatives are included.
     pub is_whole: bool,
 }
 
 impl Told {
-    /// Nothing was told yet but what the laws of joints do.
+    /// Starts with the laws of joints only.
     pub(crate) fn begin(&mut self, is_whole: bool, laws: &Laws) {
         (self.gravity, self.wrench) = (laws.gravity, laws.wrench);
         (self.is_coupled, self.is_even) = (laws.is_compliant, laws.is_even);
         (self.base, self.is_whole, self.are_wide) = (0.0, is_whole, 0);
     }
 
-    /// Adds what an effect of `joint` tells.
+    /// Adds the slope of an effect of `joint`.
     #[inline(always)]
     pub(crate) fn add(&mut self, joint: Option<usize>, slope: Slope) {
         let joint = joint.unwrap_or(0);
@@ -91,7 +94,7 @@ impl Told {
         self.are_wide >> joint & 1 == 1
     }
 
-    /// How the deviations follow the arm at `loads`; in place of what followed the same arm.
+    /// The derivatives of the deviations at `loads`; written over those of the same arm.
     #[inline(always)]
     pub fn follow<S: Lanes>(&self, lanes: S, loads: &Loads, into: &mut Following) {
         into.turns_base = self.base != 0.0;
@@ -128,8 +131,9 @@ impl Told {
         }
     }
 
-    /// What joint `i` deviates more per unit of joints `4 k` to `4 k + 3`, by what [`Told::follow`] found at `loads`. A joint up to the loaded one turns what is
-    /// loaded; one beyond it moves what pulls.
+    /// Derivative of joint `i`'s deviation by joints `4 k` to `4 k + 3`, from the result of
+    /// [`Told::follow`] at `loads`. A joint up to the loaded one rotates the loaded axis; a joint
+    /// beyond it moves the loads.
     #[inline(always)]
     pub fn row<S: Lanes>(
         &self,
@@ -172,26 +176,27 @@ impl Told {
     }
 }
 
-/// How deviations follow the arm, as far as loads go.
+/// Derivatives of the deviations through the loads.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Following {
-    /// Whether the base turns; what it turns more about x and y, rad per unit of each joint's position.
+    /// Whether the base rotates; its rotation about x and y, rad per unit of each joint's position.
     pub turns_base: bool,
     /// About x.
     pub base_x: Joints,
     /// About y.
     pub base_y: Joints,
-    /// How the moment about what a joint does changes, per unit of the joint, Nm: of all loads where gravity and the wrench bend every joint alike, else of each.
+    /// Change of the moment about each joint's motion per unit of the joint, Nm: of all loads if
+    /// every joint has the same compliance under gravity and wrench, otherwise of each.
     pulled: [Vectors; 2],
-    /// What each joint does, times what it bends under these loads.
+    /// Motion of each joint, times its deflection under these loads.
     bends: [Vectors; 2],
-    /// What bends each joint more as it is turned, in all.
+    /// Total additional deflection by a rotation of the joint.
     bent: Vectors,
 }
 
-/// One where a joint of four is the row's.
+/// One in the lane of the row's joint.
 static OWN: [[f64; WIDTH]; WIDTH] = ones(false);
-/// One where it is not beyond the row's.
+/// One in the lanes of joints up to the row's.
 static UP_TO: [[f64; WIDTH]; WIDTH] = ones(true);
 
 const fn ones(below_too: bool) -> [[f64; WIDTH]; WIDTH] {

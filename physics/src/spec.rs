@@ -1,8 +1,9 @@
-//! What an effect says of itself: its name, its parameters with unit, range and sign, what it needs, where it acts.
+//! Specification of an effect: name, parameters with unit, range and sign, needs, and where it
+//! acts.
 //!
-//! Promises: the names are those of the contract (`effects.md`); a key in a file is a parameter's stem followed by
-//! its unit's suffix, and the suffix follows the kind of joint (`offset_mrad`, on a prismatic joint `offset_mm`).
-//! Never: a value.
+//! The names are those of `docs/reference/effects.md`; a key in a file is a parameter's stem
+//! followed by the suffix of its unit, which depends on the kind of joint (`offset_mrad`, on a
+//! prismatic joint `offset_mm`).
 
 use crate::JointKind;
 use core::fmt;
@@ -72,12 +73,12 @@ pub enum Unit {
     NewtonPerMillimetre,
     /// `_N_per_mm2`.
     NewtonPerSquareMillimetre,
-    /// A word in quotes, no suffix: no number at all.
+    /// A string, no suffix: not a number.
     Word,
 }
 
 impl Unit {
-    /// The suffix of a key in a file, and the value in SI of one such unit.
+    /// The suffix of a key in a file, and the SI value of one such unit.
     pub fn suffix_and_si(self, kind: JointKind) -> (&'static str, f64) {
         use core::f64::consts::{PI, TAU};
         let slides = kind == JointKind::Prismatic;
@@ -121,7 +122,7 @@ impl Unit {
     }
 }
 
-/// How many numbers a parameter has.
+/// Number of values of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Count {
     /// One number.
@@ -134,7 +135,7 @@ pub enum Count {
     ThreePerCarriedBody,
 }
 
-/// Which values make sense. Bounds are in SI.
+/// Valid values. Bounds are in SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Range {
     /// Any finite number.
@@ -159,10 +160,10 @@ impl Range {
             }
     }
 
-    /// The value of the range that is nearest to this one; of an open end a value just within.
+    /// The nearest value in the range; for an open end a value just inside.
     #[must_use]
     pub fn nearest(&self, value: f64) -> f64 {
-        /// How far within an open end, as a share of what lies between two.
+        /// Distance from an open end, as a share of the distance between two ends.
         const WITHIN: f64 = 1e-3;
         match *self {
             Self::Any => value,
@@ -179,17 +180,17 @@ impl Range {
 /// One entry of an effect in a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
-    /// The key without its unit's suffix; no two entries of one effect share it.
+    /// The key without the suffix of its unit; unique within an effect.
     pub stem: &'static str,
     /// Its unit in a file.
     pub unit: Unit,
-    /// How many numbers.
+    /// Number of values.
     pub count: Count,
-    /// Which values make sense.
+    /// Valid values.
     pub range: Range,
-    /// Whether an effect cannot be without it.
+    /// Whether it is required.
     pub required: bool,
-    /// What role it plays in a fit.
+    /// Its role in a fit.
     pub role: Role,
 }
 
@@ -198,24 +199,24 @@ pub struct Parameter {
 pub enum Role {
     /// The contribution is linear in it.
     Linear,
-    /// A fit may change it; the contribution is not linear in it.
+    /// Fitted; the contribution is not linear in it.
     Nonlinear,
-    /// A person or an instrument states it; no fit changes it (a pivot, a reference temperature).
+    /// Stated by the user or an instrument and never fitted (a pivot, a reference temperature).
     Setting,
 }
 
 impl Parameter {
-    /// A required linear parameter of one number.
+    /// A required linear parameter with one value.
     pub const fn linear(stem: &'static str, unit: Unit, range: Range) -> Self {
         Self { stem, unit, count: Count::One, range, required: true, role: Role::Linear }
     }
 
-    /// A required nonlinear parameter of one number.
+    /// A required nonlinear parameter with one value.
     pub const fn nonlinear(stem: &'static str, unit: Unit, range: Range) -> Self {
         Self { role: Role::Nonlinear, ..Self::linear(stem, unit, range) }
     }
 
-    /// An optional setting of one number.
+    /// An optional setting with one value.
     pub const fn setting(stem: &'static str, unit: Unit, range: Range) -> Self {
         Self { required: false, role: Role::Setting, ..Self::linear(stem, unit, range) }
     }
@@ -225,12 +226,12 @@ impl Parameter {
         Self { count, ..self }
     }
 
-    /// The same, but an effect can be without it.
+    /// The same, optional.
     pub const fn optional(self) -> Self {
         Self { required: false, ..self }
     }
 
-    /// The same, but an effect cannot be without it.
+    /// The same, required.
     pub const fn needed(self) -> Self {
         Self { required: true, ..self }
     }
@@ -273,22 +274,22 @@ pub enum Place {
     Robot,
 }
 
-/// Where an effect acts; in the order in which effects are taken.
+/// Where an effect acts, in the order of evaluation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ActsOn {
-    /// The loads, before compliances feel them.
+    /// The loads, before compliances are applied.
     Loads,
     /// A joint's position.
     JointPosition,
     /// The geometry between joints, the base or the tool.
     Geometry,
-    /// What a drive has to exert.
+    /// The torque of a drive.
     DriveTorque,
     /// The force on the tool.
     ToolForce,
 }
 
-/// A signal that an effect looks at, besides the joints' positions.
+/// A signal that an effect needs, besides the joints' positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
     /// The sign of the joint's last motion, or its path.
@@ -309,21 +310,21 @@ pub enum Need {
     Acceleration,
 }
 
-/// What an effect says of itself.
+/// Specification of an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spec {
-    /// The name in files and findings.
+    /// The name in files and results.
     pub kind: &'static str,
     /// Joint or robot.
     pub place: Place,
     /// Where it acts.
     pub acts_on: ActsOn,
-    /// What it looks at.
+    /// Required signals.
     pub needs: &'static [Need],
-    /// Whether it remembers.
+    /// Whether it has memory.
     pub has_memory: bool,
-    /// Its entries in a file: parameters that a fit may change first, then settings. Which of them an effect
-    /// carries: [`crate::Effect::fitted`].
+    /// Its entries in a file: parameters that a fit may change first, then settings. Which of them
+    /// an effect has: [`crate::Effect::fitted`].
     pub parameters: &'static [Parameter],
 }
 

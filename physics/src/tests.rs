@@ -1,4 +1,5 @@
-//! Physics held against formulas written another way: 4×4 matrices by hand, energies, virtual work, reciprocity.
+//! Comparison of the physics with independent formulas: 4×4 matrices, energies, virtual work,
+//! reciprocity.
 
 mod cut;
 mod drives;
@@ -26,7 +27,7 @@ fn effect(
         .unwrap_or_else(|e| panic!("{kind}: {e}"))
 }
 
-/// What a model of these effects says, settled.
+/// Evaluation of a model of these effects, settled.
 fn evaluated(arm: Arm, effects: &[AnyEffect], inputs: &Inputs) -> Evaluation {
     let model = Model::new(arm, effects).expect("effects that fit each other");
     let mut memories = Memories::default();
@@ -35,7 +36,8 @@ fn evaluated(arm: Arm, effects: &[AnyEffect], inputs: &Inputs) -> Evaluation {
 }
 
 prop_compose! {
-    /// Positions of six joints anywhere; a prismatic joint takes rad for m, which is a long slide.
+    /// Arbitrary positions of six joints; for a prismatic joint rad are taken as m, which is a long
+    /// motion.
     fn six_joints()(six in prop::array::uniform6(-2.5..2.5_f64)) -> Joints {
         let mut q = [0.0; JOINTS_MAX];
         q[..6].copy_from_slice(&six);

@@ -1,18 +1,21 @@
 //! Sine and cosine without a branch, so that those of all joints are taken at once.
 //!
-//! The angle is brought within an eighth of a turn by subtracting quarter turns in three parts (Cody and Waite, Software Manual for the Elementary
-//! Functions, 1980); there two polynomials stand for sine and cosine. Parts and polynomials have the figures of Sun's fdlibm (`e_rem_pio2.c`,
-//! `k_sin.c`, `k_cos.c`).
+//! The angle is reduced to an eighth of a turn by subtracting quarter turns in three parts (Cody
+//! and Waite, Software Manual for the Elementary Functions, 1980), where two polynomials
+//! approximate sine and cosine. Parts and polynomials have the coefficients of Sun's fdlibm
+//! (`e_rem_pio2.c`, `k_sin.c`, `k_cos.c`).
 //!
-//! Promises: within 1e-16 and an ulp of the true values; beyond 300 000 turns, and for what is not finite, `libm` answers. Never: a table.
+//! Within 1e-16 and an ulp of the true values; beyond 300 000 turns, and for values that are not
+//! finite, `libm` is used. No table.
 
 use crate::Joints;
 use crate::lanes::Lanes;
 use libm::sincos;
 
-/// The largest angle that three parts bring back exactly, rad: 300 000 turns.
+/// The largest angle that three parts reduce exactly, rad: 300 000 turns.
 const LARGE: f64 = 1e6;
-/// Added and taken away again it leaves a whole number, whose last bits are those of the sum.
+/// Adding and subtracting it rounds to a whole number; the last bits of the sum are those of the
+/// number.
 const WHOLE: f64 = 6_755_399_441_055_744.0;
 /// A quarter turn in three parts.
 const QUARTER: [f64; 3] =
@@ -112,14 +115,16 @@ fn reduced(angle: f64) -> (f64, f64) {
     quartered(shifted, sine, cosine)
 }
 
-/// Sine and cosine of an angle that is as many quarter turns on as the last bits of `shifted` tell.
+/// Sine and cosine of an angle advanced by as many quarter turns as the last bits of `shifted`
+/// state.
 #[inline(always)]
 pub(crate) fn quartered(shifted: f64, sine: f64, cosine: f64) -> (f64, f64) {
     let bits = shifted.to_bits();
-    // Of an odd quarter they change places: by bits, as no processor could guess which way a branch goes.
+    // For odd quarters they are exchanged: bitwise, because such a branch could not be predicted.
     let other = (sine.to_bits() ^ cosine.to_bits()) & (bits & 1).wrapping_neg();
     let (first, second) = (sine.to_bits() ^ other, cosine.to_bits() ^ other);
-    // The second and third quarter turn the sine's sign, the first and second the cosine's.
+    // The second and third quarter change the sign of the sine, the first and second that of the
+    // cosine.
     let signed = |x: u64, turns: u64| f64::from_bits(x ^ ((turns >> 1) << 63));
     (signed(first, bits), signed(second, bits.wrapping_add(1)))
 }

@@ -4,9 +4,9 @@
 
 use crate::heap_of;
 use bridge::Counts;
+use bridge::egm::forwarder::{Forwarder, Settings};
 use bridge::egm::joints::Order;
 use bridge::egm::messages::{Header, PathCorrMessage, SensorMessage};
-use bridge::egm::middle::{Middle, Settings};
 use bridge::feed::Feed;
 use bridge::joining::Joining;
 use bridge::rsi::answer::Answerer;
@@ -49,7 +49,7 @@ fn an_egm_cycle_takes_nothing_from_the_heap() {
         path_period_ns: 48 * MS,
         runs: RunRules::default(),
     };
-    let mut middle = Middle::new(settings, arm, feed(), None, Arc::new(Counts::default()));
+    let mut forwarder = Forwarder::new(settings, arm, feed(), None, Arc::new(Counts::default()));
     let mut robot = EgmRobot::new(at(), &POSE);
     let feedback: Vec<Vec<u8>> = (0..CYCLES).map(|_| robot.message()).collect();
     let mut targets: Vec<Vec<u8>> =
@@ -58,14 +58,14 @@ fn an_egm_cycle_takes_nothing_from_the_heap() {
     let counted = heap_of(|| {
         for (k, (feedback, target)) in (0..).zip(feedback.iter().zip(&mut targets)) {
             let now_ns = k * 4 * MS;
-            middle.of_robot(feedback, at(), now_ns);
-            if let Some(screened) = middle.of_application(target, at(), now_ns) {
-                sent += u32::from(middle.answer(target, &screened).is_some());
+            forwarder.of_robot(feedback, at(), now_ns);
+            if let Some(screened) = forwarder.of_application(target, at(), now_ns) {
+                sent += u32::from(forwarder.answer(target, &screened).is_some());
             }
             if let Ok(message) = SensorMessage::read(target) {
                 message.planned.joints.put(target, &POSE);
             }
-            middle.idle();
+            forwarder.idle();
             let mut own = [0; 128];
             let header = Header { seqno: Some(1), tm: None, mtype: Some(4) };
             PathCorrMessage::write(&mut own, header, [0.0, 1.0, 2.0], 1);

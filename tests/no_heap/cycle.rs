@@ -6,10 +6,10 @@ use corrector::{Corrector, Mode, Settings};
 use daemon::cycle::Cycle;
 use daemon::exchange::{Exchange, LoadedModel};
 use daemon::pacer::{Pacer, Wait};
-use daemon::process::Known;
+use daemon::process::MonitorInputs;
 use daemon::robot::Robot;
-use daemon::senses::{Senses, WrenchSource};
-use daemon::vibration::{Ears, Listener};
+use daemon::sensor_inputs::{SensorInputs, WrenchSource};
+use daemon::vibration::{ForceProcessor, VibrationThread};
 use envelope::Limits;
 use recording::model::presets::preset;
 use shm_schema::{
@@ -39,7 +39,7 @@ fn cycle(ports: &DaemonPorts) -> Cycle {
         robot: Robot::join(ports, Pacer::new(Wait::Sleep, settings.period_ns)).unwrap(),
         corrector: Corrector::new(settings),
         model: Box::new(LoadedModel { physics, epoch: 1 }),
-        senses: Senses::new(WrenchSource::Force),
+        sensor_inputs: SensorInputs::new(WrenchSource::Force),
         stale_ns: settings.stale_ns,
         period_ns: settings.period_ns,
         lockstep: false,
@@ -135,10 +135,10 @@ fn the_vibration_thread_takes_one_block_per_verdict_and_gives_it_back() {
     let heap = std::thread::scope(|scope| {
         let subject = scope.spawn(|| {
             let config = WatchConfig { rate_hz: 10_000.0, channels: 3, ..WatchConfig::default() };
-            let ears = Ears::Watch(Box::new(Watch::new(config).unwrap()));
-            let mut listener = Listener::join(&ports, ears).unwrap();
+            let force_processor = ForceProcessor::Watch(Box::new(Watch::new(config).unwrap()));
+            let mut vibration_thread = VibrationThread::join(&ports, force_processor).unwrap();
             made.store(true, Relaxed);
-            counted(&mut listener, |l| l.run(&warm), |l| l.run(&exchange))
+            counted(&mut vibration_thread, |l| l.run(&warm), |l| l.run(&exchange))
         });
         while !made.load(Relaxed) {
             std::thread::sleep(Duration::from_millis(1));
@@ -158,7 +158,7 @@ fn the_vibration_thread_takes_one_block_per_verdict_and_gives_it_back() {
             spoil(&mut block, seq);
             blocks.send(&block);
             for exchange in [&warm, &exchange] {
-                let _ = exchange.known.push(known(seq));
+                let _ = exchange.monitor_inputs.push(known(seq));
             }
             std::thread::sleep(Duration::from_millis(1));
             if seq == WARM_UP_BLOCKS {
@@ -200,7 +200,7 @@ fn spoil(block: &mut ForceBlock, seq: u64) {
 }
 
 /// The process, as it changes all the time.
-fn known(seq: u64) -> Known {
+fn known(seq: u64) -> MonitorInputs {
     let state = ProcessState {
         spindle_rpm: 10_000.0 + (seq / 600) as f64,
         teeth: 2,
@@ -209,7 +209,7 @@ fn known(seq: u64) -> Known {
     };
     let wheel = Wheel { joint: 1, shaft: 1, teeth: 1, cycles_per_mm: 0.0165 };
     let mode = spectrum::Mode::at_hz(72.0);
-    Known { state, wheels: [Some(wheel); WHEELS_MAX], modes: [Some(mode); MODES_MAX] }
+    MonitorInputs { state, wheels: [Some(wheel); WHEELS_MAX], modes: [Some(mode); MODES_MAX] }
 }
 
 /// Ten milliseconds of force, that rings in the third and the eighth second.

@@ -139,7 +139,7 @@ fn a_million_cycles_take_nothing_from_the_heap() {
         robot: Robot::over(link),
         corrector: Corrector::new(settings),
         model: loaded(physics, 1),
-        senses: setup::senses(&config, false),
+        sensor_inputs: setup::sensor_inputs(&config, false),
         stale_ns: settings.stale_ns,
         period_ns: settings.period_ns,
         lockstep: false,

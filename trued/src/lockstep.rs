@@ -6,7 +6,7 @@ use std::path::Path;
 
 use corrector::{Corrector, Residual, Settings};
 use daemon::exchange::Exchange;
-use daemon::senses::Senses;
+use daemon::sensor_inputs::SensorInputs;
 use daemon::{setup, translate};
 use recording::cell::CellConfig;
 use recording::model::RobotModel;
@@ -35,7 +35,7 @@ pub(crate) fn cell_toml(model: &Path, recording: &Recording) -> String {
 pub(crate) struct Cycle<'m> {
     model: &'m RobotModel,
     corrector: Corrector,
-    senses: Senses,
+    sensor_inputs: SensorInputs,
     exchange: Exchange,
     seq: u64,
     session: u64,
@@ -44,11 +44,15 @@ pub(crate) struct Cycle<'m> {
 
 impl<'m> Cycle<'m> {
     /// Before the first row.
-    pub(crate) fn new(model: &'m RobotModel, settings: Settings, senses: Senses) -> Self {
+    pub(crate) fn new(
+        model: &'m RobotModel,
+        settings: Settings,
+        sensor_inputs: SensorInputs,
+    ) -> Self {
         let exchange = Exchange::new(settings.mode, false);
         let frees_tool_axis = settings.task.free_tool_axis;
         let corrector = Corrector::new(settings);
-        Self { model, corrector, senses, exchange, seq: 0, session: 0, frees_tool_axis }
+        Self { model, corrector, sensor_inputs, exchange, seq: 0, session: 0, frees_tool_axis }
     }
 
     /// In the cell of [`cell_toml`].
@@ -57,7 +61,7 @@ impl<'m> Cycle<'m> {
         let config = CellConfig::parse(CELL, &text).map_err(Failure::system)?;
         let settings =
             setup::settings(&config, &model.physics.arm, true).map_err(Failure::input)?;
-        Ok(Self::new(model, settings, Senses::new(setup::wrench_source(&config))))
+        Ok(Self::new(model, settings, SensorInputs::new(setup::wrench_source(&config))))
     }
 
     /// Whether the tool may turn about its own axis.
@@ -67,13 +71,13 @@ impl<'m> Cycle<'m> {
 
     /// What the daemon answers to the next row.
     pub(crate) fn answer(&mut self, row: &Timed) -> Result<Corrected, Failure> {
-        let Self { corrector, senses, exchange, .. } = self;
+        let Self { corrector, sensor_inputs, exchange, .. } = self;
         let model = &self.model.physics;
         self.seq += 1;
         self.session += u64::from(row.anew);
         let command =
             row.setpoint.command(self.seq, self.session, row.t_ns).map_err(Failure::input)?;
-        let world = senses.world(exchange, None, &command, row.t_ns);
+        let world = sensor_inputs.world(exchange, None, &command, row.t_ns);
         let claim = translate::command(&command, row.t_ns, true);
         let wanted = corrector.correct(model, &claim, &world, row.t_ns);
         let allowed = corrector.bound(model, &wanted);

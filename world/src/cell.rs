@@ -1,10 +1,11 @@
 //! The simulated cell: a path, the true robot twice (uncorrected and corrected), and the cut, tick by tick.
 //!
-//! A tick is one joint command. The force of the cut depends on feed and direction alone, so both robots feel the same
-//! one; it bends them by its mean over a revolution, since the tooth passing is far above what an arm follows; chatter
-//! moves them through the structural mode, not through the static compliance.
+//! A tick is one joint command. The force of the cut depends on feed and direction alone, so both
+//! robots are loaded by the same force; they are deflected by its mean over a revolution, since the
+//! tooth passing is far above the bandwidth of an arm; chatter moves them through the structural
+//! mode, not through the static compliance.
 //!
-//! Promises: the same setup and targets give the same bits. Never: a correction, a clock, IPC.
+//! Invariant: the same setup and targets give the same bits.
 
 use crate::cutter::Cutter;
 use crate::draw::TrueRobot;
@@ -21,16 +22,16 @@ use rand_distr::StandardNormal;
 /// Force samples per tick: 10 kHz at a tick of 1 ms.
 pub const FORCES_PER_TICK: usize = 10;
 
-/// What a cell is made of besides the robot.
+/// Components of a cell besides the robot.
 #[derive(Clone, Debug)]
 pub struct Setup {
     /// The commands; its `dt_s` is the tick.
     pub path: JointPath,
     /// The mill.
     pub cutter: Cutter,
-    /// The cut that rings, where one does.
+    /// The cut with chatter, if any.
     pub chatter: Option<Chatter>,
-    /// The mode that chatter shakes.
+    /// The mode that chatter excites.
     pub mode: Mode,
     /// Pure delay of the servos, in ticks.
     pub delay_ticks: usize,
@@ -43,7 +44,7 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// The thesis' mill on `path`, servos that follow at once, 0.2 N of sensor noise, no chatter.
+    /// The thesis' mill on `path`, servos without lag, 0.2 N of sensor noise, no chatter.
     pub fn quiet(path: JointPath, seed: u64) -> Self {
         Self {
             path,
@@ -58,42 +59,43 @@ impl Setup {
     }
 }
 
-/// What happened in one tick.
+/// State at one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tick {
-    /// Time since the path began, s.
+    /// Time since the start of the path, s.
     pub t_s: f64,
     /// The command, rad or m.
     pub q_cmd: Joints,
-    /// Where the tool shall be, base frame.
+    /// Target pose of the tool, base frame.
     pub wanted: Frame,
-    /// Where it really is with the command as it came.
+    /// Actual pose for the uncorrected command.
     pub without: Frame,
-    /// Where it really is with the published target.
+    /// Actual pose for the published target.
     pub with: Frame,
-    /// What the cut exerts on the tool, mean over a revolution, without chatter and noise, base axes.
+    /// Force of the cut on the tool, mean over a revolution, without chatter and noise, base axes.
     pub wrench_base: Wrench,
-    /// The same in tool axes (of the wanted placement).
+    /// The same in tool axes (of the target pose).
     pub wrench_tool: Wrench,
-    /// What the force sensor reads, one after the other over the tick, each a mean over its interval, tool axes, N.
+    /// Readings of the force sensor in order over the tick, each a mean over its interval, tool
+    /// axes, N.
     pub forces_tool: [DVec3; FORCES_PER_TICK],
-    /// The cut (0-based) that is being milled; none in air.
+    /// The present cut (0-based); `None` in air.
     pub cut: Option<usize>,
     /// Speed along the path, m/s.
     pub feed_m_s: f64,
-    /// Amplitude of the chatter, N; zero where nothing rings.
+    /// Amplitude of the chatter, N; zero without chatter.
     pub chatter_n: f64,
 }
 
 impl Tick {
-    /// Distance of the tool from where it shall be, without and with correction, m.
+    /// Distance of the tool from its target, without and with correction, m.
     pub fn errors_m(&self) -> (f64, f64) {
         let off = |is: &Frame| (is.origin - self.wanted.origin).length();
         (off(&self.without), off(&self.with))
     }
 }
 
-/// A cell at work.
+/// A simulated cell.
 #[derive(Clone, Debug)]
 pub struct Cell {
     setup: Setup,
@@ -107,7 +109,7 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// A cell whose robots stand at the path's first command.
+    /// A cell whose robots are at rest at the path's first command.
     pub fn new(truth: &TrueRobot, setup: Setup) -> Self {
         let start = setup.path.samples.first().map_or([0.0; JOINTS_MAX], |sample| sample.q);
         let (dt_s, delay_samples, lag_s) = (setup.path.dt_s, setup.delay_ticks, setup.lag_s);
@@ -126,22 +128,23 @@ impl Cell {
         }
     }
 
-    /// Temperature around the robot, °C: what a thermometer would tell the daemon.
+    /// Ambient temperature, °C, as a thermometer would report it to the daemon.
     pub const fn ambient_celsius(&self) -> f64 {
         self.ambient_celsius
     }
 
-    /// How many ticks the path has.
+    /// Number of ticks of the path.
     pub fn ticks(&self) -> usize {
         self.setup.path.samples.len()
     }
 
-    /// The command of the coming tick; none at the end of the path.
+    /// The command of the next tick; `None` at the end of the path.
     pub fn next_command(&self) -> Option<&Sample> {
         self.setup.path.samples.get(self.next)
     }
 
-    /// Runs the coming tick with `published` as the corrected robot's target; none at the end of the path.
+    /// Runs the next tick with `published` as the corrected robot's target; `None` at the end of
+    /// the path.
     pub fn step(&mut self, published: &Joints) -> Option<Tick> {
         let sample = *self.next_command()?;
         self.next += 1;
@@ -198,7 +201,7 @@ impl Cell {
         })
     }
 
-    /// How far the structure swings at the end of the tick, base axes, m.
+    /// Displacement of the structure by chatter at the end of the tick, base axes, m.
     fn shake(&mut self, in_cut_s: f64) -> DVec3 {
         let span = self.setup.path.dt_s / FORCES_PER_TICK as f64;
         let mut at = DVec3::ZERO;
@@ -210,7 +213,7 @@ impl Cell {
     }
 }
 
-/// What the cut exerts on the tool, mean over a revolution, base axes.
+/// Force of the cut on the tool, mean over a revolution, base axes.
 fn wrench(sample: &Sample, cutter: &Cutter) -> Wrench {
     let point = &sample.wanted;
     let base_from_cut = cut_axes(point.direction_base, point.base_from_tool.rotation);
@@ -219,7 +222,8 @@ fn wrench(sample: &Sample, cutter: &Cutter) -> Wrench {
     Wrench { force, moment: DVec3::ZERO }
 }
 
-/// Every `n`-th tick of a path as the robot feels it, in air of `ambient_celsius`: enough to weigh an effect over the work.
+/// Every `n`-th tick of a path as inputs of the robot, in air of `ambient_celsius`: enough to
+/// assess an effect over the work.
 pub fn work(path: &JointPath, cutter: &Cutter, n: usize, ambient_celsius: f64) -> Vec<Inputs> {
     let mut rows: Vec<Inputs> = Vec::new();
     for sample in path.samples.iter().step_by(n.max(1)) {

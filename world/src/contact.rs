@@ -1,10 +1,12 @@
 //! A simulated contact: an elastic surface, and a robot with lag that is pressed onto it.
 //!
-//! `F = k · max(0, depth)` along the normal, without friction. k: stiffness, N/m; 0.1 to 10 N/µm are 1e5 to 1e7. The robot
-//! gives way too, so force and place hold at once: `F = k · depth(tcp(F))`, solved on the true model.
+//! `F = k · max(0, depth)` along the normal, without friction. k: stiffness, N/m; 0.1 to 10 N/µm
+//! are 1e5 to 1e7. The robot is compliant too, so force and position depend on each other: `F = k ·
+//! depth(tcp(F))`, solved on the true model.
 //!
-//! Promises: passive: the surface never pulls and stores what it takes; quasi-static at each sample.
-//! Never: a process that cuts, or the arm's inertia: dynamics are the servos' delay and lag alone.
+//! The surface is passive: it never pulls and returns the energy stored; quasi-static at each
+//! sample. Cutting and the arm's inertia are not modelled: the only dynamics are the servos' delay
+//! and lag.
 
 use crate::robot::{Robot, Servo};
 use glam::DVec3;
@@ -22,18 +24,18 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// What the surface exerts on a tool whose TCP is at `tcp_base` (m).
+    /// Force of the surface on a tool with TCP at `tcp_base` (m).
     pub fn force(&self, tcp_base: DVec3) -> DVec3 {
         self.normal_base * (self.stiffness_n_m * self.depth(tcp_base).max(0.0))
     }
 
-    /// How deep a point (base frame, m) is in the surface, m; negative outside.
+    /// Penetration of a point (base frame, m) into the surface, m; negative outside.
     pub fn depth(&self, tcp_base: DVec3) -> f64 {
         (self.point_base - tcp_base).dot(self.normal_base)
     }
 
-    /// The force at which the surface and a tool that gives way hold each other; `tcp_under` tells where the TCP
-    /// is under a force (base axes, N). Secant steps: exact where the tool gives way in proportion, as arms do.
+    /// The force at which surface and compliant tool are in equilibrium; `tcp_under` gives the TCP
+    /// under a force (base axes, N). Secant steps: exact for a linear compliance.
     pub fn balance(&self, tcp_under: impl Fn(DVec3) -> DVec3) -> DVec3 {
         let excess = |force: f64| {
             force - self.stiffness_n_m * self.depth(tcp_under(self.normal_base * force))
@@ -64,12 +66,12 @@ pub struct Pressed {
     wrench: Wrench,
 }
 
-/// What is seen of it after one sample.
+/// State after one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PressedTick {
-    /// Where the tool is, base frame.
+    /// Pose of the tool, base frame.
     pub base_from_tool: Frame,
-    /// What the surface exerts on the tool, base axes.
+    /// Force of the surface on the tool, base axes.
     pub wrench_base: Wrench,
 }
 
@@ -84,7 +86,7 @@ impl Pressed {
         Self { contact, robot: Robot::at_rest(model, servo, q, f64::NAN), wrench: Wrench::ZERO }
     }
 
-    /// Takes the next target (rad or m), lets one sample pass, and balances.
+    /// Advances by one sample with a new target (rad or m), in equilibrium with the surface.
     pub fn step(&mut self, target: &Joints) -> PressedTick {
         self.robot.follow(target, self.wrench);
         let under = |force| Wrench { force, moment: DVec3::ZERO };

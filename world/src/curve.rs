@@ -1,17 +1,20 @@
 //! A sampled motion as a curve in continuous time.
 //!
-//! Between two samples a cubic with the slopes of the parabola through three neighbours (Bessel's); beside a stretch at rest the slope is
-//! zero, so that a rest stays a rest; beyond the ends it goes on straight. Speeds and accelerations at the samples come from a parabola
-//! fitted to a window, since positions in files have a last digit (Savitzky and Golay, 1964); the window is no wider than that digit asks for, since a stop or
-//! a turn within it is smeared.
+//! Between two samples a cubic with the slopes of the parabola through three neighbours (Bessel);
+//! next to an interval at rest the slope is zero, so that a rest remains a rest; beyond the ends it
+//! is linear. Speeds and accelerations at the samples come from a parabola fitted to a window,
+//! because positions in files are rounded (Savitzky and Golay, 1964); the window is no wider than
+//! the rounding requires, because it smears a stop or a reversal within it.
 //!
-//! Promises: passes through every sample; times may be uneven. Never: more than three samples seen by one stretch.
+//! It passes through every sample; times may be uneven. Each interval depends on at most three
+//! samples.
 
 use libm::sqrt;
 
-/// Half of the widest window of speeds and accelerations, s: ten samples of a kilohertz, the neighbours alone of 100 Hz.
+/// Half of the widest window of speeds and accelerations, s: ten samples at 1 kHz, the neighbours
+/// only at 100 Hz.
 const HALF_WINDOW_S: f64 = 8e-3;
-/// Of a motion's own acceleration, rounding may make this share.
+/// Largest error by rounding, as a share of the motion's own acceleration.
 const ROUGH: f64 = 2e-3;
 /// Median of the absolute fourth difference of white noise, in units of its standard deviation: 0.6745 √70.
 const FOURTH: f64 = 5.643;
@@ -28,7 +31,7 @@ pub(crate) struct Curve<'a> {
 }
 
 impl<'a> Curve<'a> {
-    /// The curve through `values` at `times_s`, which are as many.
+    /// The curve through `values` at `times_s`, of the same length.
     pub(crate) fn through(times_s: &'a [f64], values: Vec<f64>) -> Self {
         let slopes = slopes(times_s, &values);
         Self { times_s, values, slopes }
@@ -47,7 +50,7 @@ impl<'a> Curve<'a> {
         self.slopes[k]
     }
 
-    /// Where the motion is at `t_s`.
+    /// The position at `t_s`.
     pub(crate) fn at(&self, t_s: f64) -> f64 {
         let Some(last) = self.times_s.len().checked_sub(1) else { return f64::NAN };
         if t_s <= self.times_s[0] {
@@ -62,7 +65,7 @@ impl<'a> Curve<'a> {
 }
 
 impl Curve<'_> {
-    /// How fast the motion goes at `t_s`.
+    /// The speed at `t_s`.
     pub(crate) fn rate_at(&self, t_s: f64) -> f64 {
         let Some(last) = self.times_s.len().checked_sub(1) else { return f64::NAN };
         if t_s <= self.times_s[0] || last == 0 {
@@ -86,7 +89,8 @@ fn slopes(t: &[f64], y: &[f64]) -> Vec<f64> {
     let secants: Vec<f64> =
         t.windows(2).zip(y.windows(2)).map(|(t, y)| (y[1] - y[0]) / (t[1] - t[0])).collect();
     let steps: Vec<f64> = t.windows(2).map(|t| t[1] - t[0]).collect();
-    // The slope at the middle of three samples: the secant of each side weighs as the other side's step.
+    // The slope at the middle of three samples: the secant of each side, weighted with the step of
+    // the other side.
     let middle = |k: usize| {
         let (a, b) = (secants[k - 1], secants[k]);
         if a == 0.0 || b == 0.0 {
@@ -107,7 +111,8 @@ fn slopes(t: &[f64], y: &[f64]) -> Vec<f64> {
     }
 }
 
-/// Speed and acceleration at each sample; where a rest begins or ends there is no speed, and within it no acceleration either.
+/// Speed and acceleration at each sample; the speed is zero where a rest begins or ends, and within
+/// it the acceleration too.
 pub(crate) fn derivatives(t: &[f64], y: &[f64]) -> Vec<(f64, f64)> {
     let widest = by_windows(t, y, HALF_WINDOW_S);
     let Some((half, step_s)) = narrower(t, y, &widest) else { return widest };
@@ -120,7 +125,8 @@ pub(crate) fn derivatives(t: &[f64], y: &[f64]) -> Vec<(f64, f64)> {
     found
 }
 
-/// Half of the narrowest window that rounding does not spoil, in samples, and their step, s; none where that is the widest.
+/// Half of the narrowest window whose result is not dominated by rounding, in samples, and the time
+/// step, s; `None` if that is the widest.
 fn narrower(t: &[f64], y: &[f64], widest: &[(f64, f64)]) -> Option<(usize, f64)> {
     let mut steps: Vec<f64> = t.windows(2).map(|t| t[1] - t[0]).collect();
     let step_s = median(&mut steps)?;
@@ -154,7 +160,7 @@ fn by_windows(t: &[f64], y: &[f64], half_s: f64) -> Vec<(f64, f64)> {
         while to < n && t[to] <= t[k] + half_s {
             to += 1;
         }
-        // At least three samples, on both sides where there are any.
+        // At least three samples, on both sides if available.
         let low = from.min(k.saturating_sub(1));
         let high = to.max((k + 2).min(n));
         let low = if high - low < 3 { high.saturating_sub(3).min(low) } else { low };
@@ -167,7 +173,7 @@ fn by_windows(t: &[f64], y: &[f64], half_s: f64) -> Vec<(f64, f64)> {
 /// Slope and curvature at `at` of the parabola of least squares.
 fn parabola(at: f64, t: &[f64], y: &[f64]) -> (f64, f64) {
     let (Some(first), Some(last)) = (t.first(), t.last()) else { return (0.0, 0.0) };
-    // At rest rounding would leave a sign to the speed.
+    // At rest rounding would give the speed a sign.
     if y.iter().all(|value| *value == y[0]) {
         return (0.0, 0.0);
     }
@@ -241,7 +247,7 @@ mod tests {
 
     #[test]
     fn a_motion_without_rounding_stops_where_it_stops() {
-        // Speed falls evenly to nothing at 0.3 s.
+        // Speed decreases linearly to zero at 0.3 s.
         let t = times(1000, 5e-4);
         let at = |t: f64| if t < 0.3 { 2.0 * t - t * t / 0.3 } else { 0.3 };
         let y: Vec<f64> = t.iter().map(|t| at(*t)).collect();

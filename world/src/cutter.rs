@@ -5,15 +5,16 @@
 //! on the tool: `F_x = −F_t cos φ − F_r sin φ`, `F_y = F_t sin φ − F_r cos φ`, `F_z = F_a`.
 //! x: along the feed · z: up out of the work, against the tool's own z · y = z × x.
 //!
-//! Promises: a mean over any span of angle is exact (closed form), so that neither the sensor's samples nor the mean
-//! force depend on a step size.
-//! Never: helix (at 0.25 mm depth and 30° it lags 2.8°), runout, deflection of the tool, or a depth that follows the path.
+//! A mean over any range of angle is exact (closed form), so that neither the sensor's samples nor
+//! the mean force depend on a step size. Not modelled: helix (at 0.25 mm depth and 30° it lags
+//! 2.8°), runout, deflection of the tool, variable depth.
 
 use glam::DVec3;
 use physics::cut::{Teeth, swept};
 use std::f64::consts::{PI, TAU};
 
-/// A mill in a cut. Angles in rad from the normal axis, with the rotation; `0 ≤ entry < exit ≤ 2π`.
+/// A mill and its engagement. Angles in rad from the normal axis, with the rotation; `0 ≤ entry <
+/// exit ≤ 2π`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cutter {
     /// Number of teeth.
@@ -33,7 +34,8 @@ pub struct Cutter {
 }
 
 impl Default for Cutter {
-    /// The thesis' slots: two teeth, 28 000 rpm, 0.25 mm deep, full width; coefficients from the contract (`recording.md`).
+    /// The thesis' slots: two teeth, 28 000 rpm, 0.25 mm deep, full width; coefficients as in
+    /// `docs/reference/recording.md`.
     fn default() -> Self {
         Self {
             teeth: 2,
@@ -48,7 +50,7 @@ impl Default for Cutter {
 }
 
 impl Cutter {
-    /// How often a tooth passes, Hz.
+    /// Tooth passing frequency, Hz.
     pub fn tooth_passing_hz(&self) -> f64 {
         self.spindle_hz * f64::from(self.teeth)
     }
@@ -64,7 +66,8 @@ impl Cutter {
         one_tooth * (f64::from(self.teeth) / TAU)
     }
 
-    /// Mean force on the tool from `t_s` to `t_s + span_s` (above zero), N, in cut axes; tooth 0 stands at angle 0 at time 0.
+    /// Mean force on the tool from `t_s` to `t_s + span_s` (above zero), N, in cut axes; tooth 0 is
+    /// at angle 0 at time 0.
     pub fn force_over(&self, feed_m_s: f64, t_s: f64, span_s: f64) -> DVec3 {
         let span = TAU * self.spindle_hz * span_s;
         let turns = (self.spindle_hz * t_s) % 1.0;
@@ -77,7 +80,8 @@ impl Cutter {
         sum / span
     }
 
-    /// Integral over the engaged part of `from ..= to` (rad, `0 ≤ from < 2π`), over all turns that it touches.
+    /// Integral over the engaged part of `from ..= to` (rad, `0 ≤ from < 2π`), over all turns in
+    /// the range.
     fn engaged(&self, feed_m_s: f64, from: f64, to: f64) -> DVec3 {
         let mut sum = DVec3::ZERO;
         let mut turn = 0.0;
@@ -92,7 +96,7 @@ impl Cutter {
         sum
     }
 
-    /// Integral of one tooth's force over an engaged span of angle, N rad.
+    /// Integral of one tooth's force over a range of engagement, N rad.
     fn integral(&self, feed_m_s: f64, from: f64, to: f64) -> DVec3 {
         let Teeth { edge, chip } = swept(from, to);
         let feed_per_tooth_m = self.feed_per_tooth_m(feed_m_s);
@@ -105,7 +109,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Force of all teeth at one instant, straight from the equations.
+    /// Force of all teeth at one instant, directly from the equations.
     fn at(cutter: &Cutter, feed: f64, t: f64) -> DVec3 {
         let mut sum = DVec3::ZERO;
         for tooth in 0..cutter.teeth {

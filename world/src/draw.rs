@@ -1,10 +1,10 @@
 //! A true robot for a calibrated model: random residual errors of a calibration, by seed.
 //!
-//! Every parameter moves by a normal draw of its stated standard uncertainty, redrawn where it would leave its physical
-//! range. What the model lacks altogether is drawn by [`crate::hidden`].
+//! Every parameter is drawn from a normal distribution with its stated standard uncertainty, and
+//! redrawn if it leaves its physical range. Missing effects are drawn by [`crate::hidden`].
 //!
-//! Promises: with no uncertainty the true robot is the calibrated model, bit for bit. The draw looks
-//! at the model alone, never at what a correction makes of it.
+//! With zero uncertainties the true robot is the calibrated model, bit for bit. The draw depends on
+//! the model only, not on its corrections.
 
 use crate::random::{Purpose, stream};
 use physics::spec::{Count, Range};
@@ -13,29 +13,29 @@ use rand::RngExt;
 use rand_distr::StandardNormal;
 use thiserror::Error;
 
-/// What a calibration states.
+/// Result of a calibration.
 #[derive(Clone, Copy, Debug)]
 pub struct Calibration<'a> {
     /// The calibrated model.
     pub model: &'a Model,
     /// Standard uncertainty of each effect's values, SI, in the order of [`Model::effects`] and
-    /// [`AnyEffect::values`]; an empty list: the effect is certain.
+    /// [`AnyEffect::values`]; an empty list: no uncertainty.
     pub sigmas: &'a [Vec<f64>],
 }
 
 /// A true robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrueRobot {
-    /// How it really is.
+    /// Its true parameters.
     pub model: Model,
-    /// Temperature around it, °C, constant.
+    /// Ambient temperature, °C, constant.
     pub ambient_celsius: f64,
 }
 
 /// Why no true robot can be drawn. Effects and values are 0-based.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum DrawError {
-    /// Not one list of uncertainties per effect.
+    /// The number of lists of uncertainties is not that of the effects.
     #[error("{found} lists of uncertainties for {expected} effects, expected one each")]
     Lists {
         /// Lists given.
@@ -48,23 +48,23 @@ pub enum DrawError {
         "effect {effect}: {found} uncertainties for {expected} values, expected one each or none"
     )]
     Count {
-        /// Place of the effect in the model.
+        /// Index of the effect in the model.
         effect: usize,
         /// Uncertainties given.
         found: usize,
         /// Values of the effect.
         expected: usize,
     },
-    /// An uncertainty that is none.
+    /// An uncertainty that is not valid.
     #[error(
         "effect {effect}, value {value}: its uncertainty is {sigma}, expected a finite number, 0 or above"
     )]
     Sigma {
-        /// Place of the effect in the model.
+        /// Index of the effect in the model.
         effect: usize,
-        /// Place of the value in the effect.
+        /// Index of the value in the effect.
         value: usize,
-        /// What was given.
+        /// The value given.
         sigma: f64,
     },
 }
@@ -78,7 +78,7 @@ pub fn draw(calibration: &Calibration<'_>, seed: u64) -> Result<TrueRobot, DrawE
     Ok(TrueRobot { model, ambient_celsius: ambient_celsius(seed) })
 }
 
-/// Temperature around the robot of `seed`, °C, constant while it works.
+/// Ambient temperature for `seed`, °C, constant during the run.
 pub fn ambient_celsius(seed: u64) -> f64 {
     stream(seed, Purpose::Climate, 0).random_range(22.0..27.0)
 }
@@ -113,7 +113,8 @@ fn move_effect(
             let range = range_of(effect, k);
             let mut rng = stream(seed, Purpose::Parameters, ((index << 8) | k) as u32);
             let stated = effect.values()[k];
-            // A value at the edge of its range finds a place inside it every second time; 64 misses do not happen.
+            // A value at the edge of its range is redrawn with probability one half; 64 redraws do
+            // not occur in practice.
             let draws = (0..64).map(|_| stated + sigma * rng.sample::<f64, _>(StandardNormal));
             let drawn = draws.into_iter().find(|value| range.holds(*value));
             effect.values_mut()[k] = drawn.unwrap_or(stated);
@@ -122,7 +123,8 @@ fn move_effect(
     Ok(())
 }
 
-/// The range of flat value `k`: the entries that a fit may change, each as long as the effect carries it.
+/// The range of flat value `k`: the entries that a fit may change, each with its length in this
+/// effect.
 fn range_of(effect: &AnyEffect, k: usize) -> Range {
     let mut first = 0;
     for parameter in effect.fitted() {

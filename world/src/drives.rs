@@ -1,13 +1,14 @@
 //! Recorded drive quantities for a known motion, row by row. For motion that depends on the drives, see [`crate::servo`].
 //!
-//! Promises: the same rows give the same bits; a path begins settled; a delay of torques shifts them against the motion. Never: noise; a
-//! drive that cannot do what is asked of it.
+//! The same rows give the same bits; a path begins settled; a delay of torques shifts them relative
+//! to the motion. No noise, and no limits of the drives.
 
 use crate::dynamics::{Dynamics, at_row, late};
 use crate::ride::Ride;
 use physics::{Inputs, JOINTS_MAX, Joints, Memories, Model};
 
-/// Torques (forces) at settled poses, Nm or N; where `from_before` says so the memory follows from the row before, as in [`crate::forward::poses`].
+/// Torques (forces) at settled poses, Nm or N; if the flag `from_before` is set the memory
+/// continues from the previous row, as in [`crate::forward::poses`].
 #[must_use]
 pub fn poses(model: &Model, rows: &[(Inputs, bool)]) -> Vec<Joints> {
     let mut memories = Memories::default();
@@ -23,8 +24,8 @@ pub fn poses(model: &Model, rows: &[(Inputs, bool)]) -> Vec<Joints> {
         .collect()
 }
 
-/// Torques (forces) on one segment of a path, Nm or N: what the drives exert so that the motors go where `rows` command them, late and lagging
-/// as `dynamics` says.
+/// Torques (forces) on one segment of a path, Nm or N: drive torques for motors that follow the
+/// commands of `rows` with the delay and lag of `dynamics`.
 #[must_use]
 pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<Joints> {
     let ride = Ride::of(model, dynamics, rows);
@@ -45,7 +46,7 @@ fn recorded(model: &Model, inputs: &Inputs, memories: &Memories) -> Joints {
     std::array::from_fn(|i| drive.recorded(i))
 }
 
-/// Torques as they are recorded `delay_s` late.
+/// Torques recorded with a delay of `delay_s`.
 pub(crate) fn delayed(
     model: &Model,
     rows: &[Inputs],

@@ -1,9 +1,11 @@
 //! Dynamic effects: delay lines, servo lags, flexible modes, reversal spikes.
 //!
-//! Laws: docs/reference/effects.md (`time_delay`, `servo_lag`, `flexible_mode`, `reversal_spike`), each solved exactly over the curve through the
-//! samples, so that no step size enters. They need a whole path and a heap, which the correction's cycle has not.
+//! Laws: docs/reference/effects.md (`time_delay`, `servo_lag`, `flexible_mode`, `reversal_spike`),
+//! each solved exactly over the curve through the samples, so that there is no step size. They need
+//! a whole path and a heap, which the real-time cycle does not have.
 //!
-//! Promises: nothing of it moves an arm at rest; numbers of zero do nothing. Never: what is static, which is `physics`'.
+//! They do not move an arm at rest; parameters of zero have no effect. Static effects are in
+//! `physics`.
 
 use crate::curve::{Cubic, Curve, value};
 use glam::DVec3;
@@ -12,13 +14,13 @@ use physics::effects::OverPath;
 use physics::{AnyEffect, Arm, BuildError, Given, Joints, Model};
 use std::f64::consts::TAU;
 
-/// Steps that differ by less are one: what rounding leaves of even time stamps.
+/// Steps that differ by less than this count as equal: rounding of even time stamps.
 const SAME_STEP: f64 = 1e-9;
 
-/// What rings.
+/// The vibrating part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rings {
-    /// A joint, from 0.
+    /// A joint, 0-based.
     Joint(usize),
     /// The base about this axis, unit vector, base frame.
     Base(DVec3),
@@ -27,13 +29,13 @@ pub enum Rings {
 /// `flexible_mode`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mode {
-    /// What rings.
+    /// The vibrating part.
     pub rings: Rings,
     /// Undamped natural frequency, Hz.
     pub frequency_hz: f64,
     /// Share of critical damping, below 1.
     pub damping_ratio: f64,
-    /// How much of the joint's acceleration drives it; no meaning for the base.
+    /// Ratio of the mode's excitation to the joint's acceleration; unused for the base.
     pub participation: f64,
     /// Deflection per load, rad/Nm or m/N.
     pub compliance: f64,
@@ -50,28 +52,30 @@ pub struct Spike {
     pub time_constant_s: f64,
 }
 
-/// All of it, of one robot.
+/// All dynamic effects of one robot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Dynamics {
-    /// By how much all joints follow late, s.
+    /// Delay of all joints, s.
     pub delay_s: f64,
-    /// By how much more joint positions measured on the link side are late, s.
+    /// Additional delay of joint positions measured on the link side, s.
     pub link_delay_s: f64,
-    /// By how much torques are recorded late against the motion, s.
+    /// Delay of recorded torques relative to the motion, s.
     pub torque_delay_s: f64,
-    /// First-order lags: joint from 0, time constant, s. Two of one joint follow each other.
+    /// First-order lags: 0-based joint, time constant, s. Two of one joint are in series.
     pub lags: Vec<(usize, f64)>,
-    /// What rings.
+    /// Vibration modes.
     pub modes: Vec<Mode>,
-    /// What snaps.
+    /// Reversal spikes.
     pub spikes: Vec<Spike>,
 }
 
 impl Dynamics {
-    /// Takes an effect by its name in the contract, numbers in SI by stems, `joint` from 0; `channel` is the measured group that a
-    /// delay names. Says whether it took it: an effect of another kind, or a delay of a group that is neither position nor torque, passes by.
+    /// Adds an effect by its name in files, with values in SI by stems, and 0-based `joint`;
+    /// `channel` is the group of measurements of a delay. Returns whether it was added: other
+    /// effects, and delays of a group that is neither position nor torque, are ignored.
     ///
     /// # Errors
+    /// Values or a joint that do not fit.
     /// Numbers or a joint that do not fit.
     pub fn take(
         &mut self,
@@ -95,7 +99,7 @@ impl Dynamics {
         Ok(true)
     }
 
-    /// What of a model lags, rings and snaps.
+    /// The dynamic effects of a model.
     #[must_use]
     pub fn of(model: &Model) -> Self {
         let mut dynamics = Self::default();
@@ -107,7 +111,7 @@ impl Dynamics {
         dynamics
     }
 
-    /// Adds one effect more.
+    /// Adds an effect.
     pub fn add(&mut self, effect: &OverPath) {
         let (kind, values) = (effect.spec().kind, effect.values());
         match (kind, effect.joint(), values) {
@@ -132,7 +136,7 @@ impl Dynamics {
         }
     }
 
-    /// Where the motors are when the command is `commanded` (samples of each joint) at `times_s`.
+    /// Positions of the motors for the commands `commanded` (samples of each joint) at `times_s`.
     pub(crate) fn motors(&self, times_s: &[f64], commanded: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
         let mut motors = commanded;
         for (joint, samples) in motors.iter_mut().enumerate() {
@@ -145,7 +149,7 @@ impl Dynamics {
     }
 }
 
-/// Samples as they are seen `delay_s` late.
+/// Samples delayed by `delay_s`.
 pub(crate) fn late(times_s: &[f64], samples: Vec<f64>, delay_s: f64) -> Vec<f64> {
     if delay_s == 0.0 {
         return samples;
@@ -154,7 +158,7 @@ pub(crate) fn late(times_s: &[f64], samples: Vec<f64>, delay_s: f64) -> Vec<f64>
     times_s.iter().map(|t| curve.at(t - delay_s)).collect()
 }
 
-/// `T ẏ + y = u`, exactly for the curve through the samples of u; it begins in its steady state.
+/// `T ẏ + y = u`, exact for the curve through the samples of u; starts in steady state.
 fn lagging(times_s: &[f64], samples: Vec<f64>, lag_s: f64) -> Vec<f64> {
     if lag_s == 0.0 || samples.is_empty() {
         return samples;
@@ -175,13 +179,14 @@ fn lagging(times_s: &[f64], samples: Vec<f64>, lag_s: f64) -> Vec<f64> {
 }
 
 impl Mode {
-    /// Whether it does anything: the base rings under loads alone.
+    /// Whether it has any effect: the base vibrates under loads only.
     pub(crate) fn is_at_work(&self) -> bool {
         self.compliance > 0.0 || self.participation != 0.0 && matches!(self.rings, Rings::Joint(_))
     }
 
-    /// How far it is deflected at each sample, rad or m: `x'' + 2ζω x' + ω² x = −γ q'' + ω² C (load − its mean)`, `motor` the samples of the
-    /// joint (empty for the base), `loads` those of the load (empty where it has no compliance). It begins at rest under its load.
+    /// Its deflection at each sample, rad or m: `x'' + 2ζω x' + ω² x = −γ q'' + ω² C (load − its
+    /// mean)`, `motor` the samples of the joint (empty for the base), `loads` those of the load
+    /// (empty without compliance). It starts at rest under its load.
     pub(crate) fn deflection(&self, times_s: &[f64], motor: &[f64], loads: &[f64]) -> Vec<f64> {
         let omega = TAU * self.frequency_hz;
         let (square, decay) = (omega * omega, self.damping_ratio * omega);
@@ -190,7 +195,7 @@ impl Mode {
         let push =
             |k: usize| loads.get(k).map_or(0.0, |load| square * self.compliance * (load - mean));
         let curve = Curve::through(times_s, motor.to_vec());
-        // At the two ends of the stretch after a sample.
+        // At the two ends of the interval after a sample.
         let accelerations = |k: usize, s: f64| {
             if motor.is_empty() {
                 return (0.0, 0.0);
@@ -200,7 +205,7 @@ impl Mode {
         };
         let mut seen = Vec::with_capacity(times_s.len());
         let (mut x, mut speed) = (0.0, 0.0);
-        // Even samples, most of the time: sine, cosine and decay of the last step serve the next.
+        // For even samples, sine, cosine and decay of the last step are reused.
         let (mut last, mut turned) = (0.0, (1.0, 0.0, 1.0));
         for (k, t) in times_s.windows(2).enumerate() {
             let s = t[1] - t[0];
@@ -211,7 +216,7 @@ impl Mode {
                 x = u0 / square;
                 seen.push(x);
             }
-            // Steady answer to a drive that grows evenly, and what rings down around it.
+            // Steady-state response to a linear input, plus decaying vibration.
             let (p1, p0) = (u1 / square, (u0 - 2.0 * decay * u1 / square) / square);
             let (a, b) = (x - p0, (speed - p1 + decay * (x - p0)) / ringing);
             if f64::abs(s - last) > SAME_STEP * s {
@@ -228,8 +233,8 @@ impl Mode {
 }
 
 impl Spike {
-    /// `−A d e^(−Δt/T)` at each sample, Δt from the last sample before the new direction; `direction` is the sign of the
-    /// motion before the first sample, 0 where unknown.
+    /// `−A d e^(−Δt/T)` at each sample, Δt from the last sample before the new direction;
+    /// `direction` is the sign of the motion before the first sample, 0 if unknown.
     pub(crate) fn deflection(&self, times_s: &[f64], motor: &[f64], direction: f64) -> Vec<f64> {
         let (mut d, mut turned_s, mut before) = (direction, None, None);
         let mut seen = Vec::with_capacity(motor.len());
@@ -253,7 +258,7 @@ impl Spike {
 }
 
 impl Rings {
-    /// What drives it besides acceleration, at the loads of one sample.
+    /// Its excitation besides acceleration, for the loads of one sample.
     pub(crate) fn load(&self, loads: &physics::Loads) -> f64 {
         match *self {
             Self::Joint(joint) => loads.wrench_torque[joint],
@@ -261,7 +266,7 @@ impl Rings {
         }
     }
 
-    /// Where a deflection goes.
+    /// Adds its deflection to a deviation.
     pub(crate) fn bend(&self, deviation: &mut physics::Deviation, by: f64) {
         match *self {
             Self::Joint(joint) => deviation.joints[joint] += by,
@@ -269,7 +274,7 @@ impl Rings {
         }
     }
 
-    /// The samples of the joint that rings; none for the base.
+    /// The samples of the vibrating joint; empty for the base.
     pub(crate) fn motor<'a>(&self, motors: &'a [Vec<f64>]) -> &'a [f64] {
         match *self {
             Self::Joint(joint) => motors.get(joint).map_or(&[], Vec::as_slice),

@@ -1,9 +1,11 @@
 //! A recorded motion run through a model: real position of the tool, row by row.
 //!
-//! Order (docs/reference/effects.md): command → delay → lag → errors by position, and play → compliance → modes. On a path the loads have
-//! their inertial part, from speeds and accelerations of the motors.
+//! Order (docs/reference/effects.md): command → delay → lag → errors by position, and backlash →
+//! compliance → modes. On a path the loads include the inertial part, from speeds and accelerations
+//! of the motors.
 //!
-//! Promises: the same rows give the same bits; a path begins settled. Never: an instrument; what it makes of this is the caller's.
+//! The same rows give the same bits; a path begins settled. Measurement by an instrument is left to
+//! the caller.
 
 use crate::curve::{Curve, derivatives};
 use crate::dynamics::{Dynamics, late};
@@ -16,15 +18,16 @@ use physics::{Chain, Evaluation, Frame, Inputs, JOINTS_MAX, Joints, Memories, Mo
 pub struct Seen {
     /// Joint positions on the motors' side, rad or m.
     pub motor: Joints,
-    /// Joint positions on the links' side, as late as their sensors are, rad or m.
+    /// Joint positions on the links' side, with the delay of their sensors, rad or m.
     pub link: Joints,
-    /// Where the tool is.
+    /// Pose of the tool.
     pub base_from_tool: Frame,
-    /// Whether a joint is loaded beyond what its `stiffness_hardening` holds for.
+    /// Whether a joint is loaded outside the range of its `stiffness_hardening`.
     pub beyond: bool,
 }
 
-/// The arm settled at each row; where `from_before` says so its memory follows from the row before, else see [`Model::arrive`].
+/// The arm settled at each row; if the flag `from_before` is set its memory continues from the
+/// previous row, otherwise see [`Model::arrive`].
 #[must_use]
 pub fn poses(model: &Model, rows: &[(Inputs, bool)]) -> Vec<Seen> {
     let mut memories = Memories::default();
@@ -40,8 +43,8 @@ pub fn poses(model: &Model, rows: &[(Inputs, bool)]) -> Vec<Seen> {
         .collect()
 }
 
-/// One segment of a path: times strictly increase, `q` is what was commanded; speeds, directions after the first row and what came
-/// before each row are found here.
+/// One segment of a path: times strictly increase, `q` is the command; speeds, directions after the
+/// first row and the previous row of each are computed here.
 #[must_use]
 pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<Seen> {
     let ride = Ride::of(model, dynamics, rows);
@@ -69,12 +72,13 @@ pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<Seen> {
     all
 }
 
-/// Speeds and accelerations of one segment of a path, from its positions: what the loads' inertial part needs. `joints`: how many the arm has.
+/// Computes speeds and accelerations of one segment of a path from its positions, for the inertial
+/// part of the loads. `joints`: number of joints of the arm.
 pub fn moving(rows: &mut [Inputs], joints: usize) {
     moving_in(rows, joints, |row| row);
 }
 
-/// The same of the inputs that rows have among others.
+/// The same for the inputs within rows of another type.
 pub fn moving_in<R>(rows: &mut [R], joints: usize, inputs: impl Fn(&mut R) -> &mut Inputs) {
     let times_s: Vec<f64> = rows.iter_mut().map(|row| inputs(row).time_s).collect();
     for joint in 0..joints.min(JOINTS_MAX) {
@@ -87,13 +91,14 @@ pub fn moving_in<R>(rows: &mut [R], joints: usize, inputs: impl Fn(&mut R) -> &m
     }
 }
 
-/// Speed and acceleration of one joint at each row of one segment of a path: what [`moving`] gives the rows.
+/// Speed and acceleration of one joint at each row of one segment of a path, as in [`moving`].
 #[must_use]
 pub fn rates(times_s: &[f64], positions: &[f64]) -> Vec<(f64, f64)> {
     derivatives(times_s, positions)
 }
 
-/// Where one joint is at other times than those of its samples; before the first and after the last it stands.
+/// Positions of one joint at other times than those of its samples; constant before the first and
+/// after the last.
 #[must_use]
 pub fn positions_at(times_s: &[f64], positions: &[f64], at_s: &[f64]) -> Vec<f64> {
     let (Some(first), Some(last)) = (times_s.first(), times_s.last()) else {

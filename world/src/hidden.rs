@@ -1,10 +1,12 @@
 //! Hidden effects: one random effect that the calibrated model lacks, by seed.
 //!
-//! Kind first, then joint, sign, direction, phase ([`menu`]); then how large it is: so that it shows on the work, stands above the instrument's noise on
-//! the measuring program, and does no harm. What the calibrated model has of the same thing in the same place is taken out of it, so that the hidden
-//! effect is lacking and not merely off.
+//! First the effect, then joint, sign, direction and phase are drawn ([`menu`]); then its size: so
+//! that it affects the work, exceeds the instrument's noise on the measuring program, and stays
+//! plausible. The same effect at the same place is removed from the calibrated model, so that the
+//! hidden effect is missing and not merely inaccurate.
 //!
-//! Promises: a seed means one effect; it moves the tool by the asked size. Never: use of what a diagnosis makes of it.
+//! A seed determines one effect, which moves the tool by the requested size. The draw does not
+//! depend on a diagnosis.
 
 pub mod menu;
 
@@ -16,26 +18,28 @@ use physics::{AnyEffect, Frame, Inputs, Model, ModelError};
 use rand::RngExt;
 use thiserror::Error;
 
-/// How far it moves the tool on the work, root mean square, m: from, to.
+/// Range of its displacement of the tool on the work, root mean square, m.
 const ON_WORK_M: (f64, f64) = (60e-6, 120e-6);
-/// Where the largest size does not do that: at least, m.
+/// Least displacement if the largest size does not reach that range, m.
 const ON_WORK_LEAST_M: f64 = 12e-6;
-/// How far it may move a reflector on the measuring program, root mean square of single values, m.
+/// Largest displacement of a reflector on the measuring program, root mean square of single values,
+/// m.
 const ON_SURVEY_MOST_M: f64 = 4e-4;
-/// How far it must, in standard uncertainties of the instrument.
+/// Least displacement of a reflector, in standard uncertainties of the instrument.
 const NOISES: f64 = 2.5;
-/// Draws of a joint and its numbers for a kind, and of kinds.
+/// Number of draws of joint and parameters for an effect, and of effects.
 const TRIES: usize = 24;
 const KINDS_TRIED: usize = 200;
-/// Waves of one joint that are further apart than this, cycles per revolution, are two things.
+/// Waves of one joint count as different if they are further apart than this, cycles per
+/// revolution.
 const APART: f64 = 0.5;
 
-/// What may be moved, and by how much it must show.
+/// Model and motions for which an effect is drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage<'a> {
     /// The calibrated model.
     pub model: &'a Model,
-    /// The work: rows that follow one another.
+    /// The work: consecutive rows.
     pub work: &'a [Inputs],
     /// The measuring program.
     pub survey: &'a [Inputs],
@@ -43,23 +47,24 @@ pub struct Stage<'a> {
     pub noise_m: f64,
 }
 
-/// What is hidden.
+/// A hidden effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hidden {
     /// The effect.
     pub effect: AnyEffect,
-    /// Which effects of the calibrated model the daemon's model keeps.
+    /// Which effects of the calibrated model are kept in the daemon's model.
     pub kept: Vec<bool>,
-    /// By how much it moves the tool on the work, root mean square, m.
+    /// Its displacement of the tool on the work, root mean square, m.
     pub on_work_m: f64,
-    /// By how much it moves a reflector on the measuring program, root mean square of single values, m.
+    /// Its displacement of a reflector on the measuring program, root mean square of single values,
+    /// m.
     pub on_survey_m: f64,
 }
 
-/// Why nothing can be hidden.
+/// Why no effect can be hidden.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum HideError {
-    /// No draw showed without harm.
+    /// No draw had a suitable size.
     #[error("no effect was found that shows on this work and this measuring program without harm")]
     Nothing,
     /// The model has no room.
@@ -67,7 +72,7 @@ pub enum HideError {
     Room(#[from] ModelError),
 }
 
-/// Draws what the robot of `seed` hides.
+/// Draws the hidden effect of `seed`.
 ///
 /// # Errors
 /// See [`HideError`].
@@ -88,7 +93,7 @@ pub fn draw(stage: &Stage<'_>, seed: u64) -> Result<Hidden, HideError> {
     Err(HideError::Nothing)
 }
 
-/// The effect at the size that is wanted on the work; none where it cannot have it.
+/// The effect with the requested size on the work; `None` if it cannot reach it.
 fn sized(stage: &Stage<'_>, shape: &Shape, wanted_m: f64) -> Result<Option<Hidden>, HideError> {
     let arm = &stage.model.arm;
     let Some(largest) = shape.build(arm, 1.0) else { return Ok(None) };
@@ -113,7 +118,7 @@ fn sized(stage: &Stage<'_>, shape: &Shape, wanted_m: f64) -> Result<Option<Hidde
     Ok(is_seen.then_some(Hidden { effect, kept, on_work_m, on_survey_m }))
 }
 
-/// Root mean square distance of two tools, m.
+/// Root mean square distance of two tool positions, m.
 fn apart(one: &[Frame], other: &[Frame]) -> f64 {
     let squares = one.iter().zip(other).map(|(a, b)| (a.origin - b.origin).length_squared());
     libm::sqrt(squares.sum::<f64>() / one.len().max(1) as f64)
@@ -128,7 +133,7 @@ fn apart_of_reflectors(one: &[Frame], other: &[Frame]) -> f64 {
     libm::sqrt(squares / (3.0 * REFLECTORS_TOOL.len() as f64 * one.len().max(1) as f64))
 }
 
-/// Whether an effect of the model stands for the same thing in the same place.
+/// Whether an effect of the model represents the same thing at the same place.
 fn stands_for(other: &AnyEffect, hidden: &AnyEffect) -> bool {
     let family = |effect: &AnyEffect| match effect.spec().kind {
         "joint_compliance" | "gravity_compliance" | "gravity_sag" | "load_compliance" => "load",
@@ -194,7 +199,8 @@ mod tests {
 
     #[test]
     fn every_effect_of_the_physics_that_moves_the_tool_may_be_hidden() {
-        // A description; errors of the force sensor; what lags or rings and needs speed to show.
+        // A regression without physics; errors of the force sensor; dynamic effects, which need
+        // speed.
         let not = ["joint_polynomial", "wrench_bias", "wrench_scale", "wrench_misalignment"];
         let moving = ["time_delay", "servo_lag", "flexible_mode", "reversal_spike"];
         for spec in SPECS {

@@ -1,10 +1,11 @@
 //! Inverse kinematics on the controller's geometry.
 //!
-//! Damped Newton: `Δq = Jᵀ (J Jᵀ + λ² I)⁻¹ e` with `λ² = ½ |e|²`, which fades as the error does (Sugihara, IEEE T-RO
-//! 27(5), 2011); a redundant arm takes the least step. e: placement error, m and rad.
+//! Damped Newton: `Δq = Jᵀ (J Jᵀ + λ² I)⁻¹ e` with `λ² = ½ |e|²`, which vanishes with the error
+//! (Sugihara, IEEE T-RO 27(5), 2011); a redundant arm takes the minimum-norm step. e: pose error, m
+//! and rad.
 //!
-//! Promises: what is returned closes to 1e-12 m and rad on [`Chain::nominal`] and lies within the joint limits.
-//! Never: an effect; correcting for those is the corrector's. Not for hard real time.
+//! A solution is accurate to 1e-12 m and rad on [`Chain::nominal`] and within the joint limits.
+//! Effects are compensated by the corrector, not here. Not for hard real time.
 
 use glam::DVec3;
 use nalgebra::{Cholesky, SMatrix, SVector};
@@ -13,7 +14,7 @@ use physics::{Arm, Chain, Frame, JOINTS_MAX, JointKind, Joints};
 use thiserror::Error;
 
 const ITERATIONS: usize = 200;
-/// Below what is promised, so that the rounding of a whole turn taken off stays within the promise.
+/// Below the stated accuracy, so that subtracting whole turns, with its rounding, keeps it.
 const TOLERANCE: f64 = 1e-13;
 const STEP_MAX: f64 = 0.3;
 const SEEDS: u32 = 96;
@@ -21,20 +22,20 @@ const SEEDS: u32 = 96;
 /// Why there are no joint positions.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum IkError {
-    /// An arm of fewer than six joints cannot hold a placement.
+    /// An arm of fewer than six joints cannot reach an arbitrary pose.
     #[error("the arm has {0} joints, a placement of the tool needs at least 6")]
     TooFewJoints(usize),
-    /// The placement is out of reach, or the pose is singular.
+    /// The pose is out of reach, or singular.
     #[error(
         "the placement is out of reach: {position_m:.6} m and {angle_rad:.6} rad are left; move the work nearer"
     )]
     OutOfReach {
-        /// Distance left, m.
+        /// Remaining distance, m.
         position_m: f64,
-        /// Angle left, rad.
+        /// Remaining angle, rad.
         angle_rad: f64,
     },
-    /// A joint (1-based) would have to leave its limits.
+    /// A joint (1-based) would leave its limits.
     #[error("joint {joint} would have to stand at {position:.4} (rad or m), out of its limits")]
     Limits {
         /// 1-based.
@@ -44,7 +45,7 @@ pub enum IkError {
     },
 }
 
-/// Joint positions that put the tool at `wanted` (base frame), found from the pose `near`.
+/// Joint positions with the tool at `wanted` (base frame), starting from `near`.
 ///
 /// # Errors
 /// See [`IkError`].
@@ -65,11 +66,12 @@ pub fn solve(arm: &Arm, wanted: &Frame, near: &Joints) -> Result<Joints, IkError
     Err(IkError::OutOfReach { position_m: left.0.length(), angle_rad: left.1.length() })
 }
 
-/// Joint positions for `wanted` without a pose before: of the solutions from many fixed starts, the one nearest to the
-/// zero configuration among those that are well clear of singular poses and joint limits, where there are such.
+/// Joint positions for `wanted` without a starting pose: of the solutions from many fixed starts,
+/// the one nearest to the zero configuration among those far enough from singular poses and joint
+/// limits, if there are any.
 ///
 /// # Errors
-/// What the last start ended in, where none succeeded.
+/// The error of the last start, if none succeeded.
 pub fn start_pose(arm: &Arm, wanted: &Frame) -> Result<Joints, IkError> {
     let mut found: Vec<(f64, f64, Joints)> = Vec::new();
     let mut failure = IkError::TooFewJoints(arm.count());
@@ -87,14 +89,15 @@ pub fn start_pose(arm: &Arm, wanted: &Frame) -> Result<Joints, IkError> {
     clear.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(.., q)| *q).ok_or(failure)
 }
 
-/// How clear of singular poses and joint limits a pose is: its manipulability, less within 0.2 rad (m) of a limit.
+/// Distance of a pose from singular poses and joint limits: its manipulability, reduced within 0.2
+/// rad (m) of a limit.
 pub fn clearance(arm: &Arm, q: &Joints) -> f64 {
     let margins = arm.joints().iter().zip(q).map(|(j, q)| (q - j.limits.0).min(j.limits.1 - q));
     let least = margins.fold(f64::INFINITY, f64::min).max(0.0);
     manipulability(arm, q) * (least / 0.2).min(1.0)
 }
 
-/// `sqrt(det(J Jᵀ))` (Yoshikawa 1985), in mixed units: only good to compare poses of one arm.
+/// `sqrt(det(J Jᵀ))` (Yoshikawa 1985), in mixed units: only for comparing poses of one arm.
 pub fn manipulability(arm: &Arm, q: &Joints) -> f64 {
     let jacobian = Chain::nominal(arm, q).jacobian(arm);
     let square: SMatrix<f64, 6, 6> = jacobian * jacobian.transpose();
@@ -120,7 +123,7 @@ fn step(arm: &Arm, chain: &Chain, position: DVec3, angle: DVec3, q: &mut Joints)
     }
 }
 
-/// Whole turns are taken off where that brings a joint back within its limits.
+/// Subtracts whole turns if that brings a joint back within its limits.
 fn within_limits(arm: &Arm, mut q: Joints) -> Result<Joints, IkError> {
     for (i, joint) in arm.joints().iter().enumerate() {
         let (low, high) = joint.limits;
@@ -135,7 +138,8 @@ fn within_limits(arm: &Arm, mut q: Joints) -> Result<Joints, IkError> {
     Ok(q)
 }
 
-/// Fixed starts spread over the joints' ranges (a Kronecker sequence; a revolute range is cut to ±half a turn).
+/// Fixed starts spread over the joints' ranges (a Kronecker sequence; a revolute range is reduced
+/// to ±half a turn).
 fn seed(arm: &Arm, k: u32) -> Joints {
     let mut q = [0.0; JOINTS_MAX];
     for (i, joint) in arm.joints().iter().enumerate() {

@@ -1,8 +1,8 @@
 //! Joint commands of a path, sample by sample, as sent by a controller.
 //!
-//! Promises: planned whole before it runs, so that what cannot be reached is said before anything moves; each sample
-//! closes on its wanted placement to 1e-12 m and rad; joints stay within limits and speeds.
-//! Never: a correction.
+//! The path is planned as a whole before it runs, so that unreachable poses are reported before
+//! anything moves; each sample reaches its target pose to 1e-12 m and rad; joints stay within
+//! limits and speeds. No correction.
 
 use crate::ik::{self, IkError};
 use crate::path::{PathPoint, ToolPath};
@@ -12,11 +12,11 @@ use thiserror::Error;
 /// One command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Time since the path began, s.
+    /// Time since the start of the path, s.
     pub t_s: f64,
     /// Commanded joint positions, rad or m.
     pub q: Joints,
-    /// What is wanted of the tool.
+    /// Target of the tool.
     pub wanted: PathPoint,
 }
 
@@ -29,10 +29,10 @@ pub struct JointPath {
     pub samples: Vec<Sample>,
 }
 
-/// Why a path has no joint commands.
+/// Why a path cannot be planned.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum PlanError {
-    /// A placement has no joint positions.
+    /// A pose without a solution.
     #[error("at {t_s:.3} s: {error}")]
     Unreachable {
         /// Time on the path, s.
@@ -40,7 +40,7 @@ pub enum PlanError {
         /// Why.
         error: IkError,
     },
-    /// A joint (1-based) would have to be faster than it can: most often a pose near a singular one.
+    /// A joint (1-based) would exceed its speed: usually near a singular pose.
     #[error(
         "at {t_s:.3} s joint {joint} would have to move at {speed:.2}, it can do {limit:.2} (rad/s or m/s): \
          slow down or keep clear of singular poses"
@@ -58,7 +58,7 @@ pub enum PlanError {
 }
 
 impl JointPath {
-    /// The commands of `path` every `dt_s` (above zero), the first pose found near `near` or, without one, by
+    /// The commands of `path` every `dt_s` (above zero), starting near `near` or, if not given, at
     /// [`ik::start_pose`].
     ///
     /// # Errors
@@ -89,7 +89,7 @@ impl JointPath {
         Ok(Self { dt_s, samples })
     }
 
-    /// How long it takes, s.
+    /// Its duration, s.
     pub fn duration_s(&self) -> f64 {
         self.samples.last().map_or(0.0, |sample| sample.t_s)
     }

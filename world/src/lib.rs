@@ -1,15 +1,17 @@
 //! Simulation of robot, instrument and cutter: deterministic by seed.
 //!
-//! Promises: the same inputs and seed give the same bits on every machine of one kind; each kind of chance has a
-//! stream of its own ([`random`]).
-//! Never: IPC, a clock, a file, a correction.
+//! The same inputs and seed give the same bits on every machine of one kind; each kind of
+//! randomness has its own stream ([`random`]). No IPC, no clock, no file, no correction.
 //!
-//! Read in this order: [`path`] and [`slots`] (where the tool shall go, [`workplace`]: where there), [`ik`] and [`joint_path`] (the commands for it),
-//! [`draw`] (a true robot for a calibrated model), [`hidden`] (what that model lacks), [`survey`] (a measuring program), [`robot`] (where its tool really goes), [`cutter`] and
-//! [`ringing`] (what the cut exerts), [`cell`] (all of it, tick by tick). [`contact`] closes the loop over a stiff
-//! surface; [`tracker`] is the instrument. [`forward`] runs a recorded motion through a model, with [`dynamics`]' delays, lags and modes, by way of where joints [`turn`];
-//! [`drives`] says what is recorded of the drives on it, [`servo`] puts a controller into the loop; [`milling`] says what is recorded of a cut,
-//! [`regeneration`] whether it rings by itself.
+//! Read in this order: [`path`] and [`slots`] (target of the tool; [`workplace`]: its location),
+//! [`ik`] and [`joint_path`] (commands), [`draw`] (a true robot for a calibrated model), [`hidden`]
+//! (an effect that the model lacks), [`survey`] (a measuring program), [`robot`] (actual position
+//! of the tool), [`cutter`] and [`ringing`] (forces of the cut), [`cell`] (all of it, tick by
+//! tick). [`contact`] closes the loop over a stiff surface; [`tracker`] is the instrument.
+//! [`forward`] runs a recorded motion through a model, with delays, lags and modes ([`dynamics`])
+//! and reversals of joints ([`turn`]); [`drives`] computes recorded drive torques for it, [`servo`]
+//! adds a controller; [`milling`] computes the recorded forces of a cut, [`regeneration`] its
+//! chatter.
 //!
 //! Units are SI; vectors are in base axes unless a name says otherwise.
 

@@ -1,18 +1,19 @@
 //! A recorded cut: state of the cutter in each row, and sensor readings.
 //!
-//! Promises: the same rows give the same bits; tooth 0 stands at angle 0 where a segment begins; where spindle or feed stand still nothing is cut.
-//! Never: noise; a mean over the sensor's own time, a row is an instant.
+//! The same rows give the same bits; tooth 0 is at angle 0 at the start of a segment; there is no
+//! cut while spindle or feed are at rest. No noise; a row is an instant, without averaging by the
+//! sensor.
 
 use glam::DVec3;
 use physics::{Cutter, Inputs, Joints, Memories, Model};
 use std::f64::consts::TAU;
 
-/// What is known of the process in a row; NaN where it is not known.
+/// State of the process in a row; NaN where unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     /// s.
     pub t_s: f64,
-    /// Rows of one number belong together.
+    /// Rows with the same number belong together.
     pub segment: i64,
     /// rev/min.
     pub spindle_rpm: f64,
@@ -20,28 +21,28 @@ pub struct Row {
     pub feed_m_s: f64,
 }
 
-/// How the cutter stands in a row.
+/// State of the cutter in a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stand {
-    /// Since the segment began, s.
+    /// Since the start of the segment, s.
     pub time_s: f64,
-    /// How far the spindle has turned since the segment began, rad.
+    /// Rotation of the spindle since the start of the segment, rad.
     pub angle_rad: f64,
-    /// m; 0 where nothing is cut.
+    /// m; 0 outside the cut.
     pub feed_per_tooth_m: f64,
-    /// How far the tool was fed since the segment began, m.
+    /// Feed travel of the tool in the cut since the start of the segment, m.
     pub cut_m: f64,
 }
 
 impl Stand {
-    /// Whether tool and work meet.
+    /// Whether the tool is in the cut.
     #[must_use]
     pub fn cuts(&self) -> bool {
         self.feed_per_tooth_m > 0.0
     }
 }
 
-/// How the cutter stands in each row.
+/// State of the cutter in each row.
 #[must_use]
 pub fn stands(cutter: &Cutter, rows: &[Row]) -> Vec<Stand> {
     let known = |x: f64| if x.is_finite() { x.max(0.0) } else { 0.0 };
@@ -69,7 +70,8 @@ pub fn stands(cutter: &Cutter, rows: &[Row]) -> Vec<Stand> {
     all
 }
 
-/// What the sensor reads in each row, N, cut axes: the cutter's own law with all that the model's effects change of it.
+/// Reading of the sensor in each row, N, cut axes: the cutter's force with all changes by the
+/// model's effects.
 #[must_use]
 pub fn readings(model: &Model, cutter: &Cutter, rows: &[Row]) -> Vec<DVec3> {
     let mut inputs = Inputs::at_rest(Joints::default());

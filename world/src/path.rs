@@ -1,8 +1,8 @@
 //! Target position of the tool as a function of time: straight strokes joined by arcs, each from rest to rest.
 //!
-//! Promises: position and direction are continuous along a stroke; along it speed, acceleration and jerk stay
-//! within what was asked. An arc of radius r adds `v²/r` across the path, all at once where it begins.
-//! Never: a robot. Joint positions are [`crate::joint_path`]'s.
+//! Position and direction are continuous along a stroke; speed, acceleration and jerk along it are
+//! limited. An arc of radius r adds a centripetal acceleration of `v²/r`, as a step at its start.
+//! Joint positions are computed in [`crate::joint_path`].
 
 use crate::profile::{Limits, Profile};
 use glam::{DMat3, DVec3};
@@ -11,32 +11,32 @@ use physics::Frame;
 use physics::frame::{rotation_about, rotation_from_vector};
 use thiserror::Error;
 
-/// The end of a straight line, and what the line is.
+/// The end of a straight line, and its cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Waypoint {
     /// Where the line ends, base frame, m.
     pub to_base: DVec3,
-    /// The cut (0-based) that the line mills; none in air.
+    /// The cut (0-based) along the line; `None` in air.
     pub cut: Option<usize>,
 }
 
-/// What is wanted of the tool at one time.
+/// Target of the tool at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathPoint {
     /// Tool coordinates to base coordinates; its origin is the TCP.
     pub base_from_tool: Frame,
-    /// Unit vector of the motion, base frame; kept from before at rest.
+    /// Unit vector of the motion, base frame; at rest the previous one.
     pub direction_base: DVec3,
     /// Speed along the path, m/s.
     pub feed_m_s: f64,
-    /// The cut (0-based) that is being milled; none in air.
+    /// The present cut (0-based); `None` in air.
     pub cut: Option<usize>,
 }
 
-/// Why a path cannot be.
+/// Why a path is not valid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum PathError {
-    /// A stroke (0-based) has a feed, length or bound that is not finite and above zero.
+    /// A stroke (0-based) has a feed, length or limit that is not finite and above zero.
     #[error("stroke {stroke}: feed, lengths and limits must be finite and above zero")]
     Numbers {
         /// 0-based stroke.
@@ -77,8 +77,9 @@ struct Piece {
     cut: Option<usize>,
 }
 
-/// Rotation of a tool whose z axis points along the unit vector `direction_base`, turned the shortest way from
-/// `base_from_tool` (as at the zero configuration), which fixes the spin about that axis.
+/// Rotation of a tool whose z axis points along the unit vector `direction_base`, by the shortest
+/// rotation from `base_from_tool` (as at the zero configuration), which determines the rotation
+/// about that axis.
 pub fn tool_along(direction_base: DVec3, base_from_tool: DMat3) -> DMat3 {
     let z = base_from_tool.z_axis;
     let across = z.cross(direction_base);
@@ -96,16 +97,17 @@ pub fn tool_along(direction_base: DVec3, base_from_tool: DMat3) -> DMat3 {
 }
 
 impl ToolPath {
-    /// A path that begins at `start_base` (m) with the orientation `base_from_tool`.
+    /// A path that starts at `start_base` (m) with the orientation `base_from_tool`.
     pub const fn new(start_base: DVec3, base_from_tool: DMat3) -> Self {
         Self { rotation: base_from_tool, here: start_base, strokes: Vec::new() }
     }
 
-    /// Adds a stroke from where the path ends, through `waypoints`, from rest to rest at `feed_m_s`; corners are
-    /// rounded with arcs of `blend_m` radius, smaller where a line is too short for it.
+    /// Adds a stroke from the end of the path, through `waypoints`, from rest to rest at
+    /// `feed_m_s`; corners are rounded with arcs of `blend_m` radius, smaller if a line is too
+    /// short.
     ///
     /// # Errors
-    /// Numbers that make no stroke, a corner that turns back.
+    /// Values that are not valid, or a corner that reverses the direction.
     pub fn stroke(
         &mut self,
         waypoints: &[Waypoint],
@@ -126,12 +128,12 @@ impl ToolPath {
         Ok(())
     }
 
-    /// How long it takes, s.
+    /// Its duration, s.
     pub fn duration_s(&self) -> f64 {
         self.strokes.iter().map(|stroke| stroke.profile.duration_s()).sum()
     }
 
-    /// What is wanted at `t_s`; at rest before the start and after the end.
+    /// The target at `t_s`; at rest before the start and after the end.
     pub fn at(&self, t_s: f64) -> PathPoint {
         let mut t = t_s;
         let last = self.strokes.len().saturating_sub(1);
@@ -185,7 +187,8 @@ impl Piece {
     }
 }
 
-/// Lines between the waypoints, each corner cut by an arc; an arc belongs to the line after it.
+/// Lines between the waypoints, with each corner replaced by an arc; an arc belongs to the line
+/// after it.
 fn rounded(
     start: DVec3,
     waypoints: &[Waypoint],
@@ -212,7 +215,7 @@ fn rounded(
     Ok(pieces)
 }
 
-/// Shortens the last line and puts the arc behind it; returns where the arc ends.
+/// Shortens the last line and adds the arc after it; returns the end of the arc.
 fn round_corner(pieces: &mut Vec<Piece>, ahead: &Piece, turn: f64, blend: f64) -> DVec3 {
     let Some(line) = pieces.last_mut() else { return ahead.from };
     let tangent = (blend * tan(0.5 * turn)).min(0.49 * line.length).min(0.49 * ahead.length);

@@ -1,10 +1,11 @@
 //! Motion profile of a stroke: from rest to rest with bounded speed, acceleration and jerk.
 //!
-//! Seven phases of constant jerk (`+j, 0, −j, 0, −j, 0, +j`), symmetric in time; phases that a short stroke has no
-//! room for have no length. Source: the double-S profile of Biagiotti and Melchiorri, Trajectory Planning, 2008, 3.4.
+//! Seven phases of constant jerk (`+j, 0, −j, 0, −j, 0, +j`), symmetric in time; phases that do not
+//! fit into a short stroke have zero duration. Source: the double-S profile of Biagiotti and
+//! Melchiorri, Trajectory Planning, 2008, 3.4.
 //!
-//! Promises: starts and ends at rest, never faster than asked, ends exactly at the length.
-//! Never: geometry; that is [`crate::path`]'s.
+//! It starts and ends at rest, never exceeds the limits, and ends exactly at the length. The
+//! geometry is in [`crate::path`].
 
 use libm::{cbrt, sqrt};
 
@@ -18,13 +19,13 @@ pub struct Limits {
 }
 
 impl Default for Limits {
-    /// A calm machining motion: 0.2 m/s², 5 m/s³ (10 mm/s is reached in 90 ms).
+    /// A moderate machining motion: 0.2 m/s², 5 m/s³ (10 mm/s is reached in 90 ms).
     fn default() -> Self {
         Self { acceleration_m_s2: 0.2, jerk_m_s3: 5.0 }
     }
 }
 
-/// Where the motion stands at a time.
+/// State of the motion at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
     /// Distance from the start, m.
@@ -45,7 +46,8 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// The motion over `length_m` at `feed_m_s` where there is room for it; all numbers above zero.
+    /// The motion over `length_m` at `feed_m_s`, if the length suffices for that feed; all values
+    /// above zero.
     pub fn new(length_m: f64, feed_m_s: f64, limits: Limits) -> Self {
         let (a, jerk) = (limits.acceleration_m_s2, limits.jerk_m_s3);
         let speed = feed_m_s.min(reachable_speed(length_m, a, jerk));
@@ -56,12 +58,12 @@ impl Profile {
         Self { length: length_m, speed, jerk, jerk_time, ramp_time, duration }
     }
 
-    /// How long it takes, s.
+    /// Its duration, s.
     pub const fn duration_s(&self) -> f64 {
         self.duration
     }
 
-    /// Where it stands at `t_s` after its start; at rest before the start and after the end.
+    /// The state `t_s` after its start; at rest before the start and after the end.
     pub fn at(&self, t_s: f64) -> Motion {
         let left = self.duration - t_s;
         if t_s <= 0.0 {

@@ -1,22 +1,22 @@
 //! Random numbers by seed: one stream per purpose.
 //!
-//! Promises: the same seed gives the same bits; a draw more for one purpose, or a purpose more, shifts no other.
-//! Never: the machine's own randomness or a clock.
+//! The same seed gives the same bits; an additional draw for one purpose, or an additional purpose,
+//! changes no other stream. The system's randomness and clock are not used.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::StandardNormal;
 
-/// What a stream of numbers is for. The numbers are part of every seed's meaning: add, never renumber.
+/// Purpose of a stream. The discriminants are part of every seed's meaning: add, never renumber.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
-    /// The true robot's parameters; the index tells effect and value.
+    /// The true robot's parameters; the index identifies effect and value.
     Parameters = 1,
     /// Which effects the calibrated model lacks, and how large they are.
     Extras = 2,
-    /// The temperature around the robot.
+    /// The ambient temperature.
     Climate = 3,
     /// Noise of the force sensor.
     ForceNoise = 4,
@@ -30,7 +30,7 @@ pub enum Purpose {
     Regeneration = 8,
 }
 
-/// The stream of `seed` for `purpose`; `index` parts streams of one purpose.
+/// The stream of `seed` for `purpose`; `index` distinguishes streams of one purpose.
 pub fn stream(seed: u64, purpose: Purpose, index: u32) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream((u64::from(purpose as u32) << 32) | u64::from(index));

@@ -1,12 +1,14 @@
 //! A milling cut with regeneration: teeth cut the surface left by the preceding teeth.
 //!
-//! Tool on modes `q'' + 2ζω q' + ω² q = ω²/k (u·F)`, moved by `r = Σ u q` (exact between steps under a constant force). Per tooth at
-//! angle φ, with `n = (sin φ, cos φ)`: chip `h = f_t sin φ + (n·r + ρ) − s(φ)`, ρ: the tooth's runout, `s`: what the tooth before left there;
-//! forces of `h > 0` by [`Cutter`]'s law. A tooth out of the cut leaves the surface and the next cuts more. Beside it runs the same tool over a
-//! surface cut by a rigid tool: its vibration is the forced one, and what the first has more is regeneration's.
+//! Tool on modes `q'' + 2ζω q' + ω² q = ω²/k (u·F)`, moved by `r = Σ u q` (exact between steps
+//! under a constant force). Per tooth at angle φ, with `n = (sin φ, cos φ)`: chip `h = f_t sin φ +
+//! (n·r + ρ) − s(φ)`, ρ: the tooth's runout, `s`: the surface left there by the previous tooth;
+//! forces of `h > 0` by [`Cutter`]'s law. A tooth that leaves the cut leaves the surface unchanged
+//! and the next one cuts more. The same tool is also simulated over a surface cut by a rigid tool:
+//! its vibration is the forced one, and the difference is due to regeneration.
 //! Source: Tlusty and Ismail 1981; Altintas, Manufacturing Automation, 2012, chapter 4.
 //!
-//! Promises: deterministic, no chance. Never: helix, process damping, a speed that changes.
+//! Deterministic. Not modelled: helix, process damping, variable speed.
 
 use glam::{DVec2, DVec3};
 use libm::sincos;
@@ -27,14 +29,14 @@ pub struct Flexibility {
     pub stiffness_n_per_m: f64,
 }
 
-/// What a step of the cut shows.
+/// State of the cut at one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Step {
     /// Force on the tool, cut axes, N.
     pub force: DVec3,
-    /// Where the tool is, m.
+    /// Displacement of the tool, m.
     pub tool: DVec2,
-    /// Where a tool that cuts a rigid tool's surface would be, m: the forced vibration.
+    /// Displacement of a tool over the surface of a rigid tool, m: the forced vibration.
     pub forced: DVec2,
 }
 
@@ -51,7 +53,7 @@ struct Tool {
     surface: Vec<f64>,
 }
 
-/// The cut, step by step.
+/// The simulated cut.
 pub struct Regeneration {
     cutter: Cutter,
     feed_per_tooth_m: f64,
@@ -64,7 +66,8 @@ pub struct Regeneration {
 }
 
 impl Regeneration {
-    /// A tool at rest over a flat surface; `runout_m` is the radius error of each tooth, and a tooth passes in so many steps.
+    /// A tool at rest over a flat surface; `runout_m` is the radius error of each tooth, and a
+    /// tooth period has `steps` steps.
     pub fn new(
         cutter: Cutter,
         feed_m_s: f64,
@@ -94,7 +97,8 @@ impl Regeneration {
         1.0 / (self.cutter.tooth_passing_hz() * self.steps_per_tooth as f64)
     }
 
-    /// The next step at a part of the full depth (0: out of the work), with a force beside the cut's own that pushes both tools.
+    /// The next step at a share of the full depth (0: outside the cut), with an additional force on
+    /// both tools.
     pub fn next(&mut self, depth_part: f64, push: DVec2) -> Step {
         let dt_s = self.step_s();
         let tool = displaced(&self.modes, &self.live.swings);
@@ -117,7 +121,7 @@ impl Regeneration {
             let place = (self.step + tooth * self.steps_per_tooth) % places;
             let angle = TAU * place as f64 / places as f64;
             if depth_part <= 0.0 || !(cutter.entry_rad..cutter.exit_rad).contains(&angle) {
-                // No work here: the next tooth meets an uncut surface.
+                // Outside the cut: the next tooth meets an uncut surface.
                 surface[place] = 0.0;
                 continue;
             }
@@ -143,7 +147,7 @@ fn displaced(modes: &[Flexibility], swings: &[Swing]) -> DVec2 {
     modes.iter().zip(swings).map(|(mode, swing)| mode.direction * swing.position).sum()
 }
 
-/// Lets all modes pass a step under a constant force.
+/// Advances all modes by a step under a constant force.
 fn advance(modes: &[Flexibility], swings: &mut [Swing], force: DVec2, dt_s: f64) {
     for (mode, swing) in modes.iter().zip(swings) {
         let omega = TAU * mode.frequency_hz;
@@ -174,8 +178,9 @@ mod tests {
         Cutter { teeth: 4, spindle_hz, axial_depth_m, ..Cutter::default() }
     }
 
-    /// Whether what the tool moves more than the forced vibration lasts: of a stable cut less than four fifths are left a quarter of a second later. (An
-    /// unstable one does not grow for ever: its teeth leave the work.)
+    /// Whether the motion beyond the forced vibration persists: in a stable cut less than four
+    /// fifths remain a quarter of a second later. (In an unstable cut it is bounded, because the
+    /// teeth leave the cut.)
     fn lasts(spindle_hz: f64, axial_depth_m: f64) -> bool {
         let mut cut = Regeneration::new(cutter(spindle_hz, axial_depth_m), 0.01, &[], &[MODE], 200);
         let steps = (1.0 / cut.step_s()) as usize;
@@ -201,14 +206,15 @@ mod tests {
 
     #[test]
     fn the_limit_of_stability_is_that_of_the_lobes() {
-        // In a slot the mean force of N teeth is −(N K_rc/4) b across the feed per Δy, and the least limit that of the most
-        // negative real part of the receptance, −1/(4 k ζ (1 + ζ)) (Altintas 2012, 3.7): it is met where the chatter's waves
-        // from tooth to tooth are 1.75, so with teeth passing at 59 Hz.
+        // In a slot the mean force of N teeth is −(N K_rc/4) b across the feed per Δy; the lowest
+        // limit is that of the most negative real part of the receptance, −1/(4 k ζ (1 + ζ))
+        // (Altintas 2012, 3.7): it occurs for 1.75 waves of the chatter per tooth period, hence at
+        // a tooth passing frequency of 59 Hz.
         let (k, zeta) = (MODE.stiffness_n_per_m, MODE.damping_ratio);
         let least_m = 8.0 * k * zeta * (1.0 + zeta) / (4.0 * Cutter::default().chip_n_m2.y);
         let worst = [14.2, 14.5, 14.8, 15.1].map(limit_m).into_iter().fold(1.0, f64::min);
         assert!((worst / least_m - 1.0).abs() < 0.15, "{worst} m for {least_m} m");
-        // In the pocket, where a tooth passes once per swing, it cuts far deeper.
+        // In the lobe with one oscillation per tooth period the stable depth is far larger.
         assert!(limit_m(25.3) > 2.0 * least_m, "{} m", limit_m(25.3));
     }
 
@@ -229,7 +235,7 @@ mod tests {
     #[test]
     fn a_tool_that_leaves_the_work_makes_the_next_tooth_cut_more() {
         let stiff = Flexibility { stiffness_n_per_m: 1e15, ..MODE };
-        // One tooth so far in that it never cuts: the other three take its feed.
+        // One tooth is so far inside that it never cuts: the other three share its feed.
         let mut cut = Regeneration::new(cutter(25.0, 1e-3), 0.01, &[-1.0], &[stiff], 100);
         let mut sum = DVec3::ZERO;
         for k in 0..800_u32 {

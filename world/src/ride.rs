@@ -1,7 +1,7 @@
 //! One path segment as executed by the motors: delay, lag, modes, reversal spikes.
 //!
-//! Promises: the same rows give the same bits; numbers of zero leave the path as it was commanded. Never: a bend that has no dynamics; see
-//! [`crate::forward`].
+//! The same rows give the same bits; parameters of zero leave the path as commanded. Static
+//! deflections are computed in [`crate::forward`].
 
 use crate::curve::derivatives;
 use crate::dynamics::{Dynamics, Mode, Rings, Spike, at_row};
@@ -9,22 +9,23 @@ use physics::effects::OverPath;
 use physics::{Deviation, Evaluation, Inputs, Loads, Memories, Model};
 use std::cell::OnceCell;
 
-/// A path under [`Dynamics`].
+/// A path executed with [`Dynamics`].
 #[derive(Clone, Debug)]
 pub struct Ride {
     times_s: Vec<f64>,
     /// Samples of each joint, rad or m.
     motors: Vec<Vec<f64>>,
-    /// What went in, with the motors' motion in place of the command's.
+    /// The inputs, with the motors' motion instead of the command.
     pub inputs: Vec<Inputs>,
-    /// What rings and snaps: rad or m per row.
+    /// Deflections of modes and spikes: rad or m per row.
     bends: Vec<(Rings, Vec<f64>)>,
-    /// What pulls at each row, once somebody asked.
+    /// Loads at each row, computed on first use.
     loads: OnceCell<Vec<Loads>>,
 }
 
 impl Ride {
-    /// `rows`: times strictly increase, `q` is what was commanded, the first row's direction is that of the motion before it.
+    /// `rows`: times strictly increase, `q` is the command, the first row's direction is that of
+    /// the motion before it.
     #[must_use]
     pub fn of(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Self {
         let times_s: Vec<f64> = rows.iter().map(|row| row.time_s).collect();
@@ -41,20 +42,21 @@ impl Ride {
         ride
     }
 
-    /// Adds what rings and snaps at a row.
+    /// Adds the deflections of modes and spikes at a row.
     pub fn bend(&self, row: usize, deviation: &mut Deviation) {
         for (rings, by) in &self.bends {
             rings.bend(deviation, by[row]);
         }
     }
 
-    /// Whether anything rings or snaps.
+    /// Whether there are any modes or spikes.
     #[must_use]
     pub fn bends(&self) -> bool {
         !self.bends.is_empty()
     }
 
-    /// Where a joint or the base is at a row beside what has no dynamics, rad or m: the motor, and all that rings and snaps there.
+    /// Position of a joint or the base at a row without static effects, rad or m: the motor plus
+    /// all modes and spikes there.
     #[must_use]
     pub fn place(&self, of: Rings, row: usize) -> f64 {
         let motor = match of {
@@ -65,7 +67,8 @@ impl Ride {
         motor + here.map(|(_, by)| by[row]).sum::<f64>()
     }
 
-    /// What one mode or spike adds on this ride, and where; nothing for what delays. `model`: the one of the ride.
+    /// Contribution of one mode or spike on this path; `None` for delays. `model`: the model of the
+    /// path.
     #[must_use]
     pub fn of_effect(&self, model: &Model, effect: &OverPath) -> Option<(Rings, Vec<f64>)> {
         let mut alone = Dynamics::default();
@@ -98,7 +101,7 @@ impl Ride {
     }
 }
 
-/// The inputs with the motors' motion in place of the command's.
+/// The inputs with the motors' motion instead of the command.
 pub(crate) fn followed(rows: &[Inputs], times_s: &[f64], motors: &[Vec<f64>]) -> Vec<Inputs> {
     let rates: Vec<_> = motors.iter().map(|samples| derivatives(times_s, samples)).collect();
     let mut all: Vec<Inputs> = Vec::with_capacity(rows.len());

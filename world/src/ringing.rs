@@ -1,9 +1,10 @@
 //! A cut with chatter: a force that grows and then stays constant, and the structural mode that it excites.
 //!
-//! The chatter is given, not self-excited: its growth and limit are stated, so that a test knows when it was how large.
-//! Mode (docs/reference/effects.md, `flexible_mode`, its force part): `x'' + 2ζω x' + ω² x = ω² C_d F`, exact between samples.
+//! The chatter is prescribed, not self-excited: its growth and limit are stated, so that a test
+//! knows its amplitude at any time. Mode (docs/reference/effects.md, `flexible_mode`, its force
+//! part): `x'' + 2ζω x' + ω² x = ω² C_d F`, exact between samples.
 //!
-//! Promises: nothing outside its cut; deterministic. Never: randomness.
+//! Zero outside its cut; deterministic.
 
 use glam::DVec3;
 use libm::{exp, exp2, sincos, sqrt};
@@ -12,26 +13,28 @@ use std::f64::consts::TAU;
 /// A chatter force in one cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chatter {
-    /// The cut (0-based) that rings.
+    /// The cut (0-based) with chatter.
     pub cut: usize,
-    /// From how long after the cut began, s.
+    /// Start of the chatter after the start of the cut, s.
     pub after_s: f64,
     /// Hz.
     pub frequency_hz: f64,
-    /// Amplitude at which it begins, N.
+    /// Initial amplitude, N.
     pub seed_n: f64,
-    /// Time in which it doubles, s.
+    /// Doubling time, s.
     pub doubling_s: f64,
-    /// Amplitude at which it stays, N.
+    /// Final amplitude, N.
     pub limit_n: f64,
     /// Share of the amplitude along base x, y, z.
     pub shares_base: DVec3,
-    /// How far x runs ahead of y and z, rad: a quarter turn makes the path an ellipse, as mode coupling does.
+    /// Phase lead of x relative to y and z, rad: a quarter turn makes the path an ellipse, as mode
+    /// coupling does.
     pub lead_rad: f64,
 }
 
 impl Chatter {
-    /// The demo's: 72 Hz, from 0.02 N doubling every 30 ms to 6 N, strongest along y, on an elliptic path.
+    /// The demo's: 72 Hz, from 0.02 N doubling every 30 ms to 6 N, strongest along y, on an
+    /// elliptic path.
     pub const fn at_72_hz(cut: usize) -> Self {
         Self {
             cut,
@@ -45,7 +48,7 @@ impl Chatter {
         }
     }
 
-    /// Amplitude `in_cut_s` after the cut began, N; zero before it starts.
+    /// Amplitude `in_cut_s` after the start of the cut, N; zero before the chatter starts.
     pub fn amplitude_n(&self, in_cut_s: f64) -> f64 {
         let grown = in_cut_s - self.after_s;
         if grown < 0.0 {
@@ -55,7 +58,7 @@ impl Chatter {
         }
     }
 
-    /// Force on the tool `in_cut_s` after its cut began, base axes, N.
+    /// Force on the tool `in_cut_s` after the start of its cut, base axes, N.
     pub fn force_base(&self, in_cut_s: f64) -> DVec3 {
         let amplitude = self.amplitude_n(in_cut_s);
         let angle = TAU * self.frequency_hz * in_cut_s;
@@ -64,14 +67,14 @@ impl Chatter {
     }
 }
 
-/// A structural mode of the robot, seen at the TCP.
+/// A structural mode of the robot, at the TCP.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mode {
     /// Natural frequency, Hz, above zero.
     pub frequency_hz: f64,
     /// Damping ratio, 0 to below 1.
     pub damping_ratio: f64,
-    /// Dynamic compliance `C_d`, m/N: the static compliance that belongs to this mode.
+    /// Dynamic compliance `C_d`, m/N: the static compliance of this mode.
     pub compliance_m_per_n: f64,
     state: (DVec3, DVec3),
 }
@@ -87,7 +90,8 @@ impl Mode {
         Self::at_rest(72.0, 0.03, 0.05e-6)
     }
 
-    /// Lets `dt_s` pass under a constant force (base axes, N); returns the motion at its end, base axes, m.
+    /// Advances by `dt_s` under a constant force (base axes, N); returns the displacement at its
+    /// end, base axes, m.
     pub fn step(&mut self, force_base: DVec3, dt_s: f64) -> DVec3 {
         let omega = TAU * self.frequency_hz;
         let decay = self.damping_ratio * omega;

@@ -1,17 +1,17 @@
 //! The true robot, simulated at a fixed rate.
 //!
-//! Order (docs/reference/effects.md): command → delay → lag → errors of position, and play → compliance.
-//! Delay and lag are those of the servos, every joint alike, off by default. The arm is taken as quasi-static:
-//! speeds and accelerations are zero for the effects, good at machining feeds (mm/s), not at handling speeds.
+//! Order (docs/reference/effects.md): command → delay → lag → errors of position, and backlash →
+//! compliance. Delay and lag are those of the servos, equal for every joint, off by default. The
+//! arm is quasi-static: speeds and accelerations are zero for the effects, valid at machining feeds
+//! (mm/s), not at handling speeds.
 //!
-//! Promises: the same targets and wrenches give the same bits.
-//! Never: use of the wanted path.
+//! The same targets and wrenches give the same bits.
 
 use libm::exp;
 use physics::{Frame, Inputs, Joints, Memories, Model, Wrench};
 use std::collections::VecDeque;
 
-/// How a robot follows its targets.
+/// Response of the robot to its targets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Servo {
     /// Time between two targets, s, above zero.
@@ -23,7 +23,7 @@ pub struct Servo {
 }
 
 impl Servo {
-    /// Servos that follow at once.
+    /// Servos without delay and lag.
     pub const fn ideal(dt_s: f64) -> Self {
         Self { dt_s, delay_samples: 0, lag_s: 0.0 }
     }
@@ -49,7 +49,7 @@ impl Robot {
         Self { model: *model, memories, servo, inputs, waiting }
     }
 
-    /// Takes the next target (rad or m) and lets one sample pass under `wrench_base`.
+    /// Sets the next target (rad or m) and advances by one sample under `wrench_base`.
     pub fn follow(&mut self, target: &Joints, wrench_base: Wrench) {
         self.waiting.push_back(*target);
         let heard = self.waiting.pop_front().unwrap_or(*target);
@@ -62,7 +62,7 @@ impl Robot {
             } else {
                 1.0
             };
-            // The target itself, not `q + (target − q)`, which may miss it by a bit.
+            // The target itself, not `q + (target − q)`, which may differ by rounding.
             inputs.q[i] = if share == 1.0 { *target } else { inputs.q[i] + share * to_go };
             let moved = inputs.q[i] - inputs.q_before[i];
             if moved != 0.0 {
@@ -74,18 +74,18 @@ impl Robot {
         self.model.advance(&self.inputs, &mut self.memories);
     }
 
-    /// Where the tool really is, under the wrench of the last sample.
+    /// Actual pose of the tool, under the wrench of the last sample.
     pub fn base_from_tool(&self) -> Frame {
         self.model.evaluate(&self.inputs, &self.memories).real.base_from_tool
     }
 
-    /// Where the tool would really be under another wrench, everything else as it is.
+    /// Actual pose of the tool under another wrench, everything else unchanged.
     pub fn base_from_tool_under(&self, wrench_base: Wrench) -> Frame {
         let inputs = Inputs { wrench_base, ..self.inputs };
         self.model.evaluate(&inputs, &self.memories).real.base_from_tool
     }
 
-    /// What the controller's encoders show: joint positions on the motors' side, rad or m.
+    /// Encoder readings: joint positions on the motors' side, rad or m.
     pub const fn encoders(&self) -> &Joints {
         &self.inputs.q
     }
@@ -96,7 +96,8 @@ impl Robot {
     }
 }
 
-/// Where the tool goes on `rows` that follow one another and begin settled: positions, play, loads, heat; nothing that lags or rings.
+/// Pose of the tool on consecutive `rows` that begin settled: errors of position, backlash, loads,
+/// temperature; no lag and no modes.
 pub(crate) fn settled_path(model: &Model, rows: &[Inputs]) -> Vec<Frame> {
     let mut memories = Memories::default();
     let place = |(k, inputs): (usize, &Inputs)| {

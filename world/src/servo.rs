@@ -1,11 +1,14 @@
 //! A path under a simple controller: actual motion of motors with friction, and recorded drive quantities.
 //!
-//! Each joint has a position loop (P, with the commanded speed ahead) around a speed loop (PI), as machine tools and robots have had for long; its gains go by the
-//! joint's own inertia at the first row. The plant is the model's whole inverse dynamics turned round. Dry friction holds a joint at rest as long as it can:
-//! per step the speeds are those at which each friction is within its bounds and against the motion (a complementarity problem, by projected Gauss and Seidel).
+//! Each joint has a position loop (P, with speed feedforward) around a speed loop (PI), the
+//! classical cascade of machine tools and robots; its gains are scaled by the joint's own inertia
+//! at the first row. The plant is the model's complete inverse dynamics, inverted. Dry friction
+//! holds a joint at rest as long as it can: per step the speeds are those at which each friction is
+//! within its bounds and opposed to the motion (a complementarity problem, solved by projected
+//! Gauss-Seidel).
 //!
-//! Promises: the same rows give the same bits; it begins settled on the path; torque and motion belong to one instant. Never: a drive's limit, a
-//! flexible joint, a tuning that suits everybody.
+//! The same rows give the same bits; the path begins settled; torque and motion are of the same
+//! instant. Not modelled: limits of the drives, flexible joints, other tunings.
 
 use crate::curve::Curve;
 use crate::drives::delayed;
@@ -16,15 +19,15 @@ use physics::{Inputs, JOINTS_MAX, Joints, Memories, Model};
 use std::f64::consts::TAU;
 use thiserror::Error;
 
-/// Bandwidth of the speed loop, rad/s; position and integral follow at a quarter of it.
+/// Bandwidth of the speed loop, rad/s; those of position loop and integrator are a quarter of it.
 const SPEED_LOOP: f64 = TAU * 20.0;
 const SLOWER: f64 = 0.25;
 /// Longest step of the plant, s.
 const STEP_S: f64 = 2.5e-4;
-/// A speed that only says a direction, rad/s or m/s.
+/// A speed that only indicates a direction, rad/s or m/s.
 const BARELY: f64 = 1e-12;
 const SWEEPS: usize = 60;
-/// Change of a friction in a sweep, of its bound, below which it stands.
+/// Convergence of the friction: change in a sweep, relative to its bound.
 const STANDS: f64 = 1e-9;
 
 type Square = SMatrix<f64, JOINTS_MAX, JOINTS_MAX>;
@@ -33,9 +36,9 @@ type Column = SVector<f64, JOINTS_MAX>;
 /// The motors at one row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Followed {
-    /// Where they are, rad or m.
+    /// Their positions, rad or m.
     pub motor: Joints,
-    /// What is recorded of the drives, Nm or N.
+    /// Recorded torques of the drives, Nm or N.
     pub torque: Joints,
 }
 
@@ -48,12 +51,12 @@ pub enum ServoError {
          or an `inertia` for every joint"
     )]
     Massless {
-        /// 1-based: the first joint without, 1 where it is none alone.
+        /// 1-based: the first joint without inertia, 1 if it is not a single one.
         joint: usize,
     },
 }
 
-/// One segment of a path: times strictly increase, `q` is what was commanded.
+/// One segment of a path: times strictly increase, `q` is the command.
 ///
 /// # Errors
 /// An arm without inertia.
@@ -90,11 +93,11 @@ struct Servo<'a> {
     model: &'a Model,
     memories: Memories,
     inputs: Inputs,
-    /// Of the joints' own inertia at the start, per rad/s or m/s of speed.
+    /// Gain from the joints' own inertia at the start, per rad/s or m/s of speed.
     gain: Joints,
-    /// What the speed loop has gathered, Nm or N.
+    /// Integral of the speed loop, Nm or N.
     integral: Joints,
-    /// What the drives exerted in the last step, Nm or N; none before the first.
+    /// Torques of the drives in the last step, Nm or N; `None` before the first.
     exerted: Option<Joints>,
     /// Dry friction of the last step, Nm or N.
     friction: Joints,
@@ -106,7 +109,7 @@ struct Servo<'a> {
 struct Mass {
     inverse: Square,
     diagonal: Joints,
-    /// What effects add to the rigid bodies' own.
+    /// Additional inertia by effects.
     beside: Joints,
 }
 
@@ -143,7 +146,7 @@ impl<'a> Servo<'a> {
         Ok(())
     }
 
-    /// By how much speeds are off what the position loop asks, at the commands of `time_s`.
+    /// Deviation of the speeds from the targets of the position loop, for the commands at `time_s`.
     fn slip(&self, commands: &[Curve<'_>], time_s: f64) -> Joints {
         let mut slip = Joints::default();
         for (i, command) in commands.iter().enumerate() {
@@ -159,7 +162,8 @@ impl<'a> Servo<'a> {
         std::array::from_fn(|i| self.integral[i] + self.gain[i] * slip[i])
     }
 
-    /// What is recorded at a row: the drives hold a torque over a step, so that between two steps it is their mean.
+    /// Recorded torque at a row: drive torques are constant over a step, so between two steps their
+    /// mean is recorded.
     fn read(&self, wanted: &Joints, row: &Inputs) -> Joints {
         let now = Inputs { q: self.inputs.q, velocity: self.inputs.velocity, ..*row };
         let drive = self.model.drive(&now, &self.memories);
@@ -189,7 +193,7 @@ impl<'a> Servo<'a> {
         self.model.advance(&self.inputs, &mut self.memories);
     }
 
-    /// Speeds after a step in which the drives exert this.
+    /// Speeds after a step with these drive torques.
     fn speeds_after(&mut self, exerted: &Joints, step_s: f64) -> Joints {
         let (free, bound) = self.resisted();
         let inverse = &self.mass.inverse;
@@ -217,7 +221,8 @@ impl<'a> Servo<'a> {
         speed.into()
     }
 
-    /// What resists the drives besides inertia and friction, and the bound of what changes its sign with the motion, at speeds as large as now.
+    /// Resistance to the drives besides inertia and friction, and the bound of the friction, at the
+    /// present speeds.
     fn resisted(&self) -> (Joints, Joints) {
         let moving = self.inputs.velocity.map(|v| if v == 0.0 { BARELY } else { v });
         let at = |velocity: Joints, acceleration: Joints| {
@@ -237,7 +242,7 @@ impl<'a> Servo<'a> {
     }
 }
 
-/// Columns of the mass matrix: what the acceleration of one joint alone asks of the drives more than rest.
+/// Columns of the mass matrix: additional torques for the acceleration of one joint alone.
 fn weighed(model: &Model, inputs: &Inputs, memories: &Memories) -> Result<Mass, ServoError> {
     let still = Inputs { velocity: [0.0; JOINTS_MAX], acceleration: [0.0; JOINTS_MAX], ..*inputs };
     let rest = model.drive(&still, memories);

@@ -1,7 +1,7 @@
-//! The thesis' slots: U-shaped, +Y then +X then −Y in a horizontal plane, one beside the other along +X.
+//! The thesis' slots: U-shaped, +Y then +X then −Y in a horizontal plane, next to each other along
+//! +X.
 //!
-//! Promises: every leg is a cut of its own (0-based, three per slot); between slots the tool is lifted.
-//! Never: a robot.
+//! Every leg is a separate cut (0-based, three per slot); between slots the tool is lifted.
 
 use crate::path::{PathError, ToolPath, Waypoint};
 use crate::profile::Limits;
@@ -19,13 +19,13 @@ pub struct Slot {
 /// A row of U-shaped slots.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slots {
-    /// Where the first slot begins, at the depth of cut, base frame, m.
+    /// Start of the first slot, at the depth of cut, base frame, m.
     pub start_base: DVec3,
     /// The slots, in order.
     pub slots: Vec<Slot>,
     /// Radius of the corners, m.
     pub blend_m: f64,
-    /// How far the tool is lifted between slots, m.
+    /// Height by which the tool is lifted between slots, m.
     pub lift_m: f64,
     /// Gap between two slots along x, m.
     pub gap_m: f64,
@@ -36,7 +36,7 @@ pub struct Slots {
 }
 
 impl Slots {
-    /// Slots that begin at `start_base` (m), with 1 mm corners, lifted by 2 mm, 8 mm apart.
+    /// Slots starting at `start_base` (m), with 1 mm corners, lifted by 2 mm, 8 mm apart.
     pub fn u_shaped(start_base: DVec3, slots: &[Slot]) -> Self {
         Self {
             start_base,
@@ -65,7 +65,7 @@ impl Slots {
     /// The path with the tool's orientation `base_from_tool`; it begins and ends lifted.
     ///
     /// # Errors
-    /// Numbers that make no path.
+    /// Values that do not form a path.
     pub fn tool_path(&self, base_from_tool: DMat3) -> Result<ToolPath, PathError> {
         let lift = DVec3::new(0.0, 0.0, self.lift_m);
         let air = |to_base| [Waypoint { to_base, cut: None }];
@@ -89,7 +89,7 @@ impl Slots {
         Ok(path)
     }
 
-    /// What a cut (0-based) is, in words.
+    /// Description of a cut (0-based).
     pub fn cut_name(cut: usize) -> String {
         let leg = ["+Y", "+X", "−Y"][cut % 3];
         format!("slot {}, {leg}", cut / 3 + 1)

@@ -1,11 +1,12 @@
 //! A measuring program: all joints through their ranges and back, at different speeds, under loads from several sides, while the temperature rises.
 //!
-//! The same motion whatever is looked for: what a model may lack shows under position, direction, load or heat, and here none of these
-//! follows another. Slow (minutes), so that an arm's own inertia plays no part.
+//! The motion is independent of the effect that is looked for: effects depend on position,
+//! direction, load or temperature, and here none of these is correlated with another. It is slow
+//! (minutes), so that the arm's own inertia is negligible.
 //!
-//! Promises: joints within their limits; every joint turns back many times; between two rows no joint of an arm like the IRB 1600 goes
-//! further than what a reversal needs to build up.
-//! Never: chance, an instrument.
+//! Joints stay within their limits; every joint reverses many times; between two rows no joint of
+//! an arm like the IRB 1600 moves further than a reversal needs to build up. Deterministic, without
+//! instrument.
 
 use crate::robot::settled_path;
 use core::f64::consts::TAU;
@@ -15,29 +16,30 @@ use physics::{Arm, Frame, Inputs, JOINTS_MAX, Model, Wrench};
 
 /// Rows of the program.
 const ROWS: usize = 1800;
-/// Time between two rows, s: 45 minutes in all.
+/// Time between two rows, s: 45 minutes in total.
 const ROW_S: f64 = 1.5;
-/// Shares of a joint's range on each side of its middle, and how far a revolute joint is turned at most, rad.
+/// Shares of a joint's range on each side of its middle, and the largest motion of a revolute
+/// joint, rad.
 const SHARE: f64 = 0.28;
 const TURN_MAX: f64 = 2.0;
-/// Swings of the first joint, and how many more each further one makes.
+/// Number of oscillations of the first joint, and the increment for each further one.
 const SWINGS: f64 = 2.6;
 const SWINGS_MORE: f64 = 1.1;
-/// A smaller swing rides on each: its share, and how much faster it is.
+/// A smaller oscillation is superposed on each: its relative amplitude and frequency.
 const RIDES: f64 = 0.25;
 const RIDES_FASTER: f64 = 3.1;
-/// Loads on the tool, each for as long: how strong, N, and the lever beside the TCP, m.
+/// Number of loads on the tool, of equal duration; their size, N, and lever arm from the TCP, m.
 const LOADS: usize = 40;
 const LOAD_N: f64 = 120.0;
 const LEVER_M: f64 = 0.1;
-/// The air: from so much, by so much, °C, over s.
+/// Ambient temperature: initial value, rise, °C, and its time constant, s.
 const COLD_CELSIUS: f64 = 19.0;
 const WARMS_BY: f64 = 9.0;
 const WARMS_OVER_S: f64 = 700.0;
-/// A door that is opened now and then: it cools by so much, °C.
+/// A door that is opened occasionally: cooling, °C.
 const DOOR_CELSIUS: f64 = 2.0;
 
-/// Where the reflectors sit on the tool, m, tool frame.
+/// Positions of the reflectors on the tool, m, tool frame.
 pub const REFLECTORS_TOOL: [DVec3; 3] =
     [DVec3::new(0.12, 0.0, 0.04), DVec3::new(-0.06, 0.1, 0.05), DVec3::new(-0.06, -0.1, 0.0)];
 
@@ -72,13 +74,14 @@ pub fn survey(arm: &Arm) -> Vec<Inputs> {
     rows
 }
 
-/// Where the tool of `model` goes on `rows`, which begin settled.
+/// Poses of the tool of `model` on `rows`, which begin settled.
 #[must_use]
 pub fn tool(model: &Model, rows: &[Inputs]) -> Vec<Frame> {
     settled_path(model, rows)
 }
 
-/// Which way it goes is spread evenly over all (a golden spiral) in an order that follows nothing else; every third time nothing pulls.
+/// Directions are distributed evenly (a golden spiral) in an order that is not correlated with
+/// anything else; every third load is zero.
 fn load(k: usize) -> Wrench {
     if k.is_multiple_of(3) {
         return Wrench::ZERO;

@@ -1,4 +1,4 @@
-//! Arms for the tests of this crate: figures as published, masses round.
+//! Arms for the tests of this crate: published dimensions, round masses.
 
 use glam::{DMat3, DVec3};
 use physics::arm::GRAVITY;
@@ -46,7 +46,7 @@ pub(crate) fn seven_joints() -> Arm {
     Arm::new(&joints, tool, GRAVITY).expect("a sound arm")
 }
 
-/// A level slide along x that carries `mass` kg.
+/// A horizontal slide along x that carries `mass` kg.
 pub(crate) fn slide(mass: f64) -> Arm {
     let along = joint(DVec3::X, [0.0; 3], (-180.0, 180.0), mass);
     let tool = Tool { tcp: DVec3::Z * 0.1, base_from_tool: DMat3::IDENTITY, body: None };
@@ -60,7 +60,7 @@ fn tool(tcp: DVec3) -> Tool {
     Tool { tcp, base_from_tool: forward, body }
 }
 
-/// An effect on a joint (0-based) with one number, SI.
+/// An effect on a joint (0-based) with one value, SI.
 pub(crate) fn effect(arm: &Arm, kind: &str, joint: usize, stem: &str, value: f64) -> AnyEffect {
     AnyEffect::build(kind, arm, Some(joint), Given(&[(stem, &[value])])).expect("a sound effect")
 }

@@ -2,8 +2,8 @@
 //!
 //! `reading = round((p + s z)/d) d` per axis of the measuring frame, z normal. s: standard uncertainty · d: resolution.
 //!
-//! Promises: a reading depends on the seed and its own number alone, not on how often one looked in between.
-//! Never: drift, or a target that is lost.
+//! A reading depends on the seed and its own number alone, not on the number of calls in between.
+//! Drift and loss of the target are not modelled.
 
 use crate::random::{Purpose, stream};
 use glam::DVec3;
@@ -11,7 +11,7 @@ use physics::Frame;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
-/// A tracker that looks at the TCP.
+/// A tracker that measures the TCP.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tracker {
     /// Base coordinates to measuring coordinates.
@@ -20,7 +20,7 @@ pub struct Tracker {
     pub sigma_m: DVec3,
     /// Readings per second, above zero.
     pub rate_hz: f64,
-    /// Last digit, m; 0 is none.
+    /// Resolution, m; 0 for none.
     pub resolution_m: f64,
     /// Seed of the noise.
     pub seed: u64,
@@ -40,9 +40,11 @@ impl Tracker {
         }
     }
 
-    /// The reading at `t_s`, measuring frame, m; none before the next one is due. Time must not run back.
+    /// The reading at `t_s`, measuring frame, m; `None` before the next one is due. Time must not
+    /// decrease.
     pub fn read(&mut self, t_s: f64, tcp_base: DVec3) -> Option<DVec3> {
-        // Times are sums of samples and miss a multiple by rounding: a millionth of a reading early is due.
+        // Times are sums of samples and miss a multiple by rounding: a reading is due a millionth
+        // of its interval early.
         if t_s * self.rate_hz + 1e-6 < f64::from(self.taken) {
             return None;
         }

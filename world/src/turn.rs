@@ -1,19 +1,20 @@
 //! Reversals of a joint between two rows of a path.
 //!
-//! A joint goes on a little after the last row before it turns; play and hysteresis remember how far.
-//!
-//! Promises: a turn lies within the rows that it was told from. Never: a turn where positions show none.
+//! A joint continues a little after the last row before it reverses; backlash and hysteresis depend
+//! on how far. A reversal lies within the rows from which it was found; where positions show none,
+//! there is none.
 
 use physics::{Inputs, Memories, Model};
 use std::ops::Range;
 
-/// A turn that lies no further beyond its row than this, rad or m, is at the row.
+/// A reversal closer to its row than this, rad or m, counts as at the row.
 const BEYOND: f64 = 1e-6;
-/// And one that is nearer to a row than this share of the step there: what rows are rounded to would count for more.
+/// The same for a distance below this share of the step there: rounding of the rows would dominate.
 const NEAR: f64 = 0.1;
 
-/// Brings memories from one row to the next by way of the places where joints turned round in between. `about`: the row before both, both, and the row
-/// after, as far as they are of one path.
+/// Advances memories from one row to the next through the positions at which joints reversed in
+/// between. `about`: the row before both, both, and the row after, as far as they belong to one
+/// path.
 pub fn advance(model: &Model, about: [Option<&Inputs>; 4], memories: &mut Memories) {
     let [_, before, Some(now), _] = about else { return };
     let mut now = *now;
@@ -29,7 +30,7 @@ pub fn advance(model: &Model, about: [Option<&Inputs>; 4], memories: &mut Memori
     model.advance(&now, memories);
 }
 
-/// Where joints turned round within this time, in its order: what only jitters does not.
+/// Reversals of joints within this time, in order, without jitter.
 fn turns(joints: usize, about: [Option<&Inputs>; 4], between_s: Range<f64>) -> Vec<Inputs> {
     let mut turns = Vec::new();
     for three in about.windows(3) {
@@ -42,7 +43,8 @@ fn turns(joints: usize, about: [Option<&Inputs>; 4], between_s: Range<f64>) -> V
     turns
 }
 
-/// What went in where a joint turned round about the middle of three rows, by the parabola through them; none where it did not, or turned at the row.
+/// The inputs at a reversal of a joint about the middle of three rows, by the parabola through
+/// them; `None` if it did not reverse, or did so at the row.
 #[must_use]
 fn turned([before, at, after]: [&Inputs; 3], joint: usize) -> Option<Inputs> {
     let [there, back] = [before, after].map(|other| other.q[joint] - at.q[joint]);
@@ -79,7 +81,7 @@ mod tests {
     use super::*;
     use physics::JOINTS_MAX;
 
-    /// Rows of `q = 1 − (t − turn)²/2`, whose speed is the way to the turn.
+    /// Rows of `q = 1 − (t − turn)²/2`, whose speed is the distance to the reversal.
     fn rows(turn_s: f64) -> [Inputs; 3] {
         [0.0, 0.02, 0.05].map(|time_s: f64| {
             let away = time_s - turn_s;

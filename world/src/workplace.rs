@@ -1,26 +1,26 @@
 //! A working area in front of an arm.
 //!
-//! Promises: a point straight ahead (base +x) that the arm reaches with the tool as asked, of a grid the one that is
-//! clearest of singular poses and joint limits.
-//! Never: use of what stands around.
+//! The point of a grid straight ahead (base +x) that the arm reaches with the given tool
+//! orientation and that is farthest from singular poses and joint limits. The surroundings are not
+//! considered.
 
 use crate::ik::{self, IkError};
 use glam::{DMat3, DVec3};
 use physics::{Arm, Frame, Joints};
 
-/// A place to work at.
+/// A place to work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Workplace {
-    /// Where, base frame, m.
+    /// Its position, base frame, m.
     pub point_base: DVec3,
-    /// A pose that puts the TCP there, rad or m.
+    /// Joint positions with the TCP there, rad or m.
     pub q: Joints,
 }
 
-/// The best place for a tool turned as `base_from_tool`.
+/// The best place for the tool orientation `base_from_tool`.
 ///
 /// # Errors
-/// Why the last place could not be reached, where none could.
+/// Why the last place could not be reached, if none could.
 pub fn workplace(arm: &Arm, base_from_tool: DMat3) -> Result<Workplace, IkError> {
     let links = (1..arm.count()).map(|i| (arm.next_point(i) - arm.joints()[i].point).length());
     let reach: f64 = links.sum();
@@ -47,7 +47,8 @@ pub fn workplace(arm: &Arm, base_from_tool: DMat3) -> Result<Workplace, IkError>
     best.map(|(_, workplace)| workplace).ok_or(failure)
 }
 
-/// Shares of the reach ahead and up, from the middle outwards in distance, table heights only.
+/// Distances ahead and heights as shares of the reach, from the middle outwards in distance, table
+/// heights only.
 fn grid() -> impl Iterator<Item = (f64, f64)> {
     let ahead = [0.55, 0.5, 0.6, 0.45, 0.65, 0.4, 0.7, 0.35, 0.75];
     ahead.into_iter().flat_map(|ahead| [-0.1, -0.2, 0.0, -0.3].map(|up| (ahead, up)))

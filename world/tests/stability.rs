@@ -1,4 +1,5 @@
-//! Cuts predicted by `spectrum::stability`, run forward by `world::regeneration`: teeth that leave the work, a surface that is kept, steps in time.
+//! Cuts predicted by `spectrum::stability`, compared with time-domain simulation
+//! (`world::regeneration`), which includes teeth that leave the cut.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use glam::{DVec2, DVec3};
@@ -9,12 +10,12 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use world::regeneration::{Flexibility, Regeneration};
 
 const CUTS: usize = 40;
-/// Cuts nearer to a border than this part of their depth are not judged.
+/// Cuts closer to the limit than this share of their depth are not compared.
 const BORDER: f64 = 0.05;
 const STEPS_PER_TOOTH: usize = 400;
 const PASSINGS: usize = 400;
 
-/// A drawn process: one or two modes, a cutter, a speed that gives waves from tooth to tooth.
+/// A random process: one or two modes, a cutter, a speed with regeneration from tooth to tooth.
 struct Drawn {
     modes: Vec<Flexibility>,
     cutter: world::cutter::Cutter,
@@ -81,10 +82,11 @@ impl Drawn {
         Stability::new(&self.modes.iter().map(mode).collect::<Vec<_>>(), cutter, axes).unwrap()
     }
 
-    /// Whether a small push dies out at a depth: the tool's motion beyond the forced one late in the cut, beside that before.
+    /// Whether a small disturbance decays at a depth: the motion beyond the forced one late in the
+    /// cut, compared with earlier.
     fn dies_out(&self, axial_depth_m: f64) -> bool {
         let cutter = world::cutter::Cutter { axial_depth_m, ..self.cutter };
-        // So large a feed that the push alone lifts no tooth out of the work.
+        // The feed is so large that the disturbance alone lifts no tooth out of the cut.
         let feed_m_s = 1e-4 * cutter.tooth_passing_hz();
         let mut cut = Regeneration::new(cutter, feed_m_s, &[], &self.modes, STEPS_PER_TOOTH);
         let mut sums = [0.0; 2];

@@ -1,6 +1,7 @@
 //! Forwards the controller's measured force to the vibration monitor.
 //!
-//! Promises: no waiting; if another force source is connected to the cell, no force is sent, which is reported once.
+//! It never waits; if another force source is connected to the cell, no force is sent, which is
+//! reported once.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -10,14 +11,14 @@ use recording::series::Frame;
 use trued_client::{ForceSamples, ForceSource, Samples, WrenchFrame};
 
 use crate::counts::{Count, Counts};
-use crate::joining::{News, keep_trying};
+use crate::joining::{Event, keep_trying};
 
-/// Samples that go together: 16 ms.
+/// Samples per block: 16 ms.
 const BLOCK: usize = 4;
 const CHANNELS: usize = 6;
 
-/// The way to the watch.
-pub struct ForceWay {
+/// Connection to the vibration monitor.
+pub struct ForceForwarder {
     source: Option<ForceSource>,
     joined: Receiver<ForceSource>,
     over: Arc<AtomicBool>,
@@ -28,8 +29,8 @@ pub struct ForceWay {
     first_ns: u64,
 }
 
-impl ForceWay {
-    /// Starts joining in a thread; `rate_hz` is the controller's, `frame` in whose axes the force stands.
+impl ForceForwarder {
+    /// Starts joining in a thread; `rate_hz` is the controller's, `frame` the axes of the force.
     ///
     /// # Errors
     /// The thread cannot be started.
@@ -37,15 +38,15 @@ impl ForceWay {
         cell: &str,
         rate_hz: f64,
         frame: Frame,
-        news: Sender<News>,
+        events: Sender<Event>,
     ) -> std::io::Result<Self> {
         let (tell, joined) = channel();
         let over = Arc::new(AtomicBool::new(false));
         let (cell, until) = (cell.to_owned(), Arc::clone(&over));
         std::thread::Builder::new().name("trued-force".to_owned()).spawn(move || {
-            let found = keep_trying(|within| ForceSource::connect(&cell, within), &news, &until);
+            let found = keep_trying(|within| ForceSource::connect(&cell, within), &events, &until);
             if let Some(source) = found {
-                // Nobody takes it any more where the bridge has ended.
+                // The receiver is gone if the bridge has ended.
                 let _ = tell.send(source);
             }
         })?;
@@ -57,7 +58,8 @@ impl ForceWay {
         Ok(Self { source: None, joined, over, frame, rate_hz, block, filled: 0, first_ns: 0 })
     }
 
-    /// Takes a sample that came at `now_ns`; where some were lost before it, what came before them goes first.
+    /// Adds a sample received at `now_ns`; if samples were lost before it, the earlier ones are
+    /// sent first.
     pub fn take(&mut self, wrench: &[f64; CHANNELS], lost: u32, now_ns: u64, counts: &Counts) {
         if lost > 0 {
             self.send(counts);
@@ -92,7 +94,7 @@ impl ForceWay {
     }
 }
 
-impl Drop for ForceWay {
+impl Drop for ForceForwarder {
     fn drop(&mut self) {
         self.over.store(true, Relaxed);
     }

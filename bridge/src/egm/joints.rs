@@ -4,17 +4,17 @@ use trued_client::JOINTS_MAX;
 
 use super::messages::Posture;
 
-/// The arm's joints, as EGM carries them.
+/// Order of the arm's joints in EGM messages.
 #[derive(Debug, Clone, Copy)]
 pub struct Order {
-    /// How many joints the arm has.
+    /// Number of joints of the arm.
     pub count: usize,
-    /// After how many of the robot's axes the seventh stands in the arm; none: there is no seventh.
+    /// Number of the robot's axes before the seventh joint; `None` without a seventh.
     pub seventh_after: Option<usize>,
 }
 
 impl Order {
-    /// Joint `i`: whether it stands among the robot's axes, and where.
+    /// Whether joint `i` is among the robot's axes, and its index there.
     fn place(&self, i: usize) -> (bool, usize) {
         match self.seventh_after {
             Some(after) if i == after => (false, 0),
@@ -23,7 +23,7 @@ impl Order {
         }
     }
 
-    /// Joints in the arm's order, rad; none where they are not all there, too many, or no numbers.
+    /// Joints in the arm's order, rad; `None` if they are incomplete, too many or not finite.
     #[must_use]
     pub fn rad(&self, posture: &Posture) -> Option<[f64; JOINTS_MAX]> {
         let (joints, external) = (posture.joints.values(), posture.external.values());
@@ -38,7 +38,8 @@ impl Order {
         q.iter().all(|q| q.is_finite()).then_some(q)
     }
 
-    /// Changes each of the arm's joints in the datagram, degrees; external axes that are none of the arm's stay.
+    /// Replaces each of the arm's joints in the datagram, degrees; other external axes are
+    /// unchanged.
     pub fn put(&self, datagram: &mut [u8], posture: &Posture, each: impl Fn(usize, f64) -> f64) {
         let mut joints = [0.0; JOINTS_MAX];
         joints.iter_mut().zip(posture.joints.values()).for_each(|(to, from)| *to = *from);

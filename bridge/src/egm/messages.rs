@@ -1,9 +1,10 @@
 //! The EGM messages that the bridge reads and writes.
 //!
-//! By the messages of ABB's Application manual EGM (3HAC073318-001), in both variants in use: a force can
-//! be in field 1, or as field 2 behind a flag. Angles are degrees and lengths mm here, as on the wire.
+//! After the messages of ABB's Application manual EGM (3HAC073318-001), in both variants in use: a
+//! force can be in field 1, or as field 2 behind a flag. Angles are in degrees and lengths in mm
+//! here, as in the datagram.
 //!
-//! Promises: no allocation; other fields are neither checked nor changed.
+//! No allocation; other fields are neither checked nor changed.
 
 use trued_client::JOINTS_MAX;
 
@@ -23,7 +24,7 @@ pub const MCI_STOPPED: u32 = 2;
 /// `EgmHeader`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Header {
-    /// Counts up with each message of its sender.
+    /// Increases with each message of its sender.
     pub seqno: Option<u32>,
     /// The sender's clock, ms.
     pub tm: Option<u32>,
@@ -31,7 +32,7 @@ pub struct Header {
     pub mtype: Option<u32>,
 }
 
-/// Numbers of a message with their places in the datagram.
+/// Numbers of a message with their positions in the datagram.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Numbers {
     values: [f64; JOINTS_MAX],
@@ -60,7 +61,7 @@ impl Numbers {
         &self.values[..self.count]
     }
 
-    /// Puts other numbers in the places of these; nothing else of the datagram changes.
+    /// Replaces these numbers; nothing else of the datagram changes.
     pub fn put(&self, datagram: &mut [u8], values: &[f64]) {
         for (at, value) in self.places[..self.count].iter().zip(values) {
             if let Some(place) = datagram.get_mut(*at..at + 8) {
@@ -77,42 +78,42 @@ pub struct Posture {
     pub joints: Numbers,
     /// External axes; the seventh of a seven-axis robot is the first of them.
     pub external: Numbers,
-    /// A pose stands there too, or instead.
+    /// Whether there is also, or only, a pose.
     pub has_pose: bool,
 }
 
-/// `EgmRobot`, as far as it is read.
+/// The used part of `EgmRobot`.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct RobotMessage {
     /// Number and clock.
     pub header: Header,
-    /// Where the robot is.
+    /// Measured position.
     pub feedback: Posture,
-    /// Where its program wants it.
+    /// Position planned by its program.
     pub planned: Posture,
-    /// State of the motion, where it is told.
+    /// State of the motion, if stated.
     pub mci_state: Option<u32>,
-    /// Measured force, N, and moment, Nm, where they are told and force control does not say that they are idle.
+    /// Measured force, N, and moment, Nm, if stated and not marked as inactive.
     pub force: Force,
 }
 
 /// `EgmMeasuredForce` in either layout.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Force {
-    /// `fcActive`, where it is told.
+    /// `fcActive`, if stated.
     pub is_active: Option<bool>,
     /// Fx Fy Fz Mx My Mz, N and Nm.
     pub values: Numbers,
 }
 
-/// `EgmSensor`, as far as it is read.
+/// The used part of `EgmSensor`.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SensorMessage {
     /// Number and kind.
     pub header: Header,
     /// The target.
     pub planned: Posture,
-    /// A speed reference (`speedRef`, deg/s) comes with it, or instead. It is never changed.
+    /// Whether there is also, or only, a speed reference (`speedRef`, deg/s). It is never changed.
     pub has_speed: bool,
 }
 
@@ -121,11 +122,11 @@ pub struct SensorMessage {
 pub struct PathCorrMessage {
     /// Number and kind.
     pub header: Header,
-    /// x, y, z in the path's frame, mm, with their places; all three or none.
+    /// x, y, z in the path's frame, mm, with their positions; all three or none.
     pub offset: Option<Offset>,
 }
 
-/// Three numbers with their places.
+/// Three numbers with their positions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Offset {
     /// x, y, z, mm.
@@ -134,7 +135,7 @@ pub struct Offset {
 }
 
 impl Offset {
-    /// Puts another offset in the place of this one.
+    /// Replaces this offset.
     pub fn put(&self, datagram: &mut [u8], mm: [f64; 3]) {
         for (at, value) in self.places.iter().zip(mm) {
             if let Some(place) = datagram.get_mut(*at..at + 8) {
@@ -175,7 +176,7 @@ impl Posture {
         self.joints.values().is_empty() && self.external.values().is_empty() && !self.has_pose
     }
 
-    /// `EgmPlanned` and `EgmFeedBack` have these fields alike.
+    /// `EgmPlanned` and `EgmFeedBack` have the same fields.
     fn read(&mut self, mut fields: Fields<'_>) -> Result<(), Broken> {
         while let Some(field) = fields.next()? {
             match field.number {
@@ -201,7 +202,7 @@ impl Force {
         Ok(())
     }
 
-    /// The six numbers, where they are all there and force control is not idle.
+    /// The six components, if they are complete and force control is active.
     #[must_use]
     pub fn wrench(&self) -> Option<[f64; 6]> {
         let six = self.values.values().try_into().ok()?;
@@ -213,7 +214,7 @@ impl RobotMessage {
     /// Reads a datagram of the controller.
     ///
     /// # Errors
-    /// What is no `EgmRobot`.
+    /// It is not an `EgmRobot`.
     pub fn read(datagram: &[u8]) -> Result<Self, Broken> {
         let (mut message, mut fields) = (Self::default(), Fields::of(datagram));
         while let Some(field) = fields.next()? {
@@ -241,7 +242,7 @@ impl SensorMessage {
     /// Reads a datagram of the application.
     ///
     /// # Errors
-    /// What is no `EgmSensor`.
+    /// It is not an `EgmSensor`.
     pub fn read(datagram: &[u8]) -> Result<Self, Broken> {
         let (mut message, mut fields) = (Self::default(), Fields::of(datagram));
         while let Some(field) = fields.next()? {
@@ -260,7 +261,7 @@ impl PathCorrMessage {
     /// Reads a datagram of the application.
     ///
     /// # Errors
-    /// What is no `EgmSensorPathCorr`.
+    /// It is not an `EgmSensorPathCorr`.
     pub fn read(datagram: &[u8]) -> Result<Self, Broken> {
         let (mut header, mut fields) = (Header::default(), Fields::of(datagram));
         let mut found = [None; 3];
@@ -287,7 +288,8 @@ impl PathCorrMessage {
         Ok(Self { header, offset })
     }
 
-    /// Writes one of our own: `offset_mm` in the path's frame, seen `age_ms` ago. Tells its length; none where `to` is too short.
+    /// Writes a message of the bridge: `offset_mm` in the path's frame, seen `age_ms` ago. Returns
+    /// its length; `None` if `to` is too short.
     pub fn write(to: &mut [u8], header: Header, offset_mm: [f64; 3], age_ms: u32) -> Option<usize> {
         let mut writer = Writer::into(to);
         writer.message(1, |writer| {

@@ -3,12 +3,12 @@
 //! For the controller the bridge is the sensor, for the application it is the robot, so that a cell is retrofitted by changing
 //! one address. Facts of the protocol: Application manual EGM, ABB 3HAC073318-001.
 //!
-//! Read in this order: [`messages`], [`middle`] (handling of datagrams), `run` (the sockets).
+//! Read in this order: [`messages`], [`forwarder`] (handling of datagrams), `run` (the sockets).
 
 pub mod force;
+pub mod forwarder;
 pub mod joints;
 pub mod messages;
-pub mod middle;
 mod path;
 mod run;
 pub mod screened;

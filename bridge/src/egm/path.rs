@@ -6,7 +6,8 @@ use trued_client::JOINTS_MAX;
 use super::messages::{Header, PATH_CORRECTION};
 use crate::displacement::{PathFrame, displaced};
 
-/// A correction may come early by so much of its period, as the controller's cycles jitter.
+/// A correction may be early by this fraction of its period, because the controller's cycles
+/// jitter.
 const EARLY_SHARE: u64 = 8;
 
 /// The path of one run.
@@ -19,7 +20,7 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// How old what is predicted for the newest feedback is when it arrives, ms; zero is no age.
+    /// Age of the correction for the newest feedback at its arrival, ms; zero would mean no age.
     pub(super) const AGE_MS: u32 = 1;
 
     pub(super) fn new(period_ns: u64) -> Self {
@@ -36,14 +37,14 @@ impl Path {
         is_due
     }
 
-    /// The next header of our own.
+    /// The next header of the bridge's own messages.
     pub(super) fn header(&mut self, tm: Option<u32>) -> Header {
         let header = Header { seqno: Some(self.seqno), tm, mtype: Some(PATH_CORRECTION) };
         self.seqno = self.seqno.wrapping_add(1);
         header
     }
 
-    /// What `correction`, rad, is across the path at `q`, rad: y and z, mm.
+    /// Component of `correction`, rad, across the path at `q`, rad: y and z, mm.
     pub(super) fn across_mm(
         &mut self,
         arm: &Arm,

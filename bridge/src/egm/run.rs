@@ -7,21 +7,21 @@ use std::sync::atomic::Ordering::Relaxed;
 use recording::bridge::{EgmConfig, Guidance};
 use trued_client::monotonic_ns;
 
-use super::force::ForceWay;
+use super::force::ForceForwarder;
+use super::forwarder::{Forwarder, Settings};
 use super::joints::Order;
-use super::middle::{Middle, Settings};
 use super::screened::Screened;
 use crate::error::BridgeError;
 use crate::settings::RunRules;
 use crate::socket::{DATAGRAM_MAX, DRAIN_MAX, bind, receive, wait};
-use crate::start::{CYCLE_S, Ground, Options};
+use crate::start::{CYCLE_S, Options, Resources};
 
-/// How long the loop waits for a datagram before it looks whether a run has ended.
+/// How long the loop waits for a datagram before it checks whether a run has ended.
 const WAIT_NS: u32 = 4_000_000;
-/// A cell's force rate may be this far from the controller's.
+/// Largest relative difference between the cell's force rate and the controller's.
 const RATE_SHARE: f64 = 0.1;
 
-/// Runs the bridge until it is stopped; `ready` is called once it listens.
+/// Runs the bridge until it is stopped; calls `ready` once it listens.
 ///
 /// # Errors
 /// See [`BridgeError`]; none once it listens.
@@ -36,12 +36,15 @@ pub fn run(
     };
     let robot = bind(config.listen)?;
     let application = config.application.map(|(_, ours)| bind(ours)).transpose()?;
-    let ground = Ground::lay(&config.common, period_s, options)?;
-    fits(config, &ground)?;
-    let force = match (config.force, ground.cell.force) {
-        (Some(frame), Some(force)) => {
-            Some(ForceWay::start(&ground.cell.cell, force.rate_hz, frame, ground.news.clone())?)
-        }
+    let resources = Resources::prepare(&config.common, period_s, options)?;
+    fits(config, &resources)?;
+    let force = match (config.force, resources.cell.force) {
+        (Some(frame), Some(force)) => Some(ForceForwarder::start(
+            &resources.cell.cell,
+            force.rate_hz,
+            frame,
+            resources.events.clone(),
+        )?),
         _ => None,
     };
     let settings = Settings {
@@ -49,20 +52,20 @@ pub fn run(
         robot_port: config.robot_port,
         application: config.application.map(|(theirs, _)| theirs),
         guidance: config.guidance,
-        order: Order { count: ground.arm.count(), seventh_after: config.seventh_after },
+        order: Order { count: resources.arm.count(), seventh_after: config.seventh_after },
         is_shadow: config.common.absolute_accuracy,
         path_period_ns: (config.path_period_s * 1e9) as u64,
         runs: RunRules::of(&config.common),
     };
-    let Ground { arm, feed, news, teller, .. } = ground;
-    drop(news);
+    let Resources { arm, feed, events, reporter, .. } = resources;
+    drop(events);
     let counts = Arc::clone(&options.counts);
-    let middle = Middle::new(settings, arm, feed, force, counts);
+    let forwarder = Forwarder::new(settings, arm, feed, force, counts);
     ready(robot.local_addr()?);
     let mut sides = Sides {
         robot,
         application: application.zip(settings.application),
-        middle,
+        forwarder,
         buffer: vec![0; DATAGRAM_MAX].into(),
         held: vec![0; DATAGRAM_MAX].into(),
     };
@@ -72,13 +75,13 @@ pub fn run(
         options.turns.fetch_add(1, Relaxed);
     }
     drop(sides);
-    // It ends with the last sender of news, and what it had to say was said.
-    let _ = teller.join();
+    // It ends with the last sender of events, after all of them were reported.
+    let _ = reporter.join();
     Ok(())
 }
 
-fn fits(config: &EgmConfig, ground: &Ground) -> Result<(), BridgeError> {
-    let count = ground.arm.count();
+fn fits(config: &EgmConfig, resources: &Resources) -> Result<(), BridgeError> {
+    let count = resources.arm.count();
     let on_wire = count - usize::from(config.seventh_after.is_some()).min(count);
     if on_wire > 6 || config.seventh_after.is_some_and(|after| after > on_wire) {
         return Err(BridgeError::misfit(
@@ -91,7 +94,7 @@ fn fits(config: &EgmConfig, ground: &Ground) -> Result<(), BridgeError> {
     }
     let rate_hz = 1.0 / 0.004_032;
     let fits = |force: recording::cell::Force| (force.rate_hz / rate_hz - 1.0).abs() < RATE_SHARE;
-    if !ground.cell.force.is_some_and(|force| fits(force) && force.channels == 6) {
+    if !resources.cell.force.is_some_and(|force| fits(force) && force.channels == 6) {
         return Err(BridgeError::misfit(
             "[force] of the bridge hands the controller's force to the watch, and the cell expects another stream",
             "set [force] rate_Hz = 248.0 and channels = 6 in the cell, or enabled = false in the bridge's [force]",
@@ -102,19 +105,19 @@ fn fits(config: &EgmConfig, ground: &Ground) -> Result<(), BridgeError> {
 
 struct Sides {
     robot: UdpSocket,
-    /// Our socket towards the application, and where it listens.
+    /// Socket towards the application, and its address.
     application: Option<(UdpSocket, SocketAddr)>,
-    middle: Middle,
+    forwarder: Forwarder,
     buffer: Box<[u8]>,
     held: Box<[u8]>,
 }
 
 impl Sides {
-    /// One look at both sides: the controller first, as the application answers it.
+    /// One iteration over both sides: the controller first, because the application answers it.
     fn turn(&mut self) {
         self.hear_robot();
-        self.hear_application();
-        self.middle.idle();
+        self.receive_from_application();
+        self.forwarder.idle();
     }
 
     fn hear_robot(&mut self) {
@@ -122,44 +125,45 @@ impl Sides {
         for _ in 0..DRAIN_MAX {
             let Some((length, from)) = receive(&self.robot, &mut self.buffer) else { break };
             let datagram = &self.buffer[..length];
-            let passes = self.middle.of_robot(datagram, from, monotonic_ns());
+            let passes = self.forwarder.of_robot(datagram, from, monotonic_ns());
             heard |= passes;
             if let (true, Some((ours, theirs))) = (passes, &self.application)
                 && ours.send_to(datagram, theirs).is_err()
             {
-                self.middle.not_sent();
+                self.forwarder.not_sent();
             }
         }
         if heard
-            && let Some((length, to)) = self.middle.own_answer(&mut self.held, monotonic_ns())
+            && let Some((length, to)) = self.forwarder.own_answer(&mut self.held, monotonic_ns())
             && self.robot.send_to(&self.held[..length], to).is_err()
         {
-            self.middle.not_sent();
+            self.forwarder.not_sent();
         }
     }
 
-    /// Of several targets the newest is answered, as the controller takes the newest.
-    fn hear_application(&mut self) {
+    /// Of several targets the newest is answered, because the controller uses the newest.
+    fn receive_from_application(&mut self) {
         let Some((ours, _)) = &self.application else { return };
         let mut newest: Option<(Screened, usize)> = None;
         for _ in 0..DRAIN_MAX {
             let Some((length, from)) = receive(ours, &mut self.buffer) else { break };
             let now_ns = monotonic_ns();
-            let Some(screened) = self.middle.of_application(&self.buffer[..length], from, now_ns)
+            let Some(screened) =
+                self.forwarder.of_application(&self.buffer[..length], from, now_ns)
             else {
                 continue;
             };
             if newest.replace((screened, length)).is_some() {
-                self.middle.superseded();
+                self.forwarder.superseded();
             }
             std::mem::swap(&mut self.buffer, &mut self.held);
         }
         let Some((screened, length)) = newest else { return };
         let datagram = &mut self.held[..length];
-        if let Some(to) = self.middle.answer(datagram, &screened)
+        if let Some(to) = self.forwarder.answer(datagram, &screened)
             && self.robot.send_to(datagram, to).is_err()
         {
-            self.middle.not_sent();
+            self.forwarder.not_sent();
         }
     }
 }

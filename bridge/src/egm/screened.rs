@@ -10,20 +10,20 @@ use super::messages::{CORRECTION, Header, PathCorrMessage, Posture, SensorMessag
 pub enum Screened {
     /// A joint target.
     Joints {
-        /// As read.
+        /// The target read.
         planned: Posture,
-        /// The same target again.
+        /// Whether it is a repetition.
         is_repeated: bool,
     },
     /// An offset across a path.
     Offset(PathCorrMessage),
-    /// A speed reference without a position: there is nothing to correct.
+    /// A speed reference without a position: it is not corrected.
     SpeedAlone,
-    /// Something that is passed on as it is.
+    /// Any other message: it is forwarded unchanged.
     AsItIs,
 }
 
-/// What the application's datagram is, by how the robot is guided; none where it is broken.
+/// Classifies the application's datagram by the type of guidance; `None` if it is not valid.
 pub(super) fn read(guidance: Guidance, datagram: &[u8]) -> Option<(Header, Screened)> {
     if guidance == Guidance::Path {
         let message = PathCorrMessage::read(datagram).ok()?;

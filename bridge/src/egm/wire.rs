@@ -1,25 +1,25 @@
 //! In-place decoding of Protocol Buffers: iterates over the fields of a byte slice.
 //!
-//! Promises: no allocation, no panic on any bytes, and the same decision as `prost` on what is well-formed
-//! (`tests/egm_wire.rs`), except that groups, which no EGM message has, are refused. A value knows its position in the datagram,
-//! so that a number can be changed in place while every other byte stays unchanged.
-//! Never: a copy of a message.
+//! No allocation, no panic on any bytes, and the same decision as `prost` on well-formed messages
+//! (`tests/egm_wire.rs`), except that groups, which no EGM message has, are refused. A value knows
+//! its position in the datagram, so that a number can be changed in place while every other byte
+//! stays unchanged. Messages are never copied.
 
-/// The datagram is no message of this kind.
+/// The datagram is not a valid message of this kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Broken {
     /// It ends within a field.
     #[error("the message ends within a field")]
     CutOff,
-    /// A tag, or a number, that Protocol Buffers do not know.
+    /// A tag, or a number, that Protocol Buffers do not define.
     #[error("a tag or number that is none")]
     NoField,
-    /// A field holds another type than the protocol says.
+    /// A field has another type than the protocol states.
     #[error("field {number} has wire type {wire_type}, which it cannot have")]
     WrongType {
         /// Number of the field.
         number: u32,
-        /// Its type on the wire.
+        /// Its wire type.
         wire_type: u8,
     },
     /// More joints than any robot has.
@@ -35,17 +35,17 @@ const VARINT_MAX: usize = 10;
 /// A field's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Value<'a> {
-    /// A number of variable length.
+    /// A varint.
     Varint(u64),
-    /// Eight bytes.
+    /// A 64-bit value.
     Eight([u8; 8]),
-    /// Four bytes.
+    /// A 32-bit value.
     Four,
-    /// A message, a text, or packed numbers.
+    /// A message, a string, or packed numbers.
     Bytes(&'a [u8]),
 }
 
-/// A field and where its value begins in the datagram.
+/// A field and the position of its value in the datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Field<'a> {
     pub(crate) number: u32,
@@ -57,7 +57,7 @@ pub(crate) struct Field<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fields<'a> {
     rest: &'a [u8],
-    /// Where `rest` begins in the datagram.
+    /// Position of `rest` in the datagram.
     at: usize,
 }
 
@@ -67,7 +67,7 @@ impl<'a> Fields<'a> {
         Self { rest: datagram, at: 0 }
     }
 
-    /// The next field; none at the end.
+    /// The next field; `None` at the end.
     pub(crate) fn next(&mut self) -> Result<Option<Field<'a>>, Broken> {
         if self.rest.is_empty() {
             return Ok(None);
@@ -137,17 +137,17 @@ impl<'a> Field<'a> {
         Err(Broken::WrongType { number: self.number, wire_type: self.wire_type() })
     }
 
-    /// A number of variable length.
+    /// A varint.
     pub(crate) fn varint(&self) -> Result<u64, Broken> {
         if let Value::Varint(number) = self.value { Ok(number) } else { self.wrong() }
     }
 
-    /// A `uint32`: as everywhere, what is too long loses its head.
+    /// A `uint32`; longer values are truncated, as usual.
     pub(crate) fn uint32(&self) -> Result<u32, Broken> {
         Ok(self.varint()? as u32)
     }
 
-    /// A message within.
+    /// An embedded message.
     pub(crate) fn message(&self) -> Result<Fields<'a>, Broken> {
         match self.value {
             Value::Bytes(bytes) => Ok(Fields { rest: bytes, at: self.at }),
@@ -155,7 +155,7 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// A `double`, and its place.
+    /// A `double`, and its position.
     pub(crate) fn double(&self) -> Result<(f64, usize), Broken> {
         if let Value::Eight(bytes) = self.value {
             Ok((f64::from_le_bytes(bytes), self.at))
@@ -164,7 +164,7 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// Some of a `repeated double`, one at a time or packed, each with its place.
+    /// Elements of a `repeated double`, one at a time or packed, each with its position.
     pub(crate) fn doubles(
         &self,
         mut each: impl FnMut(f64, usize) -> Result<(), Broken>,
@@ -181,7 +181,7 @@ impl<'a> Field<'a> {
     }
 }
 
-/// Writes a message into a slice; what finds no room is left out and told at the end.
+/// Writes a message into a slice; what does not fit is omitted, which `finish` reports.
 #[derive(Debug)]
 pub(crate) struct Writer<'a> {
     to: &'a mut [u8],
@@ -194,7 +194,7 @@ impl<'a> Writer<'a> {
         Self { to, length: 0, full: false }
     }
 
-    /// What was written; none where it found no room.
+    /// The length written; `None` if it did not fit.
     pub(crate) fn finish(self) -> Option<usize> {
         (!self.full).then_some(self.length)
     }
@@ -229,7 +229,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// A message within, of at most 127 bytes.
+    /// An embedded message of at most 127 bytes.
     pub(crate) fn message(&mut self, field: u32, write: impl FnOnce(&mut Self)) {
         self.number(u64::from(field << TYPE_BITS | 2));
         let place = self.length;

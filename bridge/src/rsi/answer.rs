@@ -22,19 +22,19 @@ use crate::link::Link;
 use crate::sequence::{Sequence, Standing};
 use crate::settings::RunRules;
 
-/// Answers that are remembered, in case the controller has not used them.
+/// Number of answers that are stored, in case the controller has not used them.
 const KEPT: usize = 32;
 
 /// The request of a telegram.
 #[derive(Debug, Clone, Copy)]
 pub struct Asked {
-    /// Where the program wants the axes, rad; none where the telegram does not say.
+    /// Target of the program, rad; `None` if the telegram does not contain it.
     q: Option<[f64; JOINTS_MAX]>,
     ipoc: Ipoc,
     from: SocketAddr,
 }
 
-/// The controller's clock as it wrote it: it wants the same digits back.
+/// The controller's clock as it was written: the same digits are returned.
 #[derive(Debug, Clone, Copy, Default)]
 struct Ipoc {
     digits: [u8; IPOC_MAX],
@@ -53,7 +53,7 @@ impl Ipoc {
     }
 }
 
-/// The sensor's side of RSI.
+/// The sensor in terms of RSI.
 pub struct Answerer<L = Joining> {
     robot: IpAddr,
     is_shadow: bool,
@@ -70,23 +70,23 @@ pub struct Answerer<L = Joining> {
     /// Smallest step of the controller's clock so far: one cycle.
     step: u32,
     late: Option<u64>,
-    /// The newest telegram has not been answered.
+    /// Whether the newest telegram has not been answered.
     owes_answer: bool,
-    /// What the controller was sent, the newest first.
+    /// Answers sent, newest first.
     sent: [Sent; KEPT],
 }
 
-/// What the controller has been sent with one answer.
+/// Content of one answer.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sent {
-    /// The whole correction as the controller adds it up: degrees, mm.
+    /// The total correction as the controller accumulates it: degrees, mm.
     sum: [f64; NUMBERS_MAX],
-    /// The same at the joints, rad.
+    /// The same in joint coordinates, rad.
     rad: [f64; JOINTS_MAX],
 }
 
 impl<L: Link> Answerer<L> {
-    /// A sensor that has heard nothing yet.
+    /// Before the first telegram.
     #[must_use]
     pub fn new(config: RsiConfig, arm: Arm, feed: Feed<L>, counts: Arc<Counts>) -> Self {
         let runs = RunRules::of(&config.common);
@@ -113,7 +113,7 @@ impl<L: Link> Answerer<L> {
         }
     }
 
-    /// Takes a datagram; returns its request if it is to be answered.
+    /// Processes a datagram; returns its request if it is to be answered.
     pub fn of_robot(&mut self, datagram: &[u8], from: SocketAddr) -> Option<Asked> {
         if from.ip() != self.robot {
             return self.refuse(Count::Foreign);
@@ -150,7 +150,8 @@ impl<L: Link> Answerer<L> {
     fn note(&mut self, telegram: &Telegram<'_>, standing: Standing) {
         let late = telegram.late();
         let ends_after_ms = self.runs.ends_after_ms();
-        // Late answers are counted while RSI is on: a silence in which most cycles were counted is a network failure, and the correction continues.
+        // Late answers are counted while RSI is on: a silence during which most cycles were counted
+        // is a network failure, and the correction continues.
         let is_silent = matches!(standing, Standing::Next { lost } if lost >= ends_after_ms);
         let counted = late.unwrap_or(0).saturating_sub(self.late.unwrap_or(0));
         let cycles = match standing {
@@ -166,7 +167,8 @@ impl<L: Link> Answerer<L> {
             (self.step, self.late) = (u32::MAX, late);
             return;
         }
-        // Cycles without an answer count as late too: of those nothing was sent that could be taken back.
+        // Cycles without an answer count as late too: nothing was sent in them that would have to
+        // be taken back.
         let mut unanswered = u64::from(self.owes_answer);
         if let Standing::Next { lost } = standing {
             self.step = self.step.min(lost + 1);
@@ -183,7 +185,8 @@ impl<L: Link> Answerer<L> {
         self.late = late;
     }
 
-    /// The controller has not used the newest answers: it holds the value sent before them, and the correction continues from there.
+    /// The controller has not used the newest answers: it keeps the value sent before them, and the
+    /// correction continues from there.
     fn take_back(&mut self, answers: u64) {
         if answers == 0 {
             return;
@@ -195,12 +198,12 @@ impl<L: Link> Answerer<L> {
         self.feed.go_on_from(&used.rad);
     }
 
-    /// Writes the answer into `to`: its length, and where it goes.
+    /// Writes the answer into `to`: its length, and its destination.
     pub fn answer(&mut self, asked: &Asked, to: &mut [u8]) -> Option<(usize, SocketAddr)> {
         let before = self.sent[0];
         let mut sent = match asked.q {
             Some(q) => self.wanted(&q),
-            // Without a setpoint the correction stays.
+            // Without a target the correction is unchanged.
             None => before,
         };
         let numbers = match self.sums {
@@ -223,7 +226,7 @@ impl<L: Link> Answerer<L> {
         Some((length, asked.from))
     }
 
-    /// The whole correction at `q`, rad.
+    /// The total correction at `q`, rad.
     fn wanted(&mut self, q: &[f64; JOINTS_MAX]) -> Sent {
         let q = &q[..self.arm.count()];
         let made = self.feed.command(q);
@@ -243,12 +246,12 @@ impl<L: Link> Answerer<L> {
         Sent { sum, rad: made.rad }
     }
 
-    /// Where corrections come from.
+    /// Source of corrections.
     pub fn link(&mut self) -> &mut L {
         self.feed.link()
     }
 
-    /// Nothing came for a while: the daemon is looked for.
+    /// Nothing was received for a while: checks the connection to the daemon.
     pub fn idle(&mut self) {
         self.feed.link().look();
     }
@@ -258,7 +261,7 @@ impl<L: Link> Answerer<L> {
         self.counts.one(Count::NotSent);
     }
 
-    /// Counts a telegram that a newer one overtook before it was answered.
+    /// Counts a telegram that was superseded by a newer one before it was answered.
     pub fn superseded(&self) {
         self.counts.one(Count::Superseded);
     }
@@ -269,7 +272,8 @@ impl<L: Link> Answerer<L> {
     }
 }
 
-/// How `after` differs from `before`, in these axes, about the TCP: mm, then degrees about z, y, x.
+/// Difference from `before` to `after` in these axes, about the TCP: mm, then degrees about z, y,
+/// x.
 fn pose(before: &Frame, after: &Frame, axes: Axes) -> [f64; NUMBERS_MAX] {
     let shift = after.origin - before.origin;
     let back = before.rotation.transpose();

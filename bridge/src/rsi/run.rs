@@ -10,14 +10,14 @@ use recording::cell::FeedMode;
 use super::answer::Answerer;
 use crate::error::BridgeError;
 use crate::socket::{DATAGRAM_MAX, DRAIN_MAX, bind, receive, wait};
-use crate::start::{Ground, Options};
+use crate::start::{Options, Resources};
 
-/// The controller's slower cycle, s: the cell has to bear it.
+/// The controller's slower cycle, s: the cell must allow it.
 const CYCLE_MAX_S: f64 = 0.012;
-/// How long the loop waits for a telegram before it looks whether a run has ended.
+/// How long the loop waits for a telegram before it checks whether a run has ended.
 const WAIT_NS: u32 = 4_000_000;
 
-/// Runs the bridge until it is stopped; `ready` is called once it listens.
+/// Runs the bridge until it is stopped; calls `ready` once it listens.
 ///
 /// # Errors
 /// See [`BridgeError`]; none once it listens.
@@ -27,9 +27,9 @@ pub fn run(
     ready: impl FnOnce(SocketAddr),
 ) -> Result<(), BridgeError> {
     let socket = bind(config.listen)?;
-    let ground = Ground::lay(&config.common, CYCLE_MAX_S, options)?;
-    fits(&config, &ground)?;
-    let adapts = ground.cell.feed.is_some_and(|feed| feed.mode == FeedMode::Adapt);
+    let resources = Resources::prepare(&config.common, CYCLE_MAX_S, options)?;
+    fits(&config, &resources)?;
+    let adapts = resources.cell.feed.is_some_and(|feed| feed.mode == FeedMode::Adapt);
     match (adapts, &config.feed) {
         (true, None) => tracing::warn!(
             "the cell adapts its feed, but the controller receives no override: name its tag under [feed]"
@@ -37,12 +37,12 @@ pub fn run(
         (false, Some(feed)) => tracing::warn!(
             "{} is 100 always: the cell does not adapt its feed ([feed] of {})",
             feed.tag,
-            ground.cell.cell
+            resources.cell.cell
         ),
         _ => {}
     }
-    let Ground { arm, feed, news, teller, .. } = ground;
-    drop(news);
+    let Resources { arm, feed, events, reporter, .. } = resources;
+    drop(events);
     let mut answerer = Answerer::new(config, arm, feed, Arc::clone(&options.counts));
     ready(socket.local_addr()?);
     let mut buffer = vec![0; DATAGRAM_MAX];
@@ -52,7 +52,7 @@ pub fn run(
         for _ in 0..DRAIN_MAX {
             let Some((length, from)) = receive(&socket, &mut buffer) else { break };
             let asked = answerer.of_robot(&buffer[..length], from);
-            // A late answer to an older telegram is of no use: the newest is answered.
+            // A late answer to an older telegram is useless: the newest is answered.
             if asked.is_some() && std::mem::replace(&mut newest, asked).is_some() {
                 answerer.superseded();
             }
@@ -67,13 +67,13 @@ pub fn run(
         options.turns.fetch_add(1, Relaxed);
     }
     drop(answerer);
-    // It ends with the last sender of news, and what it had to say was said.
-    let _ = teller.join();
+    // It ends with the last sender of events, after all of them were reported.
+    let _ = reporter.join();
     Ok(())
 }
 
-fn fits(config: &RsiConfig, ground: &Ground) -> Result<(), BridgeError> {
-    let count = ground.arm.count();
+fn fits(config: &RsiConfig, resources: &Resources) -> Result<(), BridgeError> {
+    let count = resources.arm.count();
     let misfit = |what: &str, names: usize| {
         Err(BridgeError::misfit(
             format!("the model has {count} joints, and [{what}] names {names} axes"),

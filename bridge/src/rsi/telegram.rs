@@ -1,30 +1,30 @@
 //! RSI telegrams: in-place reading of numbers, and writing of the answer.
 //!
-//! Promises: no allocation, no panic on any bytes. A telegram is XML without entities or CDATA sections; other XML
-//! features are not supported.
+//! No allocation, no panic on any bytes. A telegram is XML without entities or CDATA sections;
+//! other XML features are not supported.
 
 use std::io::Write;
 
 use recording::bridge::{Element, Ethernet, Group};
 
-/// Most numbers of one group.
+/// Largest number of values in a group.
 pub const NUMBERS_MAX: usize = 6;
-/// Most digits of the controller's clock.
+/// Largest number of digits of the controller's clock.
 pub const IPOC_MAX: usize = 19;
-/// Parts of a degree, and of a mm, that an answer is written to: beyond what a robot resolves.
+/// Resolution of an answer, parts per degree or mm: finer than a robot resolves.
 const PARTS: f64 = 1e6;
 
 /// A telegram of the controller.
 #[derive(Debug, Clone, Copy)]
 pub struct Telegram<'a> {
-    /// As it came: text content may be in any encoding that extends ASCII, as a controller writes its messages.
+    /// As received: text content may be in any encoding that extends ASCII.
     bytes: &'a [u8],
-    /// The controller's clock as it is to be echoed.
+    /// The controller's clock, which is echoed.
     pub ipoc: &'a str,
 }
 
 impl<'a> Telegram<'a> {
-    /// Reads a datagram; none where it is no `<Rob>` with an `IPOC` of digits.
+    /// Reads a datagram; `None` if it is not a `<Rob>` with an `IPOC` of digits.
     #[must_use]
     pub fn read(datagram: &'a [u8]) -> Option<Self> {
         let end = datagram.iter().rposition(|byte| *byte != 0)?;
@@ -39,7 +39,7 @@ impl<'a> Telegram<'a> {
         is_number.then_some(Self { bytes, ipoc })
     }
 
-    /// The numbers of a group, in the group's order; none where one is missing or no number.
+    /// The values of a group, in the group's order; `None` if one is missing or not a number.
     #[must_use]
     pub fn numbers(&self, group: &Group) -> Option<[f64; NUMBERS_MAX]> {
         let head = element(self.bytes, &group.tag)?;
@@ -51,7 +51,7 @@ impl<'a> Telegram<'a> {
         numbers.iter().all(|number| number.is_finite()).then_some(numbers)
     }
 
-    /// How many answers came late, by the controller's own count, where it tells.
+    /// Number of late answers by the controller's own count, if stated.
     #[must_use]
     pub fn late(&self) -> Option<u64> {
         attribute(element(self.bytes, "Delay")?, "D")?.trim().parse().ok()
@@ -81,7 +81,7 @@ fn element<'a>(bytes: &'a [u8], tag: &str) -> Option<&'a [u8]> {
     }
 }
 
-/// The value of an attribute; none where it is no text.
+/// The value of an attribute; `None` if it is not valid text.
 fn attribute<'a>(head: &'a [u8], name: &str) -> Option<&'a str> {
     let mut rest = head;
     loop {
@@ -96,7 +96,7 @@ fn attribute<'a>(head: &'a [u8], name: &str) -> Option<&'a str> {
     }
 }
 
-/// A number as an answer carries it.
+/// A value rounded as in an answer.
 #[must_use]
 pub fn as_written(value: f64) -> f64 {
     (value * PARTS).round() / PARTS
@@ -105,23 +105,23 @@ pub fn as_written(value: f64) -> f64 {
 /// A number of an answer.
 #[derive(Debug, Clone, Copy)]
 enum Number {
-    /// Of the correction, by its place in the group.
+    /// A component of the correction, by its index in the group.
     Correction(usize),
     /// The feed override, percent.
     Feed { is_whole: bool },
 }
 
-/// The answer's text, but for its numbers and the `IPOC`.
+/// The text of the answer, without its numbers and the `IPOC`.
 #[derive(Debug, Clone)]
 pub struct Form {
-    /// Text in front of each number, and which it is.
+    /// Text before each number, and the number's meaning.
     numbers: Vec<(String, Number)>,
-    /// Text behind the last number, up to the `IPOC`.
+    /// Text after the last number, up to the `IPOC`.
     tail: String,
 }
 
 impl Form {
-    /// The answer to this controller: `own` and the feed override as they come, `others` as they are.
+    /// The answer to this controller: `own` and the feed override change, `others` are constant.
     #[must_use]
     pub fn new(
         ethernet: &Ethernet,
@@ -188,7 +188,8 @@ impl Form {
         self.tail += " />";
     }
 
-    /// Writes the answer with a correction and a feed override, 0 to 1; tells its length, none where `to` is too short.
+    /// Writes the answer with a correction and a feed override, 0 to 1; returns its length, `None`
+    /// if `to` is too short.
     #[must_use]
     pub fn write(
         &self,
@@ -217,7 +218,8 @@ impl Form {
     }
 }
 
-/// A share as whole percent, downwards: the feed is never above what was asked. What is written may be 1e-9 of a percent off.
+/// A share in whole percent, rounded down: the feed is never above the override. Tolerates rounding
+/// of 1e-9 percent.
 fn whole_percent(share: f64) -> f64 {
     (1e2 * share + 1e-9).floor()
 }

@@ -1,5 +1,6 @@
-//! EGM's messages as `prost` knows them: written by hand from the fields and numbers of ABB's manual (3HAC073318-001), in both
-//! forms of a measured force. Whole, to make messages; and [`partial`], what the bridge reads of them, to judge broken ones.
+//! EGM's messages for `prost`: written by hand from the fields and numbers of ABB's manual
+//! (3HAC073318-001), in both forms of a measured force. Complete, to make messages; and
+//! [`partial`], the part that the bridge reads, to judge invalid ones.
 #![allow(
     missing_docs,
     unreachable_pub,
@@ -9,7 +10,7 @@
 
 use prost::Message;
 
-/// A message whose every field is another one that may be missing.
+/// A message whose fields are all optional.
 macro_rules! of_messages {
     ($($(#[$doc:meta])* $name:ident { $($tag:tt $field:ident: $of:ty,)* })*) => {
         $($(#[$doc])*
@@ -154,7 +155,7 @@ pub struct PathCorr {
     pub age: u32,
 }
 
-/// What the bridge reads, and not a field more: what it does not read, it does not judge.
+/// The part that the bridge reads: other fields are not validated.
 pub mod partial {
     use super::{Header, Joints, Message, State};
 

@@ -1,4 +1,4 @@
-//! The feed on a cut that is written here: `F = P (feed override)ᵐ`, with a delay of its own.
+//! The feed override on a simulated cut, `F = P (feed override)ᵐ`, with a delay of its own.
 
 use super::*;
 use physics::Wrench;
@@ -26,11 +26,11 @@ fn settings() -> FeedSettings {
     }
 }
 
-/// A cut with the feed in charge of it, at 1 kHz.
+/// A cut whose feed is controlled, at 1 kHz.
 struct Bench {
     feed: Feed,
     now_ns: u64,
-    /// Overrides on their way to the force.
+    /// Overrides that have not yet reached the force.
     under_way: VecDeque<f64>,
     delay_ms: usize,
     exponent: f64,
@@ -57,7 +57,7 @@ impl Bench {
         }
     }
 
-    /// A millisecond in a cut that takes so much at the programmed feed; what the override is then.
+    /// One millisecond of a cut with this force at the programmed feed; returns the override.
     fn tick(&mut self, programmed_n: f64) -> f64 {
         let o = self.under_way.front().copied().unwrap_or(self.before);
         self.force_n = programmed_n * o.powf(self.exponent);
@@ -68,7 +68,7 @@ impl Bench {
         self.step(Some(sample), 1)
     }
 
-    /// A cycle so many milliseconds later with that wrench; held against the bounds.
+    /// A cycle `ms` milliseconds after the last, with this wrench; checks bounds and rates.
     fn step(&mut self, wrench: Option<WrenchSample>, ms: u64) -> f64 {
         self.now_ns += ms * MS;
         let input = FeedInput {
@@ -148,7 +148,8 @@ fn a_change_of_the_override_does_not_change_the_estimate_of_the_cut() {
     }
 }
 
-/// The largest gain over all frequencies of the loop that a delay closes which is not as stated, in stated delays.
+/// The largest gain over all frequencies of the loop that a wrongly stated delay closes; time
+/// constant and delay in stated delays.
 fn largest_gain(time_constant: f64, delay: f64) -> f64 {
     let gain = |w: f64| {
         let apart = 2.0 * (0.5 * w * (delay - 1.0)).sin().abs();
@@ -171,7 +172,7 @@ fn no_delay_up_to_twice_the_stated_one_makes_it_oscillate() {
     for delay_ms in [0, 30, 60, 90, 120] {
         let mut bench = Bench::new(settings(), delay_ms);
         bench.ticks(6000, 250.0);
-        // Half the depth again, below what relieves at once: the estimate alone is at work.
+        // Half the depth again, below the threshold of relief: only the estimate acts.
         let after = bench.ticks(6000, 300.0);
         let least = after.iter().fold(1.0_f64, |least, o| least.min(*o));
         let wanted = 100.0 / 300.0;
@@ -295,7 +296,7 @@ fn a_client_that_starts_anew_below_what_was_sent_gets_no_more_force_than_the_lim
     let mut bench = Bench::new(FeedSettings { limit: FeedLimit::Force(LIMIT_N), ..settings() }, 60);
     bench.ticks(20_000, 250.0);
     assert!((bench.before - 0.4).abs() < 1e-3, "settled at {}", bench.before);
-    // The controller gets what the client hands on: from 0.1 on, at its rate.
+    // The controller receives the client's override: from 0.1 on, at its rate.
     let mut client_override = 0.1;
     let mut in_force = VecDeque::from(vec![client_override; 61]);
     let mut most_n: f64 = 0.0;
@@ -398,7 +399,7 @@ proptest! {
         limit in 10.0..200.0_f64,
         more in 1.0..3.0_f64,
     ) {
-        // Where nothing is sent both see the same cut.
+        // If nothing is sent, both see the same cut.
         let of = |n| FeedSettings { is_sent: false, limit: FeedLimit::Force(n), ..settings() };
         let mut lower = Bench::new(of(limit), 60);
         let mut higher = Bench::new(of(limit * more), 60);

@@ -3,7 +3,7 @@
 //! It is refused if it differs from their exponential mean by more than the model's error can change from one measurement to the next.
 //! [`GateRules::in_a_row`] refused in a row are a jump of the instrument: measurements are then refused until as many in a row agree with
 //! the earlier ones, or the new registration is confirmed.
-//! Never: a jump that is followed.
+//! A jump is never followed.
 
 use glam::DVec3;
 
@@ -12,7 +12,8 @@ use glam::DVec3;
 pub struct GateRules {
     /// Consecutive measurements required for a start, a jump or a return; 2 to 100. Default 5: if one measurement in fifty is an outlier, five consecutive outliers occur by chance once in 3e8.
     pub in_a_row: u32,
-    /// Weight of the newest measurement in the exponential mean; no unit, above 0 to 1. Default 0.25: as the mean of seven (`2/w − 1`), so that noise leaves 0.4 of itself.
+    /// Weight of the newest measurement in the exponential mean; no unit, above 0 to 1. Default
+    /// 0.25: as the mean of seven (`2/w − 1`), which leaves 0.4 of the noise.
     pub newest: f64,
 }
 
@@ -26,13 +27,13 @@ impl Default for GateRules {
 enum State {
     /// The first ones, which must agree with each other.
     Starting,
-    /// Those that agree are believed.
+    /// Measurements that agree are accepted.
     Steady,
     /// The instrument has jumped.
     Jumped,
 }
 
-/// What becomes of a measurement.
+/// Result for a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
     Believed,
@@ -51,12 +52,12 @@ pub(super) struct Gate {
 }
 
 impl Gate {
-    /// Nothing has been measured.
+    /// Without measurements.
     pub(super) const fn new(rules: GateRules) -> Self {
         Self { rules, state: State::Starting, mean_m: DVec3::ZERO, in_a_row: 0 }
     }
 
-    /// Judges a deviation that may differ by `most_m` from those before.
+    /// Judges a deviation that may differ by `most_m` from the previous ones.
     pub(super) fn judge(&mut self, deviation_m: DVec3, most_m: f64) -> Verdict {
         let agrees = (deviation_m - self.mean_m).length() <= most_m;
         match (self.state, agrees) {
@@ -76,7 +77,7 @@ impl Gate {
         }
     }
 
-    /// Whether measurements are believed.
+    /// Whether measurements are accepted.
     pub(super) fn is_steady(&self) -> bool {
         self.state == State::Steady
     }
@@ -96,7 +97,7 @@ impl Gate {
         self.mean_m += (deviation_m - self.mean_m) / f64::from(count);
     }
 
-    /// One more in a row; enough of them change the state.
+    /// One more measurement in a row; enough of them change the state.
     fn step(&mut self, to: State) {
         self.in_a_row += 1;
         if self.in_a_row == self.rules.in_a_row {

@@ -47,17 +47,17 @@ impl Chance {
     }
 }
 
-/// An instrument and a tool as they are, not as they are stated.
+/// An instrument and a tool with their true properties, which may differ from the stated ones.
 struct Bench {
     trim: Trim,
     chance: Chance,
     now_ns: u64,
-    /// Where the tool is sent, oldest first, from `reaction_ms` ago.
+    /// Tool positions sent in the last `reaction_ms`, oldest first.
     sent: VecDeque<DVec3>,
     reaction_ms: usize,
     latency_ms: u64,
     interval_ms: u64,
-    /// What stamps are too late by, ms.
+    /// How much the stamps are too late, ms.
     stamped_late_ms: i64,
     noise_m: f64,
     dropouts: f64,
@@ -65,7 +65,7 @@ struct Bench {
     is_blind: bool,
     corrects: bool,
     under_way: VecDeque<(u64, PointSample)>,
-    /// What the instrument adds, m.
+    /// Displacement of the instrument, m.
     shift_m: DVec3,
 }
 
@@ -90,7 +90,7 @@ impl Bench {
         }
     }
 
-    /// With a delay of `times` the stated one, of which the stamps know nothing.
+    /// With a delay of `times` the stated one; the stamps do not show it.
     fn delayed(settings: TrimSettings, times: f64) -> Self {
         let mut bench = Self::new(settings);
         let more_ms = (1e3 * settings.delay_s() * (times - 1.0)).round() as i64;
@@ -103,12 +103,13 @@ impl Bench {
         bench
     }
 
-    /// As the issue states it: 0.02 mm of noise, 10 % dropouts, jumps of 1 mm.
+    /// A typical instrument: 0.02 mm of noise, 10 % dropouts, jumps of 1 mm.
     fn stated() -> Self {
         Self { noise_m: 2e-5, dropouts: 0.1, jumps: 0.02, ..Self::new(settings()) }
     }
 
-    /// One cycle with the tool commanded to `path_m` and the model off by `error_m`; how far the tool is from its path.
+    /// One cycle with the tool commanded to `path_m` and a model error of `error_m`; returns the
+    /// distance of the tool from its path.
     fn cycle(&mut self, path_m: DVec3, error_m: DVec3) -> DVec3 {
         self.now_ns += MS;
         let now_ns = self.now_ns;
@@ -144,7 +145,8 @@ impl Bench {
         self.under_way.push_back((arrives_ns, PointSample { point_m, t_ns }));
     }
 
-    /// At rest for so long with a constant error of the model along x; the tool's error along x at each ms.
+    /// At rest for `ms` milliseconds with a constant error of the model along x; returns the tool's
+    /// error along x at each millisecond.
     fn rest(&mut self, ms: u64, error_m: f64) -> Vec<f64> {
         (0..ms).map(|_| self.cycle(DVec3::ZERO, DVec3::X * error_m).x).collect()
     }
@@ -174,7 +176,8 @@ impl Complex {
     }
 }
 
-/// Gain margin of the loop with a time constant and a true delay in stated delays, by its frequency response: the observer takes what was sent a stated delay ago out of the measurement.
+/// Gain margin of the loop by its frequency response, with a time constant and a true delay in
+/// stated delays: the observer subtracts from the measurement what was sent one stated delay ago.
 fn gain_margin(time_constant: f64, delay: f64) -> f64 {
     let response = |w: f64| {
         let pole = Complex(1.0, w * time_constant / 2.0);
@@ -230,7 +233,7 @@ fn no_delay_up_to_twice_the_stated_one_makes_it_oscillate() {
         let overshoot = errors.iter().fold(0.0_f64, |most, x| most.max(-x));
         println!("{times} of the stated delay: overshoot {:.1} %", 1e5 * overshoot);
         assert!(overshoot < 6e-5, "{times}: {overshoot:e}");
-        // What swings back after an overshoot is nothing any more.
+        // After an overshoot the error swings back by a negligible amount.
         let lowest = errors.iter().position(|x| -x >= overshoot).unwrap_or(0);
         let back = errors[lowest..].iter().fold(0.0_f64, |most, x| most.max(*x));
         assert!(overshoot < 1e-7 || back < 5e-6, "{times}: back to {back:e}");
@@ -244,7 +247,7 @@ fn the_error_along_a_path_is_halved_at_least() {
     let (mut with, mut without) = (0.0, 0.0);
     for k in 0..30_000 {
         let t_s = f64::from(k) * 1e-3;
-        // 100 mm/s at most, and an error of 0.3 mm that turns once in 4 s.
+        // At most 100 mm/s, and an error of 0.3 mm that turns with a period of 4 s.
         let path_m = DVec3::new(0.2 * (0.5 * t_s).sin(), 0.1 * (0.5 * t_s).cos(), 0.0);
         let turn = TAU * t_s / 4.0;
         let error_m = 3e-4 * DVec3::new(turn.sin(), turn.cos(), 0.0);
@@ -287,7 +290,7 @@ fn nothing_winds_up_while_the_trim_is_not_sent_or_is_bounded() {
     let errors = far.rest(60_000, 1.5e-3);
     assert!((errors[59_999] - 1e-3).abs() < 1e-9, "the bound, and the rest is left");
     assert_eq!(far.said(), (TrimState::Trimming, TrimReason::Bounded));
-    // The error goes, by less at a time than a jump: the trim follows it at once.
+    // The error disappears in increments smaller than a jump: the trim follows at once.
     for k in 0..1500_u32 {
         far.cycle(DVec3::ZERO, DVec3::X * (1.5e-3 - 1e-6 * f64::from(k)));
     }

@@ -1,7 +1,9 @@
-//! The same robot told otherwise: 4 × 4 matrices, loads from virtual work, derivatives by differences, Gauss elimination.
+//! An independent formulation of the same robot: 4 × 4 matrices, loads from virtual work,
+//! derivatives by differences, Gauss elimination.
 //!
-//! Shares no line with the product and only the arm's figures with it: rotations go by quaternions, the gravity load is the slope of the
-//! potential energy, the wrench's load that of the work it does.
+//! Shares only the parameters of the arm with the product: rotations are computed by quaternions,
+//! the gravity load as the gradient of the potential energy, the wrench's load from its virtual
+//! work.
 
 use crate::support::{BASE_COMPLIANCE, TOOL_SHIFT, TOOL_TURN, errors_of};
 use physics::{Arm, JointKind, Wrench};
@@ -23,7 +25,7 @@ fn shift(p: [f64; 3]) -> M4 {
     m
 }
 
-/// Turn by `angle` about the unit vector `u`, by its quaternion.
+/// Rotation by `angle` about the unit vector `u`, by its quaternion.
 fn turn(u: [f64; 3], angle: f64) -> M4 {
     let (s, w) = (angle / 2.0).sin_cos();
     let [x, y, z] = u.map(|c| c * s);
@@ -44,7 +46,7 @@ fn moved(m: &M4, p: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| m[i][3] + (0..3).map(|k| m[i][k] * p[k]).sum::<f64>())
 }
 
-/// Where each body is for joint positions `q`.
+/// Pose of each body for joint positions `q`.
 fn bodies(arm: &Arm, q: &[f64]) -> Vec<M4> {
     let mut here = UNIT;
     let place = |(joint, &q): (&physics::Joint, &f64)| {
@@ -71,12 +73,12 @@ fn tool_at_zero(arm: &Arm) -> M4 {
     m
 }
 
-/// What the controller believes.
+/// Tool pose by the nominal geometry.
 pub(crate) fn nominal(arm: &Arm, q: &[f64]) -> M4 {
     times(bodies(arm, q).last().expect("a joint"), &tool_at_zero(arm))
 }
 
-/// Masses and where their centres are.
+/// Masses and their centres.
 fn masses(arm: &Arm, q: &[f64]) -> Vec<(f64, [f64; 3])> {
     let bodies = bodies(arm, q);
     arm.bodies().map(|(i, body)| (body.mass, moved(&bodies[i], body.centre.to_array()))).collect()
@@ -87,7 +89,7 @@ fn energy(arm: &Arm, q: &[f64]) -> f64 {
     masses(arm, q).iter().map(|(m, c)| -m * (0..3).map(|k| g[k] * c[k]).sum::<f64>()).sum()
 }
 
-/// Load on each joint: what gravity and the wrench do as the joint alone moves.
+/// Load on each joint by virtual work: change of energy when this joint alone moves.
 fn loads(arm: &Arm, q: &[f64], wrench: &Wrench) -> Vec<f64> {
     const STEP: f64 = 1e-4;
     let (force, moment) = (wrench.force.to_array(), wrench.moment.to_array());
@@ -104,13 +106,13 @@ fn loads(arm: &Arm, q: &[f64], wrench: &Wrench) -> Vec<f64> {
         .collect()
 }
 
-/// The sine of the turn from `a` to `b` along its axis, base axes.
+/// The sine of the rotation from `a` to `b` along its axis, base axes.
 fn half_turn(a: &M4, b: &M4) -> [f64; 3] {
     let r = |i: usize, j: usize| (0..3).map(|k| b[i][k] * a[j][k]).sum::<f64>();
     [(r(2, 1) - r(1, 2)) / 2.0, (r(0, 2) - r(2, 0)) / 2.0, (r(1, 0) - r(0, 1)) / 2.0]
 }
 
-/// Where the tool of the erring robot really is.
+/// Tool pose of the robot with errors.
 pub(crate) fn real(arm: &Arm, q: &[f64], direction: &[f64], wrench: &Wrench) -> M4 {
     let loads = loads(arm, q, wrench);
     let joint = |i: usize| {
@@ -139,13 +141,13 @@ fn base(arm: &Arm, q: &[f64], wrench: &Wrench) -> M4 {
     turn_by([moment[0] * BASE_COMPLIANCE, moment[1] * BASE_COMPLIANCE, 0.0])
 }
 
-/// Position (m) and orientation (rad) that `is` lacks to be `wanted`, base axes.
+/// Position (m) and orientation (rad) error from `is` to `wanted`, base axes.
 pub(crate) fn miss(is: &M4, wanted: &M4) -> [f64; 6] {
     let [a, b, c] = half_turn(is, wanted);
     [wanted[0][3] - is[0][3], wanted[1][3] - is[1][3], wanted[2][3] - is[2][3], a, b, c]
 }
 
-/// How the real tool's miss shrinks with each joint, by differences.
+/// Derivative of the real tool's error by each joint, by differences.
 pub(crate) fn slopes(miss_at: &dyn Fn(&[f64]) -> [f64; 6], q: &[f64]) -> Vec<[f64; 6]> {
     const STEP: f64 = 1e-6;
     (0..q.len())
@@ -159,7 +161,8 @@ pub(crate) fn slopes(miss_at: &dyn Fn(&[f64]) -> [f64; 6], q: &[f64]) -> Vec<[f6
         .collect()
 }
 
-/// Joint positions of a six-joint arm whose real tool is where the nominal one is at `q_cmd`: Newton with differences.
+/// Joint positions of a six-joint arm for which the real tool pose is the nominal one at `q_cmd`:
+/// Newton's method with differences.
 pub(crate) fn solved(arm: &Arm, q_cmd: &[f64], direction: &[f64], wrench: &Wrench) -> Vec<f64> {
     let wanted = nominal(arm, q_cmd);
     let miss_at = |q: &[f64]| miss(&real(arm, q, direction, wrench), &wanted);

@@ -1,4 +1,5 @@
-//! Arms and models for the tests of this crate: figures as published, errors of the size that calibrations find.
+//! Arms and models for the tests of this crate: published dimensions, errors of the size that
+//! calibrations find.
 #![allow(dead_code, reason = "every test file uses its own part of this")]
 
 use corrector::{Command, Corrector, Outcome, Settings, World};
@@ -99,7 +100,7 @@ pub(crate) struct JointErrors {
     pub(crate) compliance: f64,
 }
 
-/// A different amount at each joint.
+/// Errors of a different size for each joint.
 pub(crate) fn errors_of(joint: usize) -> JointErrors {
     let n = joint as f64;
     JointErrors {
@@ -138,7 +139,7 @@ pub(crate) fn erring(arm: Arm) -> Model {
     model
 }
 
-/// Each joint's zero, gear and drive train, the tool and the base: twenty effects.
+/// Zero, gear and drive train of each joint, the tool and the base: twenty effects.
 pub(crate) fn twenty() -> Model {
     let kinds = [
         "joint_offset",
@@ -152,14 +153,14 @@ pub(crate) fn twenty() -> Model {
     Model::new(six(), &wanted.copied().collect::<Vec<_>>()).expect("sound")
 }
 
-/// Amid the six joints' ranges, rad.
+/// A pose in the middle of the six joints' ranges, rad.
 pub(crate) fn pose() -> Joints {
     let mut q = [0.0; JOINTS_MAX];
     q[..6].copy_from_slice(&[0.3, -0.4, 0.5, 0.7, -0.6, 0.4]);
     q
 }
 
-/// Six joints in smooth motion.
+/// A smooth motion of six joints.
 pub(crate) fn smooth(t_s: f64) -> [f64; 6] {
     let wave = |rad_s: f64, phase: f64| 0.4 * (rad_s * t_s + phase).sin();
     let mut q: [f64; 6] = std::array::from_fn(|i| wave(0.3 + 0.1 * i as f64, i as f64));
@@ -167,12 +168,12 @@ pub(crate) fn smooth(t_s: f64) -> [f64; 6] {
     q
 }
 
-/// A cut's wrench, at the TCP.
+/// The wrench of a cut, at the TCP.
 pub(crate) fn load() -> Wrench {
     Wrench { force: DVec3::new(50.0, -20.0, 30.0), moment: DVec3::new(1.0, -2.0, 0.5) }
 }
 
-/// One cycle after the other, with the time that goes with it.
+/// Runs cycles one after the other and keeps their time.
 pub(crate) struct Run {
     pub(crate) corrector: Corrector,
     pub(crate) model: Model,

@@ -1,4 +1,4 @@
-//! Robots and poses by chance.
+//! Random robots and poses.
 
 use crate::support::{effect, portal, seven, six};
 use physics::{Arm, Model};
@@ -21,7 +21,7 @@ pub(crate) fn arm(which: u8) -> Arm {
     [six(), portal(), seven()][usize::from(which % 3)]
 }
 
-/// A robot whose errors are those, times `size`.
+/// A robot with these errors, times `size`.
 pub(crate) fn erring(arm: Arm, (joints, whole): &Errors, size: f64) -> Model {
     let mut model = Model::nominal(arm);
     let mut push = |kind: &str, joint: Option<usize>, given: &[(&str, &[f64])]| {

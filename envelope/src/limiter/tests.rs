@@ -13,7 +13,7 @@ fn limits() -> Limits {
     Limits::new(2e-3, 0.02, 5.0).expect("positive")
 }
 
-/// Third divided difference of four samples, times 6: Newton's scheme, written anew.
+/// Third divided difference of four samples, times 6: Newton's scheme, implemented independently.
 fn jerk_of(samples: &[(f64, f64)]) -> f64 {
     let mut d: Vec<f64> = samples.iter().map(|(_, x)| *x).collect();
     for order in 1..4 {
@@ -33,7 +33,7 @@ fn weights_of(samples: &[(f64, f64)]) -> f64 {
     (0..4).map(weight).sum()
 }
 
-/// Everything that a wanted signal may do wrong, in one value.
+/// Parameters of a signal with every fault that a request may have.
 #[derive(Clone, Debug)]
 struct Signal {
     jumps: Vec<(usize, f64)>,
@@ -97,7 +97,8 @@ fn assert_bounded(outputs: &[(f64, f64)]) -> Result<(), TestCaseError> {
         );
         if let [.., a, b, c] = nodes[..] {
             let four = [a, b, c, *sample];
-            // Of each value, and of the time since the run began, with its weight in the difference.
+            // Rounding of each value, and of the time since the start, with its weight in the
+            // difference.
             let rounding = (4e-18 + limits.rate() * 2e-15 * sample.0) * weights_of(&four);
             let jerk = jerk_of(&four);
             let bound = limits.jerk() * (1.0 + 1e-6) + rounding;
@@ -139,7 +140,7 @@ proptest! {
         for (k, dt) in steps_s.iter().enumerate() {
             t += dt;
             limiter.step(wanted(t), &l, *dt);
-            // The first steps lie closer to the start than a node.
+            // The first steps are closer to the start than a node.
             prop_assert!(k < 1000 || limiter.is_following(), "step {k}");
         }
     }
@@ -184,7 +185,8 @@ proptest! {
             * (l.angle() - to.abs()).min(l.rate() / rad_s).min(l.jerk() / (rad_s * rad_s * rad_s));
         let distance = (to - from).abs() + sine;
         let mut limiter = Limiter::from_motion(from, 0.0, 0.0);
-        // By jerk alone, or cruising at the rate that the moving target leaves; and a few samples.
+        // Limited by jerk alone, or cruising at the rate that the moving target leaves; plus a few
+        // samples.
         let ramp_s = libm::cbrt(32.0 * distance / (PLANNED_JERK * l.jerk()));
         let cruise_s = distance / ((PLANNED_RATE - 0.25) * l.rate());
         let bound_s = 1.3 * ramp_s + cruise_s + 12.0 * DT_S;
@@ -221,8 +223,9 @@ proptest! {
     fn a_target_that_comes_and_goes_drives_no_swing_to_the_envelope(
         pauses in prop::collection::vec(1..80_usize, 400), to in 0.1e-3..1e-3_f64,
     ) {
-        // What a daemon that answers now and then asks of a ramp. Before the reach was bounded: ten times `to`, the bound of the angle; of 30 000 draws the worst
-        // since went to 4.2 and to -2.8 times.
+        // Requests of a daemon that answers intermittently. Before the reach was limited, ten times
+        // `to`, the position limit, was reached; since then the worst of 30 000 draws went to 4.2
+        // and to -2.8 times.
         let wide = Limits::new(0.01, 0.1, 5.0).expect("positive");
         let mut limiter = Limiter::at_rest();
         for (k, pause) in pauses.into_iter().enumerate() {
@@ -270,7 +273,8 @@ proptest! {
         let mean = errors.iter().sum::<f64>() / 600.0;
         let rms = libm::sqrt(errors.iter().map(|e| e * e).sum::<f64>() / 600.0);
         let noise_rms = noise / libm::sqrt(3.0);
-        // What the jerk moves in a few samples, where noise is now inside it and now outside: of 20 000 draws the worst takes 4.2 of these.
+        // The position change by full jerk in a few samples, if noise is alternately inside and
+        // outside the limit: the worst of 20 000 draws takes 4.2 of these.
         let grain = 6.0 * limits().jerk() * DT_S * DT_S * DT_S;
         prop_assert!(rms <= noise_rms + grain, "rms {rms} of {noise_rms}");
         prop_assert!(mean.abs() <= 0.3 * noise_rms + grain, "lag {mean}, noise {noise_rms}");

@@ -12,7 +12,7 @@ fn limits(angle: f64, rate: f64, jerk: f64) -> Limits {
     Limits::new(angle, rate, jerk).expect("positive")
 }
 
-/// By how much `c` lies beside the line from zero to `from`.
+/// Distance of `c` from the line from zero to `from`.
 fn beside<const N: usize>(c: &[f64; N], from: &[f64; N]) -> f64 {
     let along = |a: &[f64; N], b: &[f64; N]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let share = along(c, from) / along(from, from);
@@ -30,7 +30,8 @@ proptest! {
         let longest = from.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
         for _ in 0..5000 {
             let c = arm.step(&[0.0; 3], limits, Elapsed::exactly(DT_S));
-            // What is less than a hundredth of the longest way, or than 20 µrad, may be through sooner.
+            // A joint with less than a hundredth of the longest distance, or less than 20 µrad, may
+            // arrive sooner.
             prop_assert!(beside(&c, &from) <= 0.011 * longest + 2e-5, "{c:?} from {from:?}");
         }
         prop_assert_eq!(arm.step(&[0.0; 3], limits, Elapsed::exactly(DT_S)), [0.0; 3]);
@@ -43,7 +44,7 @@ proptest! {
         let limits = |_| Some(limits(0.02, 0.1, 5.0));
         let mut arm = Limiters::from_motion(|i| motion[i]);
         let from = motion.map(|(value, ..)| value);
-        // What the fastest stop of the motion at the beginning comes to.
+        // Distance of the fastest stop of the initial motion.
         let reach = motion.iter().map(|(_, rate, acceleration)| {
             let alone = Motion { value: 0.0, rate: *rate, acceleration: *acceleration };
             crate::plan::Ramp::to_rate(alone, 0.0, 2.5).end_of(alone).value.abs()
@@ -88,7 +89,8 @@ proptest! {
 
 #[test]
 fn a_joint_that_hardly_jumps_keeps_to_what_is_wanted_while_another_ramps() {
-    // As at a reversal: one joint's backlash turns over, which the others' corrections hardly feel.
+    // As at a reversal: one joint's backlash changes sides, which hardly affects the corrections of
+    // the others.
     let run = |jump: f64, speed: f64, phase: f64| {
         let wave = |k: i32| 1e-4 * libm::sin(phase + speed / 1e-4 * DT_S * f64::from(k));
         let mut arm = Limiters::from_motion(|i| (wave(0) * i as f64, 0.0, 0.0));
@@ -114,7 +116,8 @@ fn a_joint_that_hardly_jumps_keeps_to_what_is_wanted_while_another_ramps() {
 }
 
 proptest! {
-    /// A daemon is restarted with tighter bounds, its answers come and stay away: by turns the joints follow them, each by itself, and ramp out along a line.
+    /// A daemon is restarted with tighter limits and answers intermittently: the joints alternately
+    /// track its corrections, each by itself, and ramp to zero along a line.
     #[test]
     fn no_joint_keeps_the_pace_of_others_that_have_arrived(
         from in prop::array::uniform6(-2e-2..2e-2_f64), small in 1e-5..2e-4_f64,
@@ -127,7 +130,7 @@ proptest! {
         let mut alone_s: Option<f64> = None;
         for k in 0..6000 {
             let has_answer = answered.get(k / every).copied().unwrap_or(false);
-            // A late cycle has the others, which are fast, plan anew.
+            // A late cycle makes the others, which are fast, plan again.
             let dt_s = if k % late == 0 { 15.0 * DT_S } else { DT_S };
             let elapsed = Elapsed::exactly(dt_s);
             let limits = |_| Some(if k < 10 { wide } else { tight });
@@ -141,7 +144,8 @@ proptest! {
                 *alone_s.get_or_insert_default() += dt_s;
             }
         }
-        // What the change of bounds has it swing out takes up to 0.4 s by the fastest plan; at a hundredth of the rate it would take seconds.
+        // The swing by the change of limits takes up to 0.4 s by the fastest plan; at a hundredth
+        // of the rate it would take seconds.
         prop_assert!(alone_s.unwrap_or_default() < 0.5, "{alone_s:?} s from {from:?}");
         prop_assert_eq!(arm.values(), [0.0; 6]);
     }
@@ -149,7 +153,8 @@ proptest! {
 
 #[test]
 fn joints_that_take_each_other_back_do_so_all_the_way_out() {
-    // Two joints whose corrections cancel at the tool but for a tenth: 5 and -4 mrad, worth 0.8 and 0.9 m.
+    // Two joints whose corrections cancel at the tool except for a tenth: 5 and -4 mrad, with lever
+    // arms of 0.8 and 0.9 m.
     let (from, worth) = ([5e-3, -4e-3], [0.8, 0.9]);
     let at_tool = |c: &[f64; 2]| c[0] * worth[0] + c[1] * worth[1];
     let mut arm = Limiters::from_motion(|i| (from[i], 0.0, 0.0));
@@ -173,8 +178,9 @@ fn a_joint_without_limits_stands_and_holds_nobody_up() {
 
 #[test]
 fn a_long_step_amid_a_slow_ramp_leaves_no_swing() {
-    // The stop that a late step forces leaves more acceleration than a plan at the line's pace, an eighth of the jerk, takes out without a swing:
-    // the first joint went to 1 mrad here, to 5 mrad where faults in virtual time found it.
+    // The stop that a late step forces leaves more acceleration than a plan at the line's pace, an
+    // eighth of the jerk, removes without a swing: the first joint went to 1 mrad here, to 5 mrad
+    // where the fault simulation found it.
     let starts =
         [(-1.35e-4, -1.99e-3, -6.7e-3), (-8.4e-4, -1.25e-2, -0.04), (-5.8e-4, -8.9e-3, -0.03)];
     let wanted = [-3.78e-4, -1.73e-3, -6.6e-4];
@@ -196,8 +202,8 @@ fn a_long_step_amid_a_slow_ramp_leaves_no_swing() {
 
 #[test]
 fn nobody_waits_for_a_joint_that_has_arrived() {
-    // Joints in motion, of which one goes a long way back: the others go slowly for its sake, and took 3.2 times as long as each alone while they
-    // did so to their ends.
+    // Joints in motion, one of them with a long way back: the others move slowly because of it, and
+    // took 3.2 times as long as each alone while they did so to the end.
     let starts = [
         [(3.5e-3, 0.043, -0.478), (1.3e-3, -8.6e-3, -0.17), (4.7e-3, -0.0186, -0.135)],
         [(-9.5e-4, 0.0106, 0.175), (3.85e-3, -0.0155, -0.142), (3.64e-3, 0.0348, -0.47)],
@@ -218,8 +224,9 @@ fn nobody_waits_for_a_joint_that_has_arrived() {
 
 #[test]
 fn a_joint_does_not_swing_for_the_sake_of_one_that_brakes_into_tighter_bounds() {
-    // The change of bounds has the first joint swing to 0.9 mrad by itself; at the pace of the second, which still moves at ten times its new rate, it
-    // went on to 1.6 mrad on the way back and took 1.4 s.
+    // The change of limits makes the first joint swing to 0.9 mrad by itself; at the pace of the
+    // second, which still moves at ten times its new rate, it went on to 1.6 mrad on the way back
+    // and took 1.4 s.
     let (wide, tight) = (limits(0.02, 0.05, 5.0), limits(2e-3, 5e-3, 0.5));
     let from = [1.76398798e-4, -1.9943786e-2, 1.39421906e-3];
     let mut arm = Limiters::from_motion(|i| (from[i], 0.0, 0.0));
@@ -239,7 +246,7 @@ fn a_joint_does_not_swing_for_the_sake_of_one_that_brakes_into_tighter_bounds() 
     assert!(arrived.is_some_and(|k| k < 800), "{arrived:?}");
 }
 
-/// Numbers by chance between 0 and 1 (Marsaglia's xorshift): a case is its seed.
+/// Random numbers between 0 and 1 (Marsaglia's xorshift), by seed.
 struct Chance(u64);
 
 impl Chance {
@@ -263,7 +270,8 @@ impl Chance {
     }
 }
 
-/// Three joints in motion ramp out at an uneven pace. Time that the last one takes once the others have arrived, beyond what its rate asks, s.
+/// Three joints in motion ramp to zero at an uneven pace. Returns the time that the last one takes
+/// after the others have arrived, beyond what its own limits require, s.
 fn held_up_s(seed: u64) -> f64 {
     let chance = &mut Chance::new(seed);
     let start =
@@ -289,8 +297,9 @@ fn held_up_s(seed: u64) -> f64 {
 
 #[test]
 fn the_last_joint_on_its_way_goes_by_its_own_limits() {
-    // At an uneven pace a joint arrives with a rate left that its target does not have. Counted as a way, that held the last joint up for 0.66 to 6.4 s
-    // in the first five cases. A start, a stop and a swing within the jerk take up to 0.4 s.
+    // At an uneven pace a joint arrives with a remaining rate that its target does not have.
+    // Counted as a distance, that delayed the last joint by 0.66 to 6.4 s in the first five cases.
+    // A start, a stop and a swing within the jerk take up to 0.4 s.
     for seed in [2315, 8870, 14_885, 16_773, 21_519].into_iter().chain(1..2000) {
         let held_up_s = held_up_s(seed);
         assert!(held_up_s < 0.45, "{held_up_s} s, seed {seed}");

@@ -1,4 +1,4 @@
-//! Even rows, rests at both ends, and what is refused.
+//! Even rows, rests at both ends, and refused recordings.
 
 use super::*;
 
@@ -24,7 +24,7 @@ fn even_rows_stay_as_they_are_between_rests() {
 }
 
 #[test]
-fn uneven_rows_are_resampled_and_that_is_told() {
+fn uneven_rows_are_resampled_and_this_is_reported() {
     let times_s: Vec<f64> =
         (0..200).map(|k| f64::from(k) * 4e-3 + if k % 3 == 0 { 1e-3 } else { 0.0 }).collect();
     let path = recording(&times_s, |t_s| (3.0 * t_s).sin());
@@ -38,7 +38,7 @@ fn uneven_rows_are_resampled_and_that_is_told() {
 }
 
 #[test]
-fn what_is_no_single_path_is_refused() {
+fn anything_but_a_single_path_is_refused() {
     let times_s: Vec<f64> = (0..50).map(|k| f64::from(k) * 4e-3).collect();
     let kinds = [JointKind::Revolute];
     let mut two = recording(&times_s, |t_s| t_s);

@@ -26,7 +26,7 @@ fn previewed(plants: &Plants, path: &[f64]) -> Vec<f64> {
     first.expect("previewed").commanded.remove(0)
 }
 
-/// White noise of a standard deviation, the same for the same seed.
+/// White noise with a standard deviation and a seed.
 struct Noise(u64);
 
 impl Noise {
@@ -95,7 +95,7 @@ fn three_runs_after_a_preview_leave_a_tenth() {
 }
 
 #[test]
-fn a_run_shows_the_plant_that_made_it() {
+fn the_plant_is_identified_from_a_run() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 0.8), (0.05, 0.7)]);
     let believed = JOINT.believed(0.8);
     let plants = plants(&believed, 0.1);
@@ -112,7 +112,7 @@ fn a_run_shows_the_plant_that_made_it() {
 }
 
 #[test]
-fn what_differs_between_runs_is_told_and_not_learned() {
+fn differences_between_runs_are_reported_and_not_learned() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 1.0)]);
     let plants = plants(&JOINT, 0.03);
     let mut cell =
@@ -125,14 +125,14 @@ fn what_differs_between_runs_is_told_and_not_learned() {
         assert!((told / 2e-4 - 1.0).abs() < 0.05, "{told}");
         commanded = next.commanded.into_iter().next().expect("one joint");
     }
-    // Of noise that was copied into the commands six times there would be 2e-4 and more.
+    // Noise copied into the commands six times would give 2e-4 or more.
     let rest = cell.error(&commanded);
     let still = &rest[rest.len() - 100..];
     assert!(rms(still) < 1e-4, "{}", rms(still));
 }
 
 #[test]
-fn a_motor_encoder_teaches_delay_and_lag_of_a_joint_without_a_mode_alone() {
+fn from_a_motor_encoder_only_a_joint_without_modes_learns_delay_and_lag() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 1.0)]);
     let with_mode = plants(&JOINT, 0.03);
     let mut plants = with_mode.clone();

@@ -67,7 +67,7 @@ fn an_unknown_clock_is_found_beside_the_delay_that_the_model_expects() {
 fn points_in_an_unknown_frame_become_the_joints_that_move_the_tool_there() {
     let (arm, times_s, wanted) = (arm(), times_s(), path(0.0));
     let mut reached = wanted.clone();
-    // A swing of joint 1, none of which a rigid motion of the frame can be.
+    // An oscillation of joint 1, which no rigid motion of the frame can represent.
     for (k, q) in reached[0].iter_mut().enumerate() {
         *q += 2e-3 * (0.05 * k as f64).sin();
     }

@@ -6,7 +6,7 @@ use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, r
 use joint_dynamics::plant::{Mode, Uncertain};
 use proptest::prelude::*;
 
-/// A model of the joint, sure of its numbers to a share.
+/// A model of the joint, with this relative uncertainty of its parameters.
 pub(crate) fn model(of: &VirtualJoint, sigma: f64) -> Plant {
     let number = |value: f64| Uncertain { value, sigma: sigma * value };
     let positive = |value: f64| (value > 0.0).then(|| number(value));
@@ -34,7 +34,7 @@ fn errors(joint: &VirtualJoint, plant: Plant, path: &[f64]) -> [Vec<f64>; 2] {
     [error(path), error(&preview.commanded[0])]
 }
 
-/// A second up and a second down again, without a corner in speed or acceleration.
+/// A second up and a second down, with continuous speed and acceleration.
 fn smooth() -> Vec<f64> {
     let rest = std::iter::repeat_n(0.0, 250);
     let swing = (0..500).map(|k| {
@@ -52,7 +52,7 @@ fn a_lag_is_inverted_exactly_where_the_band_allows() {
 }
 
 #[test]
-fn a_delay_of_no_whole_number_of_samples_is_met() {
+fn a_delay_of_a_fraction_of_a_sample_is_compensated() {
     let late = VirtualJoint { delay_s: 0.0307, lag_s: 0.0, participation: 0.0, ..JOINT };
     let [without, with] = errors(&late, model(&late, 0.0), &smooth());
     assert!(largest(&with) < 2e-3 * largest(&without), "{} {}", largest(&with), largest(&without));
@@ -82,7 +82,7 @@ fn corners_are_followed_five_times_better_with_numbers_off_by_their_sigma() {
 }
 
 #[test]
-fn limits_hold_by_differences_whatever_is_asked() {
+fn limits_hold_by_differences_for_any_request() {
     let tight = Settings::with_limits(2e-3, 0.02, 2.0).expect("sound");
     let path = corners(STEP_S, &[(0.5, 1.0), (-0.5, 1.0)]);
     let preview = preview_of(model(&JOINT, 0.03), &path, &tight);
@@ -98,7 +98,7 @@ fn limits_hold_by_differences_whatever_is_asked() {
 }
 
 #[test]
-fn the_error_that_is_told_is_the_one_that_is_left() {
+fn the_reported_error_is_the_remaining_one() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 0.8)]);
     let preview = preview_of(model(&JOINT, 0.0), &path, &settings());
     let reached = JOINT.run(STEP_S, &preview.commanded[0]);
@@ -110,7 +110,7 @@ fn the_error_that_is_told_is_the_one_that_is_left() {
 }
 
 #[test]
-fn a_model_without_anything_in_time_is_refused() {
+fn a_model_without_dynamic_effects_is_refused() {
     let plants = Plants { joints: vec![Plant::default()], left_out: Vec::new() };
     let refused = preview(&plants, STEP_S, &[smooth()], &settings());
     assert_eq!(refused, Err(FeedforwardError::NothingInTime));

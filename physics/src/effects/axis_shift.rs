@@ -18,7 +18,7 @@ const ROUNDING_M: f64 = 1e-6;
 pub struct AxisShift {
     joint: usize,
     values: [f64; 3],
-    /// The axis at the zero configuration; null at the last joint, whose shift is free.
+    /// The axis at the zero configuration; zero for the last joint, whose shift is not restricted.
     barred: DVec3,
 }
 

@@ -44,7 +44,7 @@ impl Effect for Backlash {
         Slope::Steady
     }
 
-    /// A wider gap moves the end that z last touched; inside the gap z is carried along from there.
+    /// A wider gap moves the end that z last touched; inside the gap z moves with that end.
     fn derivative(&self, _k: usize, _signals: &Signals<'_>, memory: &Memory) -> Contribution {
         Contribution::Joint { joint: self.joint, delta: 0.5 * memory.0[1] }
     }
@@ -60,13 +60,13 @@ impl Effect for Backlash {
         let carried = memory.0[0] - moved;
         let z = carried.clamp(-half, half);
         if z != carried {
-            // Not the sign of z: a gap that is still to be found has no width, and touches an end all the same.
+            // Not the sign of z: a gap of unknown, still zero, width also has two ends.
             memory.0[1] = if carried < 0.0 { -1.0 } else { 1.0 };
         }
         memory.0[0] = z;
     }
 
-    /// For the link to turn back at once, the motor has to cross the gap at once.
+    /// For the link to reverse at once, the motor has to cross the gap at once.
     fn follow(&self, inputs: &Inputs, memory: &mut Memory) {
         if inputs.direction[self.joint] != 0.0 {
             self.settle(inputs, memory);

@@ -38,7 +38,8 @@ impl Effect for BearingCompliance {
 
     of_joint!();
 
-    /// The tilt is put in before the joint's own motion; as it is normal to the axis and its pivot lies on it, after would be the same.
+    /// The tilt is applied before the joint's own motion; since it is normal to the axis and its
+    /// pivot is on the axis, the order does not matter.
     fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let i = self.joint;
         let (loads, chain) = (signals.loads, signals.chain);

@@ -95,7 +95,7 @@ fn path_towards(start: &Inputs, sign: f64) -> Vec<Inputs> {
     all
 }
 
-/// What an effect adds after the path, with a memory of its own, and what it says of its derivatives there.
+/// The contribution of an effect after the path, with its own memory, and its derivatives there.
 fn run(
     effect: &AnyEffect,
     arm: &Arm,
@@ -283,7 +283,7 @@ prop_compose! {
     }
 }
 
-/// A memory after anything that may happen.
+/// A memory after an arbitrary history.
 fn lived(sample: &Sample, life: &[(Inputs, u8)]) -> Memory {
     let mut memory = Memory::default();
     for (inputs, what) in life {

@@ -46,7 +46,7 @@ impl Effect for Counterbalance {
         let (sin, cos) = sin_cos(angle + signals.inputs.q[self.joint]);
         let lever = a * l * sin;
         let length = libm::sqrt((a * a + l * l + 2.0 * a * l * cos).max(0.0));
-        // Where the two pivots meet the spring has no direction, and no lever either.
+        // If the two pivots coincide, the spring has no direction, and no lever arm either.
         let stretched = if length > 0.0 { lever - free_length * (lever / length) } else { 0.0 };
         Contribution::JointLoad { joint: self.joint, load: stiffness * stretched }
     }
@@ -61,7 +61,8 @@ mod tests {
     fn its_load_is_minus_the_slope_of_the_springs_energy() {
         let [k, s0, a, l, angle] = [8e4, 0.45, 0.2, 0.6, 0.3];
         let effect = Counterbalance { joint: 1, values: [k, s0, a, l, angle] };
-        // The carried pivot goes round the axis at L, the fixed one stands at a on the far side.
+        // The carried pivot rotates about the axis at radius L; the fixed one is at a on the far
+        // side.
         let energy = |q: f64| {
             let carried = glam::DVec2::from_angle(angle + q) * l;
             let s = carried.distance(glam::DVec2::new(-a, 0.0));

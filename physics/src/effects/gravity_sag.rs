@@ -59,7 +59,8 @@ impl Effect for GravitySag {
         self.predict_and_slope(signals, &Memory::default()).1
     }
 
-    /// A joint turns the levers of the bodies beyond it; one before ours turns our axis too.
+    /// A joint turns the lever arms of the bodies beyond it; a joint before this one also turns
+    /// this axis.
     fn predict_and_slope(&self, signals: &Signals<'_>, _memory: &Memory) -> (Contribution, Slope) {
         let (chain, joints, joint) = (signals.chain, signals.arm.joints(), self.joint);
         let turns = |k: usize| {
@@ -84,12 +85,12 @@ fn down(signals: &Signals<'_>) -> DVec3 {
 }
 
 impl GravitySag {
-    /// What the joint yields per unit of the levers' sum: `ĝ × eᵢ`.
+    /// Deflection of the joint per unit of the sum of lever arms: `ĝ × eᵢ`.
     fn pull(&self, signals: &Signals<'_>) -> DVec3 {
         down(signals).cross(signals.chain.axis(self.joint))
     }
 
-    /// Of each body that the joint carries, its own first, where it is now, rad.
+    /// The present lever arm of each carried body, its own first, rad.
     fn levers<'s>(
         &'s self,
         signals: &'s Signals<'_>,

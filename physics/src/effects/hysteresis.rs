@@ -14,7 +14,8 @@ use crate::slopes::Slope;
 use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
 use libm::{exp, expm1};
 
-/// Newton from the right on a convex function never overshoots; a test holds that these suffice.
+/// Newton's method from the right on a convex function never overshoots; a test verifies that this
+/// number suffices.
 const STEPS: usize = 8;
 
 /// `hysteresis` of a position.
@@ -67,7 +68,8 @@ impl Effect for Hysteresis {
         carry(moved, self.values[1], memory);
     }
 
-    /// The motor goes `m` so that the link goes `d`: `d = m − c (1 − e^(−m/s))`, c what z has yet to lose.
+    /// The motor moves by `m` so that the link moves by `d`: `d = m − c (1 − e^(−m/s))`, with c the
+    /// remaining change of z.
     fn follow(&self, inputs: &Inputs, memory: &mut Memory) {
         let [amplitude, reversal] = self.values;
         let link = inputs.q[self.joint] - inputs.q_before[self.joint];
@@ -147,7 +149,8 @@ mod tests {
             let effect = effect(amplitude, reversal);
             let there = carried(u, &effect, motor);
             let link = motor + amplitude * (there - u);
-            // A motion within a gap that is wider than its distance turns the link back first: no inverse there.
+            // A motion within a gap that is wider than its distance first moves the link back: no
+            // inverse there.
             prop_assume!(link * motor > 0.0);
             let mut memory = Memory([u, 0.0, 0.0, 0.0]);
             effect.follow(&by(link), &mut memory);

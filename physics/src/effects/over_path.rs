@@ -3,14 +3,15 @@
 //! Laws: docs/reference/effects.md. They run over paths in `world::dynamics`; this file defines their names and parameters for files,
 //! simulation and diagnosis.
 //!
-//! Promises: they add nothing to a sample: [`crate::Model::evaluate`] is the same with and without them. Never: a state.
+//! They add nothing to a sample: [`crate::Model::evaluate`] is the same with and without them. They
+//! have no state here.
 
 use crate::Arm;
 use crate::effect::{BuildError, Given, Site};
 use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Role, Spec, Unit};
 use glam::DVec3;
 
-/// What the effects over paths say of themselves.
+/// Specs of the effects over paths.
 pub static OVER_PATHS: &[Spec] = &[
     Spec {
         kind: "time_delay",
@@ -19,7 +20,8 @@ pub static OVER_PATHS: &[Spec] = &[
         needs: &[Need::Time],
         has_memory: true,
         parameters: &[
-            // Linear to first order: the motion of then is the motion of now less speed times delay.
+            // Linear to first order: the delayed motion is the present motion minus speed times
+            // delay.
             Parameter::linear("delay", Unit::Millisecond, Range::Any),
             Parameter::setting("channel", Unit::Word, Range::Any),
         ],
@@ -72,7 +74,7 @@ pub static OVER_PATHS: &[Spec] = &[
     },
 ];
 
-/// The most numbers that one of them has.
+/// Largest number of values of one of them.
 const VALUES_MAX: usize = 4;
 
 /// `time_delay`, `servo_lag`, `flexible_mode`, `reversal_spike` or `torque_delay`.
@@ -85,7 +87,7 @@ pub struct OverPath {
 }
 
 impl OverPath {
-    /// One of these by its name; none where it has another.
+    /// One of these by its name; `None` for another name.
     pub(super) fn build(
         kind: &str,
         arm: &Arm,
@@ -117,17 +119,17 @@ impl OverPath {
         Ok(Self { spec, joint, axis, values })
     }
 
-    /// What it says of itself.
+    /// Its spec.
     pub fn spec(&self) -> &'static Spec {
         self.spec
     }
 
-    /// The 0-based joint that it belongs to; none for the whole robot.
+    /// The 0-based joint that it belongs to; `None` for the whole robot.
     pub fn joint(&self) -> Option<usize> {
         self.joint
     }
 
-    /// The base axis that rings, unit vector.
+    /// The base axis of the vibration, unit vector.
     pub fn axis(&self) -> Option<DVec3> {
         self.axis
     }

@@ -14,7 +14,7 @@ use glam::DVec3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolOffset {
     values: [f64; 6],
-    /// First and end of the numbers that were given.
+    /// Range of the values that were given.
     given: (usize, usize),
 }
 

@@ -15,7 +15,7 @@ use glam::DVec3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WrenchBias {
     values: [f64; 6],
-    /// First and end of the numbers that were given.
+    /// Range of the values that were given.
     given: (usize, usize),
 }
 
@@ -28,7 +28,7 @@ impl Effect for WrenchBias {
         has_memory: false,
         parameters: &[
             Parameter::linear("bias", Unit::Newton, Range::Any).of(Count::Exactly(3)).optional(),
-            // Two entries would share the stem: this one's unit belongs to it.
+            // Two entries would have the same stem: the unit is part of this one.
             Parameter::linear("bias_Nm", Unit::One, Range::Any).of(Count::Exactly(3)).optional(),
         ],
     };

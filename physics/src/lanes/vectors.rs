@@ -1,6 +1,6 @@
-//! Vectors four at once, and those of all joints kept by coordinate.
+//! Four vectors at once, and vectors of all joints stored by coordinate.
 //!
-//! Promises: what is kept by coordinate is read and written four at once. Never: a choice of lanes.
+//! Values stored by coordinate are read and written four at once.
 
 use super::{Lanes, WIDTH};
 use crate::JOINTS_MAX;
@@ -19,7 +19,7 @@ pub struct Three<S: Lanes> {
 }
 
 impl<S: Lanes> Three<S> {
-    /// Of their coordinates.
+    /// From their coordinates.
     #[inline(always)]
     pub fn of(lanes: S, [x, y, z]: [S::Four; 3]) -> Self {
         Self { lanes, x, y, z }
@@ -32,7 +32,7 @@ impl<S: Lanes> Three<S> {
         Self::of(lanes, lanes.columns(rows.map(|row| row.four(lanes))))
     }
 
-    /// One vector four times.
+    /// One vector in all lanes.
     #[inline(always)]
     pub fn same(lanes: S, v: DVec3) -> Self {
         Self { lanes, x: lanes.same(v.x), y: lanes.same(v.y), z: lanes.same(v.z) }
@@ -107,18 +107,19 @@ impl<S: Lanes> Three<S> {
     }
 }
 
-/// A vector with a zero beside it, written and read four at once: what is read otherwise than it was written waits until it is out of the processor's hands.
+/// A vector with a zero as fourth element, read and written as a whole: a read of another width
+/// than the preceding write stalls the processor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(align(32))]
 pub struct Padded([f64; WIDTH]);
 
 impl Padded {
-    /// Of a vector.
+    /// From a vector.
     pub const fn of(v: DVec3) -> Self {
         Self([v.x, v.y, v.z, 0.0])
     }
 
-    /// Of a vector in lanes.
+    /// From a vector in lanes.
     #[inline(always)]
     pub fn put<S: Lanes>(lanes: S, four: S::Four) -> Self {
         Self(lanes.numbers(four))
@@ -138,7 +139,7 @@ impl Padded {
     }
 }
 
-/// A vector of each joint, one array a coordinate.
+/// One vector per joint, stored as an array per coordinate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(align(64))]
 pub struct Vectors {
@@ -151,25 +152,25 @@ pub struct Vectors {
 }
 
 impl Vectors {
-    /// That of joint `i`.
+    /// The vector of joint `i`.
     #[inline(always)]
     pub fn at(&self, i: usize) -> DVec3 {
         DVec3::new(self.x[i], self.y[i], self.z[i])
     }
 
-    /// Sets that of joint `i`.
+    /// Sets the vector of joint `i`.
     pub(crate) fn set(&mut self, i: usize, v: DVec3) {
         (self.x[i], self.y[i], self.z[i]) = (v.x, v.y, v.z);
     }
 
-    /// Those of joints `4 k` to `4 k + 3`.
+    /// The vectors of joints `4 k` to `4 k + 3`.
     #[inline(always)]
     pub fn part<S: Lanes>(&self, lanes: S, k: usize) -> Three<S> {
         let (x, y) = (lanes.part(&self.x, k), lanes.part(&self.y, k));
         Three::of(lanes, [x, y, lanes.part(&self.z, k)])
     }
 
-    /// Sets those of joints `4 k` to `4 k + 3`.
+    /// Sets the vectors of joints `4 k` to `4 k + 3`.
     #[inline(always)]
     pub fn put<S: Lanes>(&mut self, three: Three<S>, k: usize) {
         let lanes = three.lanes;

@@ -1,6 +1,7 @@
-//! What a model says of one sample, with the lanes of the machine: the controller's geometry, the loads on it, what the effects add.
+//! Evaluation of a model at one sample, with the lanes of the machine: nominal geometry, its loads,
+//! contributions of the effects.
 //!
-//! Promises: those of [`crate::model`]. Never: a heap.
+//! The invariants of [`crate::model`] apply. No heap.
 
 use crate::deviation::Contribution;
 use crate::lanes::{Lanes, Work, widest};
@@ -12,13 +13,15 @@ use crate::{Chain, Evaluation, JOINTS_MAX, Joints, Memories, Model};
 use glam::DVec3;
 
 impl Model {
-    /// [`Model::evaluate`] in place of an evaluation of a model of the same arm, or of the default: nothing is copied.
+    /// [`Model::evaluate`], written over an evaluation of a model of the same arm, or over the
+    /// default: nothing is copied.
     pub fn evaluate_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
         self.deviate_into(inputs, memories, seen, None);
         seen.stand(&self.arm, inputs);
     }
 
-    /// The first half of [`Model::evaluate_into`], all but where everything really is; with what the effects tell of their slopes, where that is asked for.
+    /// The first half of [`Model::evaluate_into`], without the actual geometry; with the effects'
+    /// slopes, if requested.
     pub fn deviate_into(
         &self,
         inputs: &Inputs,
@@ -29,7 +32,7 @@ impl Model {
         widest(self.arm.count(), Deviate { model: self, inputs, memories, seen, on: None, told });
     }
 
-    /// The same with what effects tell, joints being a step `on` from where `seen` is.
+    /// The same with the effects' slopes, for joints a step `on` from those of `seen`.
     pub fn deviate_on(
         &self,
         inputs: &Inputs,
@@ -42,7 +45,8 @@ impl Model {
         widest(self.arm.count(), Deviate { model: self, inputs, memories, seen, on, told });
     }
 
-    /// [`Model::evaluate_into`] on a geometry and under loads that `seen` has, as of [`Model::load_into`], whoever changed them since.
+    /// [`Model::evaluate_into`] for the geometry and loads in `seen`, computed by
+    /// [`Model::load_into`] and possibly changed since.
     pub fn evaluate_under(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
         widest(self.arm.count(), Bend { model: self, inputs, memories, seen });
         seen.stand(&self.arm, inputs);
@@ -62,7 +66,7 @@ impl Model {
         self.load(inputs, nominal, memories, &mut change, loads);
     }
 
-    /// The first part of [`Model::deviate_into`]: the controller's geometry and the loads on it.
+    /// The first part of [`Model::deviate_into`]: the nominal geometry and its loads.
     pub fn load_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
         seen.nominal.stand(&self.arm, &inputs.q);
         let (chain, loads) = (&seen.nominal, &mut seen.loads);
@@ -85,7 +89,7 @@ impl Model {
         self.bend(lanes, (inputs, memories), seen, told);
     }
 
-    /// What the effects add where the geometry and the loads are told.
+    /// Contributions of the effects for given geometry and loads.
     #[inline(always)]
     fn bend<S: Lanes>(
         &self,
@@ -99,7 +103,7 @@ impl Model {
         deviation.clear();
         deviation.base_turn = inputs.base_tilt;
         if let Some(told) = &mut told {
-            // What effects change of the loads, and inertia, follow the arm by laws of their own.
+            // Effects on the loads, and inertia, have other derivatives.
             let at_rest = loads.at_rest || loads.inertia_torque == [0.0; JOINTS_MAX];
             told.begin(at_rest && !self.changes_loads, &self.laws);
         }
@@ -113,7 +117,7 @@ impl Model {
         *beyond = if self.hardens { self.beyond(loads) } else { None };
     }
 
-    /// The loads, and what effects change of them, which is nothing before.
+    /// The loads, including changes by effects, which are zero before.
     pub(crate) fn load(
         &self,
         inputs: &Inputs,

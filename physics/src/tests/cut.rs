@@ -1,4 +1,4 @@
-//! What a cutter exerts: closed forms, signs, harmonics, and what effects and a sensor change of it.
+//! Forces of a cutter: closed forms, signs, harmonics, and changes by effects and a sensor.
 
 use crate::cut::{Bite, CutForce, Cutter};
 use crate::effects::conformance::scene;
@@ -7,7 +7,7 @@ use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DMat3, DVec3};
 
 const FEED: f64 = 40e-6;
-/// Instants of a turn.
+/// Samples per turn.
 const TURN: u32 = 7200;
 
 fn mill() -> Cutter {
@@ -28,12 +28,12 @@ fn force(cutter: &Cutter, bite: &Bite) -> DVec3 {
     CutForce::default().acting(cutter, bite, 0.0)
 }
 
-/// Instants of one turn of the spindle.
+/// Angles over one turn of the spindle.
 fn turn() -> impl Iterator<Item = f64> {
     (0..TURN).map(|k| TAU * (f64::from(k) + 0.5) / f64::from(TURN))
 }
 
-/// Amplitude of a force's wave of so many cycles per turn, along each axis, N.
+/// Amplitude of a force's harmonic with `cycles` per turn, along each axis, N.
 fn wave(cutter: &Cutter, under: &CutForce, cycles: f64) -> DVec3 {
     let (mut cos, mut sin) = (DVec3::ZERO, DVec3::ZERO);
     for angle in turn() {
@@ -45,7 +45,7 @@ fn wave(cutter: &Cutter, under: &CutForce, cycles: f64) -> DVec3 {
     DVec3::new(length(0), length(1), length(2))
 }
 
-/// An effect's name with its numbers.
+/// An effect's name with its values.
 type Named<'a> = (&'a str, &'a [(&'a str, &'a [f64])]);
 
 fn with(effects: &[Named<'_>]) -> CutForce {

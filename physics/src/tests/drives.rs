@@ -1,4 +1,4 @@
-//! What is recorded of drives: laws at work, what they do to each other, and what it costs in energy.
+//! Recorded drive torques: the laws, their interactions, and their energy.
 
 use super::effect;
 use crate::effects::conformance::{scene, sliding_scene};
@@ -15,7 +15,7 @@ fn moving(q: f64, v: f64, a: f64) -> Inputs {
     inputs
 }
 
-/// What effects of joint 2 add to what is recorded of it at rest and in motion.
+/// Contribution of effects of joint 2 to its recorded torque at rest and in motion.
 fn added(effects: &[AnyEffect], inputs: &Inputs) -> f64 {
     let arm = scene().arm;
     let drive = model(&arm, effects).drive(inputs, &Memories::default());
@@ -107,7 +107,7 @@ fn the_gain_of_a_drive_scales_all_that_acts() {
 fn an_unknown_first_moment_is_what_a_mass_there_weighs_less_the_mass() {
     let arm = scene().arm;
     let at = |z: f64| glam::DVec3::new(0.7, 0.1, 1.0 + z);
-    // Two masses, one of them below zero, are a first moment alone.
+    // Two masses, one of them negative, make a first moment without mass.
     let (plus, minus) = (at(0.25), at(-0.15));
     let moment = (plus - minus) * 3.0;
     let heavy = |mass: f64, com: glam::DVec3| {
@@ -125,7 +125,8 @@ fn an_unknown_first_moment_is_what_a_mass_there_weighs_less_the_mass() {
     }
 }
 
-/// Round a closed path friction takes `4 F A` dry, `π F ω A²` viscous; a hysteresis nearly `2 h A`; what is elastic takes nothing.
+/// Around a closed path friction dissipates `4 F A` (dry), `π F ω A²` (viscous); a hysteresis
+/// nearly `2 h A`; elastic terms dissipate nothing.
 #[test]
 fn round_a_closed_path_friction_takes_its_energy_and_springs_take_none() {
     let (amplitude, omega, steps) = (0.3, 2.0, 20_000);
@@ -155,7 +156,7 @@ fn round_a_closed_path_friction_takes_its_energy_and_springs_take_none() {
     let oil = of_two("viscous_friction", &[("coefficient", &[8.0])]);
     share(work(&[oil]), TAU / 2.0 * 8.0 * omega * amplitude * amplitude);
     let brush = of_two("hysteresis", &[("amplitude_N", &[12.0]), ("reversal", &[0.01])]);
-    // After each reversal z still falls behind by `h e^(−x/s)`.
+    // After each reversal z is still behind by `h e^(−x/s)`.
     share(work(&[brush]), 2.0 * 12.0 * amplitude - 2.0 * 12.0 * 0.01);
     let elastic = [
         of_two("spring", &[("stiffness", &[300.0]), ("rest_position", &[0.2])]),

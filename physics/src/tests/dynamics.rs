@@ -1,4 +1,4 @@
-//! What drives exert, held against energies, closed forms and the table of the parameters, on arms of any joints.
+//! Drive torques compared with energies, closed forms and the regressor, on arms of any joints.
 
 use super::loads::energy as potential;
 use crate::arm::GRAVITY;
@@ -17,7 +17,7 @@ prop_compose! {
 }
 
 prop_compose! {
-    /// A body with three different moments of inertia that a real one may have.
+    /// A body with three different, physically possible moments of inertia.
     fn body()(mass in 0.1..20.0_f64, centre in vector(1.0), turn in vector(2.0), radii in prop::array::uniform3(0.02..0.3_f64)) -> Body {
         let [x, y, z] = radii.map(|r| mass * r * r);
         let turn = rotation_from_vector(turn);
@@ -36,7 +36,7 @@ prop_compose! {
 }
 
 prop_compose! {
-    /// An arm of 1 to 16 joints with a tool and a motion of it.
+    /// An arm of 1 to 16 joints with a tool, in motion.
     fn in_motion()(
         joints in prop::collection::vec(joint(), 1..=JOINTS_MAX), tcp in vector(0.7), tool in body(), gravity in vector(10.0),
         q in prop::array::uniform16(-2.0..2.0_f64), velocity in prop::array::uniform16(-1.0..1.0_f64),
@@ -50,7 +50,8 @@ prop_compose! {
 
 type Matrix = SMatrix<f64, JOINTS_MAX, JOINTS_MAX>;
 
-/// The mass matrix, column by column: what one joint's acceleration alone asks of the drives. Zero beyond the arm's joints.
+/// The mass matrix, column by column: torques for the acceleration of one joint alone. Zero beyond
+/// the arm's joints.
 fn mass_matrix(arm: &Arm, q: &Joints) -> Matrix {
     let mut weightless = *arm;
     weightless.gravity = DVec3::ZERO;
@@ -203,7 +204,7 @@ proptest! {
         let torque = inverse_dynamics(&arm, &inputs);
         let power = dot(&torque, &inputs.velocity, arm.count());
         let h = 1e-4;
-        // Fourth order: long chains whip.
+        // Fourth order: long chains move fast at their ends.
         let gained = (8.0 * (energy(h) - energy(-h)) - energy(2.0 * h) + energy(-2.0 * h)) / (12.0 * h);
         let size: f64 = torque.iter().zip(&inputs.velocity).map(|(t, v)| (t * v).abs()).sum();
         prop_assert!((power - gained).abs() < 1e-6 * size + 1e-4, "{power} not {gained}");
@@ -232,7 +233,7 @@ proptest! {
         let (a, b) = (Inertial::of(&one), Inertial::of(&other));
         let both = Inertial { mass: a.mass + b.mass, first_moment: a.first_moment + b.first_moment, inertia: a.inertia + b.inertia };
         let centre = both.first_moment / both.mass;
-        // The joint body by the parallel axes' theorem about its own centre.
+        // The joint body by the parallel axis theorem about its own centre.
         let carried = |body: &Body| {
             let r = body.centre - centre;
             let outer = DMat3::from_cols(r * r.x, r * r.y, r * r.z);

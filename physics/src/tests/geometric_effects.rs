@@ -1,4 +1,4 @@
-//! Each effect on the geometry against the same deviation put into plain 4×4 matrices.
+//! Comparison of each geometric effect with the same deviation in plain 4×4 matrices.
 
 use super::matrix::{Geometry, identity, shift, turn};
 use super::{effect, evaluated};
@@ -17,7 +17,7 @@ fn scenes() -> [Scene; 2] {
     [scene(), sliding_scene()]
 }
 
-/// Large on purpose: a formula that holds to first order only must not pass.
+/// Large on purpose: a formula that is only of first order must fail.
 const LARGE: [f64; 3] = [0.12, -0.2, 0.15];
 
 #[test]

@@ -62,7 +62,7 @@ fn ur10e() -> Arm {
     arm(joints, [-1.18425, -0.2907, 0.06085], flange)
 }
 
-/// The maker's table of the UR10e: theta, d, a, alpha.
+/// The manufacturer's table of the UR10e: theta, d, a, alpha.
 const UR10E: [[f64; 4]; 6] = [
     [0.0, 0.1807, 0.0, FRAC_PI_2],
     [0.0, 0.0, -0.6127, 0.0],
@@ -142,7 +142,7 @@ proptest! {
     }
 }
 
-/// Whoever has no wide lanes, or an arm of more joints than most, gets the same geometry but for rounding.
+/// Other lanes, or an arm of more joints, give the same geometry up to rounding.
 #[test]
 fn the_lanes_of_any_machine_say_the_same() {
     for scene in [scene(), sliding_scene()] {

@@ -1,11 +1,11 @@
-//! Laws of joints summed side by side, held against what each effect says by itself.
+//! Laws of joints summed in lanes, compared with the separate effects.
 
 use super::{effect, six_joints};
 use crate::{AnyEffect, Arm, Contribution, Inputs, Joints, Memories, Model, Wrench};
 use glam::DVec3;
 use proptest::prelude::*;
 
-/// More waves on the first joint than are summed side by side, every kind of law on the second.
+/// More waves on the first joint than fit into the sums, every kind of law on the second.
 fn effects(arm: &Arm, size: f64) -> Vec<AnyEffect> {
     let mut effects = Vec::new();
     let mut push = |kind: &str, joint: usize, given: &[(&str, &[f64])]| {
@@ -28,7 +28,7 @@ fn effects(arm: &Arm, size: f64) -> Vec<AnyEffect> {
     effects
 }
 
-/// What the effects add to the joints, one by one.
+/// Contributions of the effects to the joints, one by one.
 fn one_by_one(model: &Model, inputs: &Inputs, memories: &Memories) -> Joints {
     let mut sum = [0.0; crate::JOINTS_MAX];
     model.contributions(inputs, memories, |_, contribution| {
@@ -54,7 +54,7 @@ proptest! {
         for (index, effect) in then.iter().enumerate() {
             model.change(index, |place| *place = *effect).expect("there");
         }
-        // One of another kind comes and goes.
+        // An effect of another kind replaces one and is replaced again.
         model.change(swapped, |place| *place = first[12]).expect("there");
         let mut memories = Memories::default();
         model.settle(&inputs, &mut memories);

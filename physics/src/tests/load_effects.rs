@@ -1,4 +1,4 @@
-//! Effects that change loads or live from them, against their formulas.
+//! Effects that change loads or depend on them, compared with their formulas.
 
 use super::{effect, evaluated, six_joints};
 use crate::effects::conformance::{Scene, scene};
@@ -47,7 +47,8 @@ fn lost_motion_saturates_at_half_its_width_on_the_loads_side() {
 }
 
 proptest! {
-    /// The weight of all beyond a joint hangs on vectors that turn with the bodies one by one, so a sag can be computed from masses.
+    /// The weight of everything beyond a joint acts through vectors that rotate with the bodies, so
+    /// a sag can be computed from masses.
     #[test]
     fn a_sag_computed_from_masses_is_their_gravity_compliance(q in six_joints()) {
         let scene = Scene { inputs: Inputs::at_rest(q), ..scene() };
@@ -106,7 +107,7 @@ fn what_a_sensor_reads_wrong_is_undone_in_the_contracts_order() {
     let (bias_force, bias_moment) = (DVec3::new(5.0, -3.0, 8.0), DVec3::new(0.5, 0.2, -0.1));
     let truth = inputs.wrench_base;
     let from_tool = evaluated(arm, &[], &inputs).nominal.base_from_tool.rotation;
-    // Forwards: the truth in the axes in which the sensor really stands, scaled, with the bias on top.
+    // Forwards: the truth in the axes of the misaligned sensor, scaled, plus the bias.
     let read = |v: DVec3, s: &[f64], bias: DVec3| {
         let at_sensor = rotation_from_vector(turn).transpose() * (from_tool.transpose() * v);
         from_tool * (at_sensor * (DVec3::ONE + DVec3::from_slice(s)) + bias)

@@ -1,4 +1,4 @@
-//! Gravity, wrench, and what they do to compliances.
+//! Gravity, wrench, and deflections of compliances.
 
 use super::matrix::Geometry;
 use super::{effect, evaluated, six_joints};
@@ -40,7 +40,8 @@ fn wrench(six: [f64; 6]) -> Wrench {
     Wrench { force: DVec3::from_slice(&six), moment: DVec3::from_slice(&six[3..]) }
 }
 
-/// How the tool moves per wrench: columns are unit wrenches, rows are shift and rotation vector.
+/// Displacement of the tool per wrench: columns are unit wrenches, rows are shift and rotation
+/// vector.
 fn compliance_matrix(arm: &Arm, inputs: &Inputs, effects: &[crate::AnyEffect]) -> Matrix6<f64> {
     let size = 1e-2;
     Matrix6::from_fn(|_, _| 0.0).map_with_location(|row, column, _: f64| {
@@ -136,7 +137,8 @@ proptest! {
         }
     }
 
-    /// Maxwell's reciprocity: any elastic structure has a symmetric compliance; and no load may feed energy.
+    /// Maxwell's reciprocity: any elastic structure has a symmetric compliance, and no load may
+    /// gain energy.
     #[test]
     fn every_compliance_is_symmetric_and_takes_energy(q in six_joints()) {
         for scene in [scene(), sliding_scene()] {

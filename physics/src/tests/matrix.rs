@@ -1,4 +1,5 @@
-//! Rigid motions as 4×4 matrices of plain numbers, with the system's own sine and cosine: nothing of the crate's.
+//! Rigid motions as 4×4 matrices of plain numbers, with the system's sine and cosine: independent
+//! of the crate.
 
 use crate::{Arm, Frame, JointKind};
 use glam::DVec3;
@@ -68,7 +69,7 @@ impl Matrix {
         Self([row(0, p.x), row(1, p.y), row(2, p.z), [0.0, 0.0, 0.0, 1.0]])
     }
 
-    /// The largest difference of any entry; lengths in m beside plain numbers.
+    /// The largest difference of any entry; lengths in m together with dimensionless entries.
     pub(super) fn off(&self, frame: &Frame) -> f64 {
         let other = Self::of(frame);
         let pairs = self.0.as_flattened().iter().zip(other.0.as_flattened());
@@ -76,7 +77,7 @@ impl Matrix {
     }
 }
 
-/// What the geometry is: axes, points and tool at the zero configuration.
+/// The geometry: axes, points and tool at the zero configuration.
 pub(super) struct Geometry {
     pub(super) joints: Vec<(JointKind, DVec3, DVec3)>,
     pub(super) tool: Matrix,
@@ -95,7 +96,7 @@ impl Geometry {
         self.tool = shift(by.to_array()).times(&self.tool);
     }
 
-    /// Where body `i` has gone at `q`; the base for none.
+    /// Pose of body `i` at `q`; of the base for `None`.
     pub(super) fn body(&self, q: &[f64], i: Option<usize>) -> Matrix {
         let moved = self.joints.iter().zip(q).take(i.map_or(0, |i| i + 1));
         moved.fold(identity(), |carried, ((kind, axis, point), q)| {

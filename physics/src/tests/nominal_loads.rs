@@ -1,4 +1,5 @@
-//! What it costs to take loads and effects on the controller's geometry instead of the bent arm (docs/decisions/0002).
+//! Error of taking loads and effects on the nominal geometry instead of the deflected arm
+//! (docs/decisions/0002).
 //!
 //! `cargo test -p physics nominal_loads -- --nocapture` prints the figures.
 
@@ -8,7 +9,7 @@ use crate::effects::conformance::scene;
 use crate::{AnyEffect, Arm, Chain, Inputs, Loads, Memory, Signals, Wrench};
 use glam::DVec3;
 
-/// kNm/rad; joints 2 to 5 by the thesis, 1 and 6 of like size.
+/// kNm/rad; joints 2 to 5 from the thesis, 1 and 6 of similar size.
 const STIFFNESS: [f64; 6] = [400.0, 451.5, 90.3, 9.13, 3.05, 3.0];
 
 fn effects(arm: &Arm) -> Vec<AnyEffect> {
@@ -24,7 +25,7 @@ fn effects(arm: &Arm) -> Vec<AnyEffect> {
     all
 }
 
-/// Where the tool is when the effects see the geometry of `seen`.
+/// Tool position with effects evaluated on the geometry of `seen`.
 fn bent(arm: &Arm, effects: &[AnyEffect], inputs: &Inputs, seen: &Chain) -> Chain {
     let loads = Loads::on(arm, seen, inputs.wrench_base);
     let signals = Signals { arm, inputs, chain: seen, loads: &loads };
@@ -35,14 +36,14 @@ fn bent(arm: &Arm, effects: &[AnyEffect], inputs: &Inputs, seen: &Chain) -> Chai
     Chain::real(arm, &inputs.q, &deviation)
 }
 
-/// What one campaign of poses gives, each µm and sorted.
+/// Results for one set of poses, each in µm and sorted.
 #[derive(Default)]
 struct Campaign {
-    /// How far the tool is from where the controller believes it.
+    /// Distance of the tool from its nominal position.
     deviation: Vec<f64>,
-    /// How far from there it would be if loads and effects were taken where everything really is.
+    /// Distance to the position with loads and effects taken on the actual geometry.
     cost: Vec<f64>,
-    /// The same if they were taken on the result of a first pass.
+    /// The same for loads taken on the result of a first pass.
     cost_of_two_passes: Vec<f64>,
 }
 

@@ -1,5 +1,5 @@
 //! Clocks that are set: the one that stamps the commands. The daemon's own is `CLOCK_MONOTONIC`, which nobody sets; the wall clock
-//! names files and epochs only (`daemon/src/shelf.rs` holds what follows of that).
+//! names files and epochs only (`daemon/src/retention.rs` holds what follows of that).
 
 use super::{PROGRAMS, wait_for};
 use std::time::{Duration, Instant};

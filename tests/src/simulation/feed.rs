@@ -13,7 +13,7 @@ use corrector::{Corrector, Mode};
 use daemon::cycle::Cycle;
 use daemon::exchange::{Exchange, LoadedModel};
 use daemon::robot::{Link, Robot};
-use daemon::senses::Measured;
+use daemon::sensor_inputs::Measured;
 use daemon::setup;
 use physics::{Chain, JOINTS_MAX, Joints, Model};
 use recording::cell::CellConfig;
@@ -234,7 +234,7 @@ pub fn run(plan: Plan) -> Run<Tick> {
             robot: Robot::over(wire),
             corrector: Corrector::new(settings),
             model: Box::new(LoadedModel { physics: model, epoch: 1 }),
-            senses: setup::senses(&config, false),
+            sensor_inputs: setup::sensor_inputs(&config, false),
             stale_ns: settings.stale_ns,
             period_ns: settings.period_ns,
             lockstep: false,

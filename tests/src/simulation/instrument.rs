@@ -193,7 +193,7 @@ pub fn run(
         robot: Robot::over(wire),
         corrector: Corrector::new(settings),
         model: Box::new(LoadedModel { physics: model, epoch: 1 }),
-        senses: setup::senses(&config, false),
+        sensor_inputs: setup::sensor_inputs(&config, false),
         stale_ns: settings.stale_ns,
         period_ns: settings.period_ns,
         lockstep: false,

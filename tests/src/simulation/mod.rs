@@ -18,7 +18,7 @@ use corrector::{Corrector, Mode, Settings};
 use daemon::cycle::Cycle;
 use daemon::exchange::{Exchange, LoadedModel};
 use daemon::robot::Robot;
-use daemon::senses::{Senses, WrenchSource};
+use daemon::sensor_inputs::{SensorInputs, WrenchSource};
 use daemon::setup;
 use envelope::Limits;
 use physics::Model;
@@ -99,7 +99,7 @@ fn lived(wire: Wire, exchange: &Exchange, physics: Model, settings: Settings) ->
         robot: Robot::over(wire),
         corrector: Corrector::new(settings),
         model: Box::new(LoadedModel { physics, epoch: 1 }),
-        senses: Senses::new(WrenchSource::Force),
+        sensor_inputs: SensorInputs::new(WrenchSource::Force),
         stale_ns: settings.stale_ns,
         period_ns: settings.period_ns,
         lockstep: false,

@@ -4,7 +4,7 @@ use super::watch::Watch;
 use crate::chance::Chance;
 use corrector::Mode;
 use daemon::exchange::{Exchange, LoadedModel};
-use daemon::senses::Measured;
+use daemon::sensor_inputs::Measured;
 use physics::Model;
 use std::sync::atomic::Ordering::Relaxed;
 

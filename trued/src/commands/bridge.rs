@@ -64,7 +64,7 @@ impl Bridge {
             // The loop has ended, and what the service manager had to hear was said.
             let _ = attendant.join();
         }
-        console.say(options.counts.told().trim_end())?;
+        console.say(options.counts.summary().trim_end())?;
         Ok(Answer::Done)
     }
 }

@@ -8,7 +8,7 @@ mod dynamic;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use daemon::senses::Senses;
+use daemon::sensor_inputs::SensorInputs;
 use daemon::setup;
 use recording::cell::{CellConfig, Mode, WrenchSource};
 use recording::files::FileError;
@@ -152,7 +152,7 @@ pub(super) fn cycle<'m>(
     }
     let arm = &input.model.physics.arm;
     let settings = setup::settings(&config, arm, true).map_err(Failure::input)?;
-    Ok(Cycle::new(&input.model, settings, Senses::new(setup::wrench_source(&config))))
+    Ok(Cycle::new(&input.model, settings, SensorInputs::new(setup::wrench_source(&config))))
 }
 
 /// The answers to all rows of a recording.

@@ -1,4 +1,4 @@
-//! What the watch says of a recorded cut.
+//! Alarms of the vibration monitor for a simulated cut.
 
 use crate::record::{AIR_S, RATE_HZ, Record};
 use spectrum::{Block, Class, ConfigError, Mode, ProcessState, State, Watch, WatchConfig};
@@ -6,7 +6,7 @@ use std::fmt;
 
 const FRAMES: usize = 20;
 
-/// A line that alarmed.
+/// A line with an alarm.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Alarmed {
     line: u32,
@@ -16,12 +16,12 @@ pub(crate) struct Alarmed {
     class: Class,
 }
 
-/// All that alarmed.
+/// All alarms of a cut.
 #[derive(Default)]
 pub(crate) struct Heard {
-    /// Lines that are not the spindle's own.
+    /// Lines other than multiples of the spindle speed.
     pub(crate) alarms: Vec<Alarmed>,
-    /// A multiple of the spindle's speed alarmed, as it stands on a mode.
+    /// Whether a multiple of the spindle speed raised an alarm because it coincides with a mode.
     pub(crate) forced: bool,
 }
 
@@ -50,7 +50,7 @@ impl Heard {
                 samples,
                 ..Block::default()
             });
-            // What a line had last in its life is taken from the lines that live at each time.
+            // The last state of a line that ended is taken from the lines present at each time.
             for verdict in verdicts.iter().chain(watch.lines().iter()) {
                 heard.take(verdict, t_s + FRAMES as f64 / RATE_HZ);
             }
@@ -84,7 +84,7 @@ impl Heard {
         }
     }
 
-    /// The frequency of the strongest alarmed line, Hz.
+    /// The frequency of the strongest line with an alarm, Hz.
     pub(crate) fn strongest_hz(&self) -> Option<f64> {
         let strongest = self.alarms.iter().max_by(|a, b| a.amplitude_n.total_cmp(&b.amplitude_n));
         strongest.map(|line| line.frequency_hz)

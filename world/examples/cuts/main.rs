@@ -1,8 +1,11 @@
-//! Simulated milling cuts through the watch: `cargo run --release -p world --example cuts -- [COUNT] [SEED] [each]`.
+//! Simulated milling cuts, analysed by the vibration monitor: `cargo run --release -p world
+//! --example cuts -- [COUNT] [SEED] [each]`.
 //!
-//! Each cut begins with a second of air; every second one is drawn below the limit of stability of its own speed, the others
-//! above. Counted: alarms in stable cuts, how soon after its onset a chatter alarms, and how often the strongest alarmed line is
-//! the chatter's own frequency. The watch was tuned on seeds 1 to 24, 1000 to 1026 and 3000 to 3199; figures are quoted from others. `each` prints a line for every cut.
+//! Each cut begins with a second of air; every second one is drawn below the limit of stability at
+//! its speed, the others above. Results: alarms in stable cuts, the delay from onset to alarm of a
+//! chatter, and how often the strongest line with an alarm has the frequency of the chatter. The
+//! monitor was tuned on seeds 1 to 24, 1000 to 1026 and 3000 to 3199; published figures use other
+//! seeds. `each` prints a line for every cut.
 
 mod heard;
 mod process;
@@ -37,7 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// What all cuts came to.
+/// Results over all cuts.
 #[derive(Default)]
 struct Account {
     stable: usize,

@@ -1,4 +1,4 @@
-//! A drawn process: the modes, the cutter, its engagement, and the depth at which it begins to ring.
+//! A random process: modes, cutter, engagement, and depth at its limit of stability.
 
 use glam::{DVec2, DVec3};
 use rand::RngExt;
@@ -8,29 +8,29 @@ use world::cutter::Cutter;
 use world::random::{Purpose, stream};
 use world::regeneration::{Flexibility, Regeneration};
 
-/// Steps of the simulation per second, about.
+/// Approximate number of simulation steps per second.
 const STEPS_HZ: f64 = 40_000.0;
-/// Depths between which the limit of stability is looked for, m.
+/// Range of depths in which the limit of stability is searched, m.
 const DEPTHS_M: [f64; 2] = [1e-5, 2e-2];
 
-/// Tangential stiffness of a cut at its limit, of the first mode's.
+/// Tangential stiffness of a cut at its limit, relative to that of the first mode.
 const STIFFEST_CUT: f64 = 0.3;
-/// Streams before this one are the record's.
+/// Streams before this one are used by the record.
 const FIRST_STREAM: u32 = 16;
 
-/// A process that can be run at any depth.
+/// A process for any depth of cut.
 pub(crate) struct Process {
     pub(crate) cutter: Cutter,
     pub(crate) feed_m_s: f64,
     pub(crate) runout_m: Vec<f64>,
     pub(crate) modes: Vec<Flexibility>,
-    /// Noise of the sensor per sample, N.
+    /// Noise of the sensor per sample, standard deviation, N.
     pub(crate) noise_n: f64,
-    /// Broadband part of the cutting force, of its mean.
+    /// Broadband part of the cutting force, relative to its mean.
     pub(crate) rough: f64,
     pub(crate) entry_s: f64,
     pub(crate) exit_s: f64,
-    /// How the sensor is turned about the tool's axis, rad.
+    /// Rotation of the sensor about the tool's axis, rad.
     pub(crate) turned_rad: f64,
 }
 
@@ -39,7 +39,8 @@ pub(crate) fn between(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
 }
 
 impl Process {
-    /// The first of a seed's processes that has a limit: deeper than that a cut holds the tool faster than its modes do, and it digs in.
+    /// The first of a seed's processes that has a limit: beyond it the tool is pulled into the cut
+    /// faster than its modes can follow.
     pub(crate) fn with_limit(seed: u64) -> (Self, f64) {
         let mut tried = 0;
         loop {
@@ -53,7 +54,7 @@ impl Process {
         }
     }
 
-    /// A robot's structure, or its spindle and tool, in a slot, up or down milling.
+    /// The structure of a robot, or spindle and tool, in slot, up or down milling.
     fn drawn(seed: u64, tried: u32) -> Self {
         let rng = &mut stream(seed, Purpose::Regeneration, FIRST_STREAM + tried);
         let structure = rng.random::<f64>() < 0.5;
@@ -96,7 +97,7 @@ impl Process {
         }
     }
 
-    /// The cut at a depth, from its first step.
+    /// The cut at a depth, at its first step.
     pub(crate) fn cut(&self, axial_depth_m: f64) -> Regeneration {
         self.cut_with(axial_depth_m, &self.runout_m)
     }
@@ -107,7 +108,8 @@ impl Process {
         Regeneration::new(cutter, self.feed_m_s, runout_m, &self.modes, steps as usize)
     }
 
-    /// The depth at which this speed becomes unstable, m, by whether a small push dies out.
+    /// The depth at which this speed becomes unstable, m, tested by the decay of a small
+    /// disturbance.
     fn limit_m(&self) -> f64 {
         let [mut low, mut high] = DEPTHS_M;
         for _ in 0..11 {
@@ -122,7 +124,7 @@ impl Process {
     }
 
     fn grows(&self, axial_depth_m: f64) -> bool {
-        // Runout moves the tool beyond the rigid one's path in stable cuts too.
+        // Runout moves the tool beyond the path of a rigid one in stable cuts too.
         let mut cut = self.cut_with(axial_depth_m, &[]);
         let slowest_hz = self.modes.iter().map(|m| m.frequency_hz).fold(f64::INFINITY, f64::min);
         let steps = ((30.0 / slowest_hz).clamp(0.3, 1.5) / cut.step_s()) as usize;
@@ -138,7 +140,7 @@ impl Process {
     }
 }
 
-/// Two modes across each other near a frequency, and a stiffer one of the structure.
+/// Two orthogonal modes near a frequency, and a stiffer one of the structure.
 fn modes(rng: &mut ChaCha8Rng, frequency_hz: f64, n_per_m: f64) -> Vec<Flexibility> {
     let angle = between(rng, 0.0, PI);
     let mut mode = |angle: f64, frequency_hz: f64, stiffness_n_per_m: f64| Flexibility {

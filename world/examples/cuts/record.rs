@@ -1,4 +1,4 @@
-//! What the sensor records of a cut, and what the tool really did.
+//! Sensor signal of a cut, and the true motion of the tool.
 
 use crate::process::{Process, between};
 use glam::{DVec2, DVec3};
@@ -7,21 +7,22 @@ use std::fmt;
 use world::random::{Purpose, normals, stream};
 
 pub(crate) const RATE_HZ: f64 = 10_000.0;
-/// Air before the cut, the cut, air after it, s.
+/// Duration of the air before the cut, the cut, and the air after it, s.
 pub(crate) const AIR_S: f64 = 1.0;
 const CUT_S: f64 = 2.5;
 const AFTER_S: f64 = 0.5;
-/// Parts of the limit of stability that stable and unstable cuts are drawn between.
+/// Ranges of the depth, relative to the limit of stability, for stable and unstable cuts.
 const BELOW: [f64; 2] = [0.3, 0.8];
 const ABOVE: [f64; 2] = [1.25, 2.5];
-/// A chatter has developed where its vibration is so many times the forced one; below the other part nothing rings.
+/// Ratio of a vibration to the forced one from which it counts as developed chatter, and below
+/// which the cut counts as stable.
 const DEVELOPED: f64 = 1.5;
 const QUIET: f64 = 0.5;
 
-/// What the tool did.
+/// True state of the cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Truth {
-    /// The forced vibration and little more.
+    /// Little more than the forced vibration.
     Stable,
     /// The vibration grew beyond the forced one.
     Chatter { onset_s: f64, frequency_hz: f64 },
@@ -29,7 +30,7 @@ pub(crate) enum Truth {
     Marginal,
 }
 
-/// A cut as it was recorded.
+/// A recorded cut.
 pub(crate) struct Record {
     pub(crate) process: Process,
     /// Forces, N, three channels interleaved.
@@ -69,7 +70,7 @@ impl Record {
     }
 }
 
-/// What the tool has more than the forced vibration, and that, per sample.
+/// Motion of the tool beyond the forced vibration, and the forced vibration, per sample.
 struct Motion {
     own: Vec<DVec2>,
     forced: Vec<DVec2>,
@@ -114,7 +115,7 @@ fn recorded(process: &Process, depth_m: f64, seed: u64) -> (Vec<f64>, Motion) {
     (samples, motion)
 }
 
-/// The part of the full depth at a time.
+/// The share of the full depth at a time.
 fn engaged(process: &Process, t_s: f64) -> f64 {
     let rising = (t_s - AIR_S) / process.entry_s;
     let falling = (AIR_S + CUT_S - t_s) / process.exit_s;
@@ -155,7 +156,7 @@ fn variance(run: &[DVec2]) -> f64 {
     run.iter().map(|x| (x - mean).length_squared()).sum::<f64>() / n
 }
 
-/// The frequency at which a motion is largest, Hz, by its transform on a grid of 0.25 Hz.
+/// The frequency with the largest amplitude of a motion, Hz, on a grid of 0.25 Hz.
 fn strongest_hz(motion: &[DVec2]) -> f64 {
     let n = motion.len() as f64;
     let mean = motion.iter().sum::<DVec2>() / n;

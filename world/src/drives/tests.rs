@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 const RATE_HZ: f64 = 1000.0;
 const AMPLITUDE: f64 = 0.12;
 
-/// `periods` swings of a second each of joint `joint` from `middle`, m or rad.
+/// `periods` oscillations of one second each of joint `joint` about `middle`, m or rad.
 fn swing(joint: usize, middle: f64, periods: usize) -> Vec<Inputs> {
     let rows = periods * RATE_HZ as usize + 1;
     let row = |k: usize| {
@@ -36,7 +36,8 @@ fn at_a_reversal_the_force_of_a_slide_turns_by_twice_its_dry_friction() {
     let model =
         slider(&[("coulomb_friction", "level", 20.4), ("viscous_friction", "coefficient", 203.0)]);
     let force = first(&path(&model, &Dynamics::default(), &swing(0, 0.0, 2)));
-    // The turn at half a second stands between rows 500 − 3 and 500 + 3; the acceleration is at its crest there.
+    // The reversal at half a second is between rows 500 − 3 and 500 + 3; the acceleration is at its
+    // maximum there.
     let jump = force[503] - force[497];
     let viscous = 203.0 * 2.0 * AMPLITUDE * TAU * (TAU * 3e-3).sin();
     assert!((jump - 40.8 - viscous).abs() < 0.05, "{jump} N, {viscous} N of them viscous");

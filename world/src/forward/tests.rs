@@ -6,7 +6,7 @@ use crate::test_arm::{effect, irb1600};
 
 const RATE_HZ: f64 = 250.0;
 
-/// Joint 2 swings, joint 3 rests.
+/// Joint 2 oscillates, joint 3 is at rest.
 fn swing(n: usize) -> Vec<Inputs> {
     (0..n)
         .map(|k| {
@@ -39,7 +39,7 @@ fn play_follows_the_lagged_command_and_not_the_command() {
     let lag = Dynamics { lags: vec![(1, 0.1)], ..Dynamics::default() };
     let rows = swing(1000);
     let seen = path(&model, &lag, &rows);
-    // The command turns at t = π/4; the lagged motor atan(2 · 0.1)/2 later.
+    // The command reverses at t = π/4; the lagged motor atan(2 · 0.1)/2 later.
     let turn = std::f64::consts::FRAC_PI_4;
     let late = 0.2_f64.atan() / 2.0;
     let play = |t: f64| {
@@ -56,7 +56,8 @@ fn a_compliant_joint_feels_the_inertia_of_what_it_swings_and_one_at_rest_does_no
     let slow: Vec<(Inputs, bool)> = swing(1000).into_iter().map(|row| (row, false)).collect();
     let (moving, resting) = (path(&soft, &Dynamics::default(), &swing(1000)), poses(&soft, &slow));
     let bend = |seen: &Seen| seen.link[1] - seen.motor[1];
-    // At the turn the swing is braked: inertia bends the joint on in the direction in which it went.
+    // At the reversal the motion is decelerated: inertia deflects the joint further in the previous
+    // direction.
     let k = (std::f64::consts::FRAC_PI_4 * RATE_HZ) as usize;
     let inertial = bend(&moving[k]) - bend(&resting[k]);
     assert!(inertial > 1e-5, "{inertial} rad");
@@ -141,7 +142,7 @@ fn link_side_sensors_may_be_late_alone() {
 
 #[test]
 fn play_seen_at_every_eighth_row_stands_where_it_stands_seen_at_each() {
-    // 2 mrad take several rows to cross: where it turned between rows shows in all of them.
+    // 2 mrad take several rows to cross: the time of the reversal between rows affects all of them.
     let model = arm_effects(&[("backlash", "width", 2e-3)]);
     let rows = swing(2000);
     let all = path(&model, &Dynamics::default(), &rows);
@@ -151,7 +152,8 @@ fn play_seen_at_every_eighth_row_stands_where_it_stands_seen_at_each() {
         .iter()
         .zip(all.iter().step_by(8))
         .map(|(one, same)| one.base_from_tool.origin.distance(same.base_from_tool.origin));
-    // An eighth of a row's way at the turn, 1.6 rad/s², is 5e-5 of a radian and more, at a metre.
+    // An eighth of the motion within a row at the reversal, 1.6 rad/s², is 5e-5 rad and more, at a
+    // metre.
     let worst = off.skip(20).fold(0.0, f64::max);
     assert!(worst < 5e-6, "{worst} m");
 }

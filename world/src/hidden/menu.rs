@@ -1,6 +1,7 @@
 //! Possible hidden effects: every constant effect that moves the tool, at the largest size plausible for an arm of the IRB 1600's class.
 //!
-//! Promises: kinds of the physics' own list; joints, signs, phases and directions drawn. Never: a size at the tool; see [`super::draw`].
+//! Effects are those of `physics`; joints, signs, phases and directions are random. Their size at
+//! the tool is determined in [`super::draw`].
 
 use core::f64::consts::TAU;
 use glam::DVec3;
@@ -10,10 +11,11 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-/// By how much a load may exceed the largest of the measuring program before a joint stiffens to a stop.
+/// Factor on the largest load of the measuring program for which a hardening law must hold.
 const LOAD_RESERVE: f64 = 1.3;
 
-/// All kinds. A description without physics (`joint_polynomial`), errors of the force sensor and what lags or rings are none of them.
+/// All effects that can be hidden. A regression without physics (`joint_polynomial`), errors of the
+/// force sensor and dynamic effects are excluded.
 pub const KINDS: &[&str] = &[
     "joint_offset",
     "joint_ratio",
@@ -42,7 +44,7 @@ pub const KINDS: &[&str] = &[
     "spindle_growth",
 ];
 
-/// An effect of the largest size, and which of its numbers make the size.
+/// An effect of the largest size, and which of its values determine the size.
 pub(super) struct Shape {
     pub(super) kind: &'static str,
     pub(super) joint: Option<usize>,
@@ -51,7 +53,7 @@ pub(super) struct Shape {
 }
 
 impl Shape {
-    /// The effect at `share` of the largest size; none where it cannot be built there.
+    /// The effect at `share` of the largest size; `None` if it cannot be built there.
     pub(super) fn build(&self, arm: &Arm, share: f64) -> Option<AnyEffect> {
         let mut numbers = self.numbers.clone();
         numbers.iter_mut().take(self.sizes).for_each(|(_, list)| {
@@ -62,7 +64,7 @@ impl Shape {
     }
 }
 
-/// One draw of the menu; none where the kind makes no sense on the joint that was drawn.
+/// One draw; `None` if the effect is not applicable to the joint drawn.
 pub(super) fn draw(
     kind: &'static str,
     model: &Model,
@@ -133,7 +135,7 @@ pub(super) fn draw(
     (revolute || joint.is_none()).then_some(Shape { kind, joint, numbers, sizes })
 }
 
-/// Numbers of an effect of the whole robot, and how many of its entries make its size.
+/// Values of an effect of the whole robot, and how many of its entries determine its size.
 #[expect(clippy::type_complexity, reason = "entries as `Given` takes them")]
 fn of_robot(
     kind: &str,
@@ -156,7 +158,8 @@ fn of_robot(
     })
 }
 
-/// A joint that may drive `joint` along: one before it in the wrist, or the second for the third.
+/// A joint that may be coupled to `joint`: a previous one in the wrist, or the second for the
+/// third.
 fn coupled(arm: &Arm, joint: usize, dice: &mut Dice<'_>) -> Option<usize> {
     let wrist = arm.count().saturating_sub(3);
     match joint {
@@ -166,12 +169,13 @@ fn coupled(arm: &Arm, joint: usize, dice: &mut Dice<'_>) -> Option<usize> {
     }
 }
 
-/// What an arm of unknown masses sags by: a lever for each body that the joint carries.
+/// Sag of an arm with unknown masses: one vector for each body that the joint carries.
 fn sag(arm: &Arm, joint: usize, size: f64, dice: &mut Dice<'_>) -> Vec<f64> {
     (joint..arm.count()).flat_map(|_| dice.vector(3, size)).collect()
 }
 
-/// What is across the joint's axis; the last joint's tool may stand elsewhere along it too.
+/// The component normal to the joint's axis; for the last joint, whose tool may be displaced along
+/// it too, the whole vector.
 fn across(arm: &Arm, joint: usize, shift: &[f64]) -> Vec<f64> {
     let shift = DVec3::from_slice(shift);
     let axis = arm.joints()[joint].axis;
@@ -179,7 +183,7 @@ fn across(arm: &Arm, joint: usize, shift: &[f64]) -> Vec<f64> {
     (shift - barred).to_array().to_vec()
 }
 
-/// Hardening that holds up to the largest load; none where the joint has no compliance to harden.
+/// Hardening that is valid up to the largest load; `None` if the joint has no compliance.
 fn cubic(model: &Model, survey: &[Inputs], joint: usize) -> Option<f64> {
     let gives_way = |effect: &&AnyEffect| {
         let linear = matches!(
@@ -203,7 +207,7 @@ fn largest_load(arm: &Arm, rows: &[Inputs], joint: usize) -> f64 {
     rows.iter().step_by(5).map(load).fold(0.0, f64::max)
 }
 
-/// Draws.
+/// Random draws.
 struct Dice<'a> {
     rng: &'a mut ChaCha8Rng,
 }
@@ -221,7 +225,7 @@ impl Dice<'_> {
         if self.rng.random() { size } else { -size }
     }
 
-    /// A vector of this length in any direction.
+    /// A vector of this length in a random direction.
     fn vector(&mut self, count: usize, length: f64) -> Vec<f64> {
         let any: Vec<f64> = (0..count).map(|_| self.rng.sample(StandardNormal)).collect();
         let norm = sqrt(any.iter().map(|x| x * x).sum::<f64>()).max(1e-9);

@@ -13,7 +13,7 @@ fn slider(effects: &[(&str, &str, f64)]) -> Model {
     Model::new(arm, &effects).expect("room")
 }
 
-/// Joints 1 to 3 swing, each at its own pace, from rest.
+/// Joints 1 to 3 oscillate at different frequencies, from rest.
 fn swing(rows: usize, amplitude: f64) -> Vec<Inputs> {
     let row = |k: usize| {
         let time_s = k as f64 / RATE_HZ;
@@ -31,7 +31,7 @@ fn followed(model: &Model, rows: &[Inputs]) -> Vec<Followed> {
     path(model, &Dynamics::default(), rows).expect("an arm with masses")
 }
 
-/// How far joint 1 is off its command, largest.
+/// Largest deviation of joint 1 from its command.
 fn off(followed: &[Followed], rows: &[Inputs]) -> f64 {
     let off = followed.iter().zip(rows).map(|(seen, row)| (seen.motor[0] - row.q[0]).abs());
     off.fold(0.0, f64::max)
@@ -44,7 +44,8 @@ fn dry_friction_shows_in_the_motion_and_rests_at_a_turn() {
     let dry = followed(&slider(&[("coulomb_friction", "level", 60.0)]), &rows);
     let (free, stuck) = (off(&free, &rows), off(&dry, &rows));
     assert!(stuck > 2.0 * free, "{free} m without, {stuck} m with friction");
-    // At the turn at 1 s the slide stands still until the controller has turned its force by twice the friction.
+    // At the reversal at 1 s the slide rests until the controller has changed its force by twice
+    // the friction.
     let stands = dry[480..540].windows(2).filter(|pair| pair[0].motor[0] == pair[1].motor[0]);
     assert!(stands.count() >= 3);
 }

@@ -1,4 +1,5 @@
-//! Limits that change, from any motion: the larger of both hold while it brakes, then the new ones.
+//! Limits that change during any motion: the larger of both hold while it brakes, then the new
+//! ones.
 
 use super::*;
 
@@ -34,7 +35,8 @@ fn shares() -> impl Strategy<Value = (f64, f64, f64)> {
     (-1.0..1.0_f64, -1.0..1.0_f64, -1.0..1.0_f64)
 }
 
-/// The longest that braking into `new` may take: a stop, and the fastest way to `goal` at rest.
+/// Upper bound of the time for braking into `new`: a stop, and the fastest motion to `goal` at
+/// rest.
 fn longest_s(from: Motion, goal: f64, larger: &Limits) -> f64 {
     let stop = Plan::to_zero(
         Motion { value: 0.0, ..from },
@@ -81,7 +83,7 @@ proptest! {
         let goal = wanted * old.angle().max(new.angle());
         let held = goal.clamp(-new.angle(), new.angle());
         let longest_s = longest_s(from, held, &larger) + 3.0 * DT_S;
-        // The first sample follows a motion in continuous time, of which three samples are drawn.
+        // The initial motion is continuous; its samples before the first step are taken from it.
         let before = |k: i32| from.after(f64::from(k) * DT_S, 0.0).value;
         let mut outputs = std::vec![before(-2), before(-1), from.value];
         let mut inside_s = None;
@@ -108,7 +110,7 @@ proptest! {
         let from = motion_within(&old, shares, 1.0);
         let mut limiter = Limiter::from_motion(from.value, from.rate, from.acceleration);
         limiter.take_limits(&old);
-        // Towards the new limits, or to a stop: the rate changes its sign once at most.
+        // Towards the new limits, or to a stop: the rate changes its sign at most once.
         let (mut last, mut sign, mut turns) = (from.value, 0.0, 0);
         for _ in 0..6000 {
             let output = limiter.step(wanted * new.angle(), &new, DT_S);
@@ -156,7 +158,7 @@ proptest! {
         let mut limiter = Limiter::from_motion(from.value, from.rate, from.acceleration);
         limiter.take_limits(&old);
         let goal = wanted * new.angle();
-        // Braked into the new limits it may still be on its way across all of them.
+        // While it brakes into the new limits it may still move across all of them.
         let way = goal.abs() + old.angle() + 2.0 * new.angle();
         let ramp_s = libm::cbrt(32.0 * way / (0.5 * new.jerk())) + way / (0.9 * new.rate());
         let longest_s = longest_s(from, goal, &old.union(&new)) + 2.0 * ramp_s + 0.1;

@@ -19,7 +19,8 @@ proptest! {
             let wanted = amplitude * libm::sin(rad_s * DT_S * k as f64);
             // One answer is missed: the signal is constant for a sample, then jumps.
             let wanted = if k == gap { limiter.value() } else { wanted };
-            // Each time is off from its due one by up to a quarter of the spread of the intervals; that does not add up.
+            // Each time deviates from its nominal one by up to a quarter of the spread of the
+            // intervals; the deviations do not accumulate.
             let elapsed = Elapsed { dt_s: DT_S + jitter_s / 2.0 * (noise - before), jitter_s };
             before = *noise;
             if !limiter.step_with(wanted, &l, elapsed) {
@@ -46,7 +47,8 @@ proptest! {
         for k in 1..600 {
             let back = |by: usize| outputs[outputs.len() - by];
             let smooth = amplitude * libm::sin(rad_s * DT_S * f64::from(k));
-            // Smooth for 0.2 s; then samples that jitter of their times could just have made, or not; then nothing is wanted.
+            // Smooth for 0.2 s; then samples with deviations that jitter can or cannot explain;
+            // then no request.
             let wanted = match shares.get((k as usize).wrapping_sub(200)) {
                 Some(share) => 3.0 * back(1) - 3.0 * back(2) + back(3) + share * 3.0 * limiter.rate().abs() * jitter_s,
                 None if k < 200 => smooth,
@@ -86,7 +88,7 @@ proptest! {
             prop_assert!(output.abs() <= l.angle(), "{output} at {t}");
             let rate = (output - last) / dt_s;
             let rounding = 4e-18 / dt_s;
-            // Closer samples are held to the rate together.
+            // Closer samples are checked against the rate together.
             let is_node = dt_s.min(before_s) >= NODES_S;
             let most = l.rate() * (1.0 + 1e-9) + rounding;
             prop_assert!(rate.abs() <= most || !is_node, "rate {rate} at {t}");
@@ -104,7 +106,7 @@ proptest! {
         let mut outputs = std::vec![0.0];
         for k in 1..100 {
             let wanted = if k < 20 { rate * DT_S * f64::from(k) } else { to };
-            // A command comes twice, with one answer; after it another value is wanted.
+            // A command arrives twice, with one answer; after it another value is requested.
             let steps_s = if k == 20 { std::vec![again_s, DT_S - again_s] } else { std::vec![DT_S] };
             for (j, dt_s) in steps_s.iter().enumerate() {
                 let wanted = if j + 1 < steps_s.len() { limiter.value() } else { wanted };
@@ -129,7 +131,8 @@ proptest! {
         share in 0.1..0.6_f64, rad_s in 0.2..6.0_f64, off in -1e-5..1e-5_f64,
         pause_ns in prop_oneof![Just(0_u64), 1e4 as u64..2_000_000],
     ) {
-        // An output every 3 to 5 µs, with a pause now and then, as between two processes that both poll. Before, the output strayed by up to 10 mrad.
+        // An output every 3 to 5 µs, with occasional pauses, as between two polling processes. An
+        // earlier version strayed by up to 10 mrad here.
         let l = Limits::new(0.02, 0.05, 5.0).expect("positive");
         let amplitude = share * l.angle().min(l.rate() / rad_s).min(l.jerk() / (rad_s * rad_s * rad_s));
         let mut limiter = Limiter::from_motion(off, amplitude * rad_s, 0.0);
@@ -144,7 +147,7 @@ proptest! {
                 limiter.step_onto(&l, Pace::ALONE, elapsed);
             }
             follows += usize::from(limiter.is_following());
-            // What is wanted may go on while nothing is put out.
+            // The request may change while nothing is put out.
             let most = off.abs() + 1.01 * amplitude * rad_s * 1e-9 * (5_000 + pause_ns) as f64;
             let is_off = (limiter.value() - wanted).abs();
             prop_assert!(is_off <= most, "{is_off} off at {k}");

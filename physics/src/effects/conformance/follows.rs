@@ -30,13 +30,14 @@ impl Work for Follow<'_> {
     }
 }
 
-/// At rest, as inertia follows by a law of its own.
+/// At rest, because inertial loads depend on the joints in another way.
 fn at_rest(sample: &Sample) -> Inputs {
     let still = Inputs { velocity: [0.0; JOINTS_MAX], ..sample.scene.inputs };
     Inputs { acceleration: [0.0; JOINTS_MAX], direction: [1.0; JOINTS_MAX], ..still }
 }
 
-/// What the deviation of a model with this effect alone tells of a step of all joints, and what becomes of it by that step.
+/// Predicted and actual change of the deviation of a model with this effect alone, for a step of
+/// all joints.
 fn followed(
     sample: &Sample,
     step: &[f64; JOINTS_MAX],
@@ -82,7 +83,7 @@ fn what_effects_tell_is_how_what_they_add_follows_the_arm() {
             }
             let turned = (b.base_turn - a.base_turn) / (2.0 * STEP);
             assert!((base - turned).length() < 1e-8, "{}: {base} {turned}", sample.name);
-            // Of the rest, that it stays.
+            // The other parts must not change.
             let rest = |d: &Deviation| {
                 (
                     d.tool_shift,

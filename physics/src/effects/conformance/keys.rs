@@ -9,7 +9,7 @@ use crate::effects::{
 };
 use crate::spec::{ActsOn, Place, Spec};
 
-/// Name, keys, keys on a prismatic joint (none: it has no such form). In the order of the lists.
+/// Name, keys, keys on a prismatic joint (empty: not available there). In the order of the lists.
 const KEYS: &[(&str, &str, &str)] = &[
     ("joint_offset", "offset_mrad", "offset_mm"),
     ("joint_ratio", "ratio", "ratio"),

@@ -6,7 +6,7 @@ use crate::frame::normals;
 use crate::spec::{Count, Parameter, Place, Range, Role, Spec, Unit};
 use crate::{Arm, Given, JointKind};
 
-/// An effect where it belongs.
+/// An effect in a suitable scene.
 pub(super) struct Sample {
     pub(super) name: String,
     pub(super) scene: Scene,
@@ -14,7 +14,8 @@ pub(super) struct Sample {
     entries: Vec<(&'static str, Vec<f64>)>,
 }
 
-/// Kinds that take one of several sets of parameters; all others take all that their spec has.
+/// Effects that take one of several sets of parameters; all others take all parameters of their
+/// spec.
 const ALTERNATIVES: &[(&str, &[&[&str]])] = &[
     ("thermal_growth", &[&["growth"], &["growth", "lag"], &["amplitude", "time_constant"]]),
     ("thermal_zero", &[&["drift"], &["drift", "lag"], &["amplitude", "time_constant"]]),
@@ -26,7 +27,7 @@ const ALTERNATIVES: &[(&str, &[&[&str]])] = &[
     ("gravity_torque", &[&["cos", "sin"], &["first_moment"]]),
 ];
 
-/// The joint that the samples belong to; the second one, which slides in the second scene.
+/// The joint of the samples: the second, which is prismatic in the second scene.
 const JOINT: usize = 1;
 
 pub(super) fn samples() -> Vec<Sample> {
@@ -54,7 +55,7 @@ fn sets(spec: &Spec) -> Vec<Vec<&'static Parameter>> {
 fn of_set(spec: &'static Spec, set: &[&'static Parameter]) -> Vec<Sample> {
     let has = |stem: &str| set.iter().any(|p| p.stem == stem);
     let scenes = match spec.place {
-        // What turns has an inertia, what slides a mass.
+        // A revolute joint has an inertia, a prismatic one a mass.
         Place::Joint if spec.kind == "inertia" && has("inertia") => vec![scene()],
         Place::Joint if spec.kind == "inertia" => vec![sliding_scene()],
         Place::Joint => vec![scene(), sliding_scene()],
@@ -78,7 +79,7 @@ fn built(spec: &Spec, arm: &Arm, entries: &[(&'static str, Vec<f64>)]) -> AnyEff
 }
 
 impl Sample {
-    /// The same effect with each linear number times `factor`; where it has none, each number.
+    /// The same effect with each linear value times `factor`; without linear values, each value.
     pub(super) fn scaled(&self, factor: f64) -> AnyEffect {
         let mut effect = self.effect;
         let linear = self.linear();
@@ -89,19 +90,19 @@ impl Sample {
         effect
     }
 
-    /// Which of the values enter linearly.
+    /// Which of the values are linear.
     pub(super) fn linear(&self) -> Vec<bool> {
         let lengths = lengths(&self.effect);
         let roles = self.effect.fitted().iter().map(|p| p.role == Role::Linear);
         roles.zip(lengths).flat_map(|(linear, n)| std::iter::repeat_n(linear, n)).collect()
     }
 
-    /// The numbers that it was built from.
+    /// The values that it was built from.
     pub(super) fn given(&self, stem: &str) -> Option<&[f64]> {
         self.entries.iter().find(|(s, _)| *s == stem).map(|(_, numbers)| numbers.as_slice())
     }
 
-    /// The effect built anew, with an entry's numbers replaced.
+    /// The effect rebuilt with other values of one entry.
     pub(super) fn rebuilt(
         &self,
         stem: &str,
@@ -121,7 +122,7 @@ impl Sample {
     }
 }
 
-/// How many numbers each fitted parameter has in this effect.
+/// Number of values of each fitted parameter in this effect.
 pub(super) fn lengths(effect: &AnyEffect) -> Vec<usize> {
     let mut left = effect.values().len();
     let mut take = |p: &Parameter| {
@@ -136,7 +137,7 @@ pub(super) fn lengths(effect: &AnyEffect) -> Vec<usize> {
     effect.fitted().iter().map(&mut take).collect()
 }
 
-/// Numbers of a size that occurs, SI, no two alike.
+/// Values of realistic size, SI, all different.
 fn numbers(spec: &Spec, parameter: &Parameter, arm: &Arm) -> Vec<f64> {
     let joint = &arm.joints()[JOINT];
     match (spec.kind, parameter.stem) {
@@ -198,7 +199,7 @@ fn size(parameter: &Parameter) -> f64 {
         (_, Unit::PerMetre) => 0.02,
         (_, Unit::NewtonPerMillimetre) => 8e3,
         (_, Unit::NewtonPerSquareMillimetre) => 8e8,
-        // A wave of hours: the scene's times are far from the segment's start.
+        // A period of hours: the scene's times are far from the segment's start.
         (_, Unit::Hertz) => 1e-4,
         (_, unit) => panic!("no sample for {} in {unit:?}", parameter.stem),
     }

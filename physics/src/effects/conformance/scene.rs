@@ -1,9 +1,9 @@
-//! Arms at work, for tests all over the crate.
+//! Loaded arms, for tests of the whole crate.
 
 use crate::{Arm, Body, Chain, Inputs, JOINTS_MAX, Joint, JointKind, Loads, Signals, Tool, Wrench};
 use glam::{DMat3, DVec3};
 
-/// An arm at work: a configuration far from any special one, a load, temperatures.
+/// A loaded arm: a generic configuration, a load, temperatures.
 pub(crate) struct Scene {
     pub(crate) arm: Arm,
     pub(crate) inputs: Inputs,
@@ -44,7 +44,7 @@ pub(crate) fn scene() -> Scene {
     Scene { arm, inputs }
 }
 
-/// The same with a second joint that slides.
+/// The same with a prismatic second joint.
 pub(crate) fn sliding_scene() -> Scene {
     let Scene { arm, mut inputs } = scene();
     let mut joints = [arm.joints()[0]; 6];
@@ -56,14 +56,14 @@ pub(crate) fn sliding_scene() -> Scene {
     Scene { arm, inputs }
 }
 
-/// What an effect sees of an arm with these inputs.
+/// Calls `visit` with the signals of an arm for these inputs.
 pub(crate) fn seen<R>(arm: &Arm, inputs: &Inputs, visit: impl FnOnce(&Signals<'_>) -> R) -> R {
     let chain = Chain::nominal(arm, &inputs.q);
     let loads = Loads::on(arm, &chain, inputs.wrench_base);
     visit(&Signals { arm, inputs, chain: &chain, loads: &loads })
 }
 
-/// What an effect sees of the scene's arm with these inputs.
+/// The same for the scene's arm.
 pub(crate) fn with_inputs<R>(inputs: &Inputs, visit: impl FnOnce(&Signals<'_>) -> R) -> R {
     seen(&scene().arm, inputs, visit)
 }

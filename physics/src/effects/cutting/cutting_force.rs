@@ -1,6 +1,6 @@
 //! Deviation of the specific cutting force: a force proportional to chip thickness.
 //!
-//! `F += k a h`, `h = f_t sin φ`    k: `coefficient`, tangential, radial, axial, N/m²; on top of what the recording's `[cut]` says.
+//! `F += k a h`, `h = f_t sin φ`    k: `coefficient`, tangential, radial, axial, N/m²; in addition to the recording's `[cut]`.
 //! Source: docs/reference/effects.md; thesis 4.7. Memoryless.
 
 use crate::cut::ForceTerm;

@@ -1,6 +1,6 @@
 //! Deviation of the edge force: a force proportional to the depth of cut, independent of the feed.
 //!
-//! `F += k a`    k: `coefficient`, tangential, radial, axial, N/m; on top of what the recording's `[cut]` says.
+//! `F += k a`    k: `coefficient`, tangential, radial, axial, N/m; in addition to the recording's `[cut]`.
 //! Source: docs/reference/effects.md; Altintas, Manufacturing Automation, 2012, 2.3. Memoryless.
 
 use crate::cut::ForceTerm;

@@ -14,7 +14,7 @@ use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
 pub struct FrictionAsymmetry {
     joint: usize,
     values: [f64; 2],
-    /// First and end of the numbers that were given.
+    /// Range of the values that were given.
     given: (usize, usize),
 }
 

@@ -29,7 +29,7 @@ impl Effect for TorqueHysteresis {
         needs: &[Need::Direction],
         has_memory: true,
         parameters: &[
-            // Two effects have this name: the unit belongs to the stem, which tells them apart.
+            // Two effects have this name: the unit is part of the stem, to distinguish them.
             Parameter::linear("amplitude_N", Unit::MetreAfterNewton, Range::NotNegative),
             Parameter::nonlinear("reversal", Unit::Milliradian, Range::Positive),
         ],

@@ -6,8 +6,8 @@ use crate::chance::Chance;
 use crate::egm::proto;
 use crate::oracle::Oracle;
 use bridge::Counts;
+use bridge::egm::forwarder::{Forwarder, Settings};
 use bridge::egm::joints::Order;
-use bridge::egm::middle::{Middle, Settings};
 use bridge::feed::Feed;
 use bridge::settings::RunRules;
 use prost::Message;
@@ -24,7 +24,7 @@ const RUNNING: i32 = 3;
 const STOPPED: i32 = 2;
 
 pub(super) struct EgmCell {
-    middle: Middle<VirtualDaemon>,
+    forwarder: Forwarder<VirtualDaemon>,
     oracle: Oracle,
     /// The oracle for which the run that began last went on from the one before, until it finds that it did not.
     goes_on: Option<Oracle>,
@@ -61,7 +61,13 @@ impl EgmCell {
         let feed = Feed::over(VirtualDaemon::new(chance.bits()));
         let now_ns = 1 << 40;
         Self {
-            middle: Middle::new(settings, model().arm, feed, None, Arc::new(Counts::default())),
+            forwarder: Forwarder::new(
+                settings,
+                model().arm,
+                feed,
+                None,
+                Arc::new(Counts::default()),
+            ),
             oracle: oracle(),
             goes_on: None,
             chance,
@@ -79,17 +85,17 @@ impl EgmCell {
     }
 
     fn of_robot(&mut self, datagram: &[u8], from: &str, now_ns: u64) -> bool {
-        self.middle.link().now_ns = now_ns;
-        self.middle.of_robot(datagram, at(from), now_ns)
+        self.forwarder.link().now_ns = now_ns;
+        self.forwarder.of_robot(datagram, at(from), now_ns)
     }
 
     /// A datagram of the application, and what becomes of it at the robot.
     fn of_application(&mut self, original: &[u8], now_ns: u64) {
-        self.middle.link().now_ns = now_ns;
+        self.forwarder.link().now_ns = now_ns;
         let mut datagram = original.to_vec();
         let from = at("10.0.0.3:6511");
-        let Some(screened) = self.middle.of_application(&datagram, from, now_ns) else { return };
-        let Some(to) = self.middle.answer(&mut datagram, &screened) else { return };
+        let Some(screened) = self.forwarder.of_application(&datagram, from, now_ns) else { return };
+        let Some(to) = self.forwarder.answer(&mut datagram, &screened) else { return };
         if to != at("10.0.0.1:6510") {
             return self.summary.breaks(&format!("sent to {to}"));
         }
@@ -236,19 +242,19 @@ impl Cell for EgmCell {
         if self.summary.broken.is_some() {
             return;
         }
-        let jitter_ns = if self.middle.link().fails { self.chance.below(JITTER_NS) } else { 0 };
+        let jitter_ns = if self.forwarder.link().fails { self.chance.below(JITTER_NS) } else { 0 };
         self.now_ns += CYCLE_NS;
         let now_ns = self.now_ns + jitter_ns;
         self.robot_number = self.robot_number.wrapping_add(1);
         let feedback = self.feedback_now();
-        let lost = self.middle.link().fails && self.chance.below(40) == 0;
+        let lost = self.forwarder.link().fails && self.chance.below(40) == 0;
         let passes = !lost && self.of_robot(&feedback, "10.0.0.1:6510", now_ns);
         self.feedback.push(feedback);
         if passes {
             self.application_number = self.application_number.wrapping_add(1);
             let target = target(self.application_number, &path(now_ns - self.standing_ns));
             self.targets.push(target.clone());
-            if !(self.middle.link().fails && self.chance.below(40) == 0) {
+            if !(self.forwarder.link().fails && self.chance.below(40) == 0) {
                 self.of_application(&target, now_ns + 200_000);
             }
         }
@@ -260,7 +266,7 @@ impl Cell for EgmCell {
     }
 
     fn daemon(&mut self) -> &mut VirtualDaemon {
-        self.middle.link()
+        self.forwarder.link()
     }
 
     fn summary(&mut self) -> &mut Summary {

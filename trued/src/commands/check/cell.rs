@@ -77,7 +77,7 @@ fn misfits(name: &str, config: &CellConfig, model: &RobotModel) -> Vec<Fault> {
     if let Err(error) = setup::settings(config, arm, false) {
         found.push(Fault::new("envelope", error.to_string()));
     }
-    if let Err(error) = setup::ears(config, model) {
+    if let Err(error) = setup::force_processor(config, model) {
         found.push(Fault::new("vibration", error.to_string()));
     }
     found.extend(setup::deflection_limit_fault(config, &model.physics));

@@ -1,7 +1,8 @@
 //! The recording files of a cell: names, kept files, removal of old files.
 //!
-//! A kept file is called `CELL-SECONDS-COUNT.kept.mcap` and is never removed. Promises: names sort by time even if the system's clock was
-//! set back; the file being written and files of other cells are never removed. Never: writes into a file.
+//! A kept file is called `CELL-SECONDS-COUNT.kept.mcap` and is never removed. Names sort by time
+//! even if the system's clock was set back; the file being written and files of other cells are
+//! never removed. This module does not write files.
 
 use recording::blackbox::UNFINISHED;
 use std::fs;
@@ -9,15 +10,16 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 use tracing::warn;
 
-/// When a file was begun, s since 1970, and which of that second's: what its name sorts by.
+/// When a file was started, s since 1970, and its number within that second: the sort key of its
+/// name.
 type Number = (u64, u32);
 
-/// How the name of a recording ends.
+/// Suffix of a recording.
 const END: &str = ".mcap";
-/// How the name of a kept one ends.
+/// Suffix of a kept recording.
 const KEPT: &str = ".kept.mcap";
 
-/// Where the next file of that cell goes: after all that stand there.
+/// Path of the next file of this cell: sorts after all existing ones.
 pub fn next(dir: &Path, cell: &str) -> PathBuf {
     let now_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let newest = files(dir, cell).last().map(|(number, _)| *number);
@@ -30,13 +32,13 @@ pub fn recordings(dir: &Path, cell: &str) -> Vec<PathBuf> {
     files(dir, cell).into_iter().map(|(_, path)| path).collect()
 }
 
-/// Removes what a repair that was killed left of this cell's files.
+/// Removes unfinished files of an interrupted repair, for this cell.
 pub fn remove_unfinished(dir: &Path, cell: &str) {
     for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
         let name = entry.file_name();
         let of_file = name.to_str().and_then(|name| name.strip_suffix(UNFINISHED));
         if of_file.is_some_and(|name| number_of(name, cell).is_some()) {
-            // What cannot be removed is overwritten by the next repair.
+            // If removal fails, the next repair overwrites the file.
             let _ = fs::remove_file(entry.path());
         }
     }
@@ -47,19 +49,19 @@ pub fn is_kept(path: &Path) -> bool {
     path.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.ends_with(KEPT))
 }
 
-/// The name of a recording as a kept one.
+/// The name of a recording once it is kept.
 pub fn kept(path: &Path) -> PathBuf {
     if is_kept(path) { path.to_owned() } else { path.with_extension(&KEPT[1..]) }
 }
 
-/// The recording of this cell before `current`, where there is one.
+/// The recording of this cell before `current`, if any.
 pub fn before(dir: &Path, cell: &str, current: &Path) -> Option<PathBuf> {
     let recordings = recordings(dir, cell);
     let place = recordings.iter().position(|path| path == current)?;
     recordings.get(place.checked_sub(1)?).cloned()
 }
 
-/// Removes this cell's oldest files beyond `keep`, `current` and those that are kept never.
+/// Removes this cell's oldest files beyond `keep`; never `current` and kept ones.
 pub fn remove_oldest(dir: &Path, cell: &str, keep: usize, current: &Path) {
     let mut files = files(dir, cell);
     files.retain(|(_, file)| !is_kept(file));
@@ -87,7 +89,8 @@ fn files(dir: &Path, cell: &str) -> Vec<(Number, PathBuf)> {
     files
 }
 
-/// A name `CELL-SECONDS-COUNT.mcap`, kept or not, read; another cell's may begin alike.
+/// Parses a name `CELL-SECONDS-COUNT.mcap`, kept or not; the name of another cell may have the same
+/// beginning.
 fn number_of(name: &str, cell: &str) -> Option<Number> {
     let numbers = name.strip_prefix(cell)?.strip_prefix('-')?;
     let numbers = numbers.strip_suffix(KEPT).or_else(|| numbers.strip_suffix(END))?;
@@ -117,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_kept_file_is_a_recording_of_its_cell_and_is_never_removed() {
-        let dir = std::env::temp_dir().join(format!("trued-shelf-kept-{}", std::process::id()));
+        let dir = std::env::temp_dir().join(format!("trued-retention-kept-{}", std::process::id()));
         fs::create_dir_all(&dir).unwrap();
         let [first, second, third] =
             ["0001", "0002", "0003"].map(|n| dir.join(format!("a-0000000005-{n}.mcap")));
@@ -138,7 +141,7 @@ mod tests {
 
     #[test]
     fn the_oldest_go_and_the_one_being_written_stays() {
-        let dir = std::env::temp_dir().join(format!("trued-shelf-{}", std::process::id()));
+        let dir = std::env::temp_dir().join(format!("trued-retention-{}", std::process::id()));
         fs::create_dir_all(&dir).unwrap();
         let file = |seconds: u64, count: u32| dir.join(format!("a-{seconds:010}-{count:04}.mcap"));
         let other = dir.join("a-b-0000000001-0001.mcap");

@@ -10,7 +10,7 @@ use physics::Arm;
 use recording::bridge::Guidance;
 use trued_client::{JOINTS_MAX, RobotState};
 
-use super::force::ForceWay;
+use super::force::ForceForwarder;
 use super::joints::Order;
 use super::messages::{
     MCI_ERROR, MCI_RUNNING, MCI_STOPPED, PathCorrMessage, Posture, RobotMessage,
@@ -24,68 +24,70 @@ use crate::link::Link;
 use crate::sequence::{Sequence, Standing};
 use crate::settings::RunRules;
 
-/// What the bridge is set to.
+/// Settings of the bridge.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
     /// The controller.
     pub robot: IpAddr,
-    /// The port of its mechanical unit; none: whichever speaks first, for as long as it lives.
+    /// The port of its mechanical unit; `None`: the first that sends, as long as it continues.
     pub robot_port: Option<u16>,
-    /// The application, where there is one.
+    /// The application, if there is one.
     pub application: Option<SocketAddr>,
-    /// What is corrected.
+    /// The kind of target that is corrected.
     pub guidance: Guidance,
-    /// Where the arm's joints stand on the wire.
+    /// Order of the arm's joints in messages.
     pub order: Order,
-    /// Nothing of the correction goes out.
+    /// Shadow mode: no correction is sent.
     pub is_shadow: bool,
     /// Least time between two path corrections, ns.
     pub path_period_ns: u64,
-    /// When a run has ended, and which datagrams are of it.
+    /// Rules for the runs of the controller and their datagrams.
     pub runs: RunRules,
 }
 
-/// The bridge between its two sides.
-pub struct Middle<L = Joining> {
+/// The bridge between controller and application.
+pub struct Forwarder<L = Joining> {
     settings: Settings,
     arm: Arm,
     feed: Feed<L>,
-    force: Option<ForceWay>,
+    force: Option<ForceForwarder>,
     counts: Arc<Counts>,
     path: Path,
     robot: Option<Robot>,
-    /// Another mechanical unit, and how many datagrams it has sent since the one that is served last did.
+    /// Another mechanical unit, and the number of its datagrams since the last one of the unit that
+    /// is served.
     other_unit: Option<(SocketAddr, u32)>,
     robot_sequence: Sequence,
     application_sequence: Sequence,
 }
 
-/// The controller's run.
+/// State of the controller's run.
 #[derive(Debug, Clone, Copy)]
 struct Robot {
     address: SocketAddr,
     last_ns: u64,
     is_guided: bool,
-    /// Messages in a row that did not guide it.
+    /// Consecutive messages in a state in which the robot is not guided.
     not_guided: u32,
-    /// Where it is, in the arm's order, rad.
+    /// Measured position, in the arm's order, rad.
     stands: Option<[f64; JOINTS_MAX]>,
-    /// The newest joints of the program (else measured ones), in the arm's order, rad.
+    /// The newest planned (otherwise measured) joints, in the arm's order, rad.
     q: Option<[f64; JOINTS_MAX]>,
-    /// The application has spoken in this run, and since the controller last did.
+    /// Whether the application has sent a target in this run, and since the controller's last
+    /// message.
     has_target: bool,
     is_answered: bool,
     tm: Option<u32>,
 }
 
-impl<L: Link> Middle<L> {
-    /// A bridge that has seen nothing yet.
+impl<L: Link> Forwarder<L> {
+    /// Before the first datagram.
     #[must_use]
     pub fn new(
         settings: Settings,
         arm: Arm,
         feed: Feed<L>,
-        force: Option<ForceWay>,
+        force: Option<ForceForwarder>,
         counts: Arc<Counts>,
     ) -> Self {
         Self {
@@ -102,7 +104,7 @@ impl<L: Link> Middle<L> {
         }
     }
 
-    /// Takes a datagram of the controller's side; says whether it is passed on to the application.
+    /// Processes a datagram of the controller; returns whether it is forwarded to the application.
     pub fn of_robot(&mut self, datagram: &[u8], from: SocketAddr, now_ns: u64) -> bool {
         if from.ip() != self.settings.robot {
             return self.drop(Count::Foreign);
@@ -133,7 +135,9 @@ impl<L: Link> Middle<L> {
         true
     }
 
-    /// Whether this is the mechanical unit that is served: the named one; or the one that lives, until it has been silent for a while and
+    /// Whether this is the mechanical unit that is served: the configured one; otherwise the
+    /// present one, until it has been silent for a while and another one has sent several datagrams
+    /// in a row.
     /// another one has sent several datagrams in a row.
     fn is_served(&mut self, from: SocketAddr, now_ns: u64) -> bool {
         if let Some(port) = self.settings.robot_port {
@@ -149,20 +153,20 @@ impl<L: Link> Middle<L> {
         self.is_over(&robot, now_ns) && seen + 1 >= self.settings.runs.unit_taken_after
     }
 
-    /// Whether the controller has been silent for as long as ends a run.
+    /// Whether the controller has been silent for long enough to end a run.
     fn is_over(&self, robot: &Robot, now_ns: u64) -> bool {
         now_ns.saturating_sub(robot.last_ns) >= self.settings.runs.ends_after_ns()
     }
 
-    /// What the controller's message says of its run.
+    /// Updates the state of the run by a message of the controller.
     fn note(&mut self, message: &RobotMessage, standing: Standing, from: SocketAddr, now_ns: u64) {
         let lost = if let Standing::Next { lost } = standing { lost } else { 0 };
         let silent = self.robot.is_some_and(|robot| self.is_over(&robot, now_ns));
         let before = self.robot.filter(|robot| {
-            // A silence in which the controller counted on is the network's.
+            // A silence during which the controller continued to count is a network failure.
             standing != Standing::First && robot.address == from && (!silent || lost > 0)
         });
-        // It may have begun anew nevertheless: where the robot is shows that.
+        // It may have restarted nevertheless: the position of the robot decides.
         let is_doubtful = silent || lost >= self.settings.runs.doubtful_lost;
         let is_guided = is_guided(self.settings.guidance, message.mci_state);
         let measured = self.settings.order.rad(&message.feedback);
@@ -203,7 +207,8 @@ impl<L: Link> Middle<L> {
         }
     }
 
-    /// The robot begins to be guided, from its present position. Along a path corrections add up from zero.
+    /// The robot starts to be guided, from its present position. Along a path corrections
+    /// accumulate from zero.
     fn start(&mut self, stands: Option<[f64; JOINTS_MAX]>) {
         match stands.filter(|_| self.settings.guidance == Guidance::Joints) {
             Some(stands) => self.feed.start_at(&stands),
@@ -211,7 +216,7 @@ impl<L: Link> Middle<L> {
         }
     }
 
-    /// Takes a datagram of the application's side; says what may be answered.
+    /// Processes a datagram of the application; returns what may be answered.
     pub fn of_application(
         &mut self,
         datagram: &[u8],
@@ -251,7 +256,7 @@ impl<L: Link> Middle<L> {
         })
     }
 
-    /// Corrects a screened datagram in place; says where it goes.
+    /// Corrects a classified datagram in place; returns its destination.
     pub fn answer(&mut self, datagram: &mut [u8], screened: &Screened) -> Option<SocketAddr> {
         let robot = self.robot.as_mut()?;
         (robot.has_target, robot.is_answered) = (true, true);
@@ -280,8 +285,10 @@ impl<L: Link> Middle<L> {
         Some(robot.address)
     }
 
-    /// Whether a joint target goes out as commanded: the robot is not guided, and the first target that it follows shall be the application's own. A correction
-    /// that is in force goes on until the robot stands without it, as the message that guides the robot may have been lost.
+    /// Whether a joint target is sent as commanded: the robot is not guided, and the first target
+    /// that it follows has to be the application's own. A correction in force continues until the
+    /// robot is at rest without it, because the message that starts the guidance may have been
+    /// lost.
     fn is_passed(&self, planned: &Posture, robot: &Robot) -> bool {
         if robot.is_guided {
             return false;
@@ -312,7 +319,8 @@ impl<L: Link> Middle<L> {
         self.settings.order.put(datagram, planned, put);
     }
 
-    /// An answer of our own to the controller, where no application guides it: its length in `to`, and where it goes.
+    /// A path correction of the bridge itself, if no application guides the controller: its length
+    /// in `to`, and its destination.
     pub fn own_answer(&mut self, to: &mut [u8], now_ns: u64) -> Option<(usize, SocketAddr)> {
         let is_ours =
             self.settings.guidance == Guidance::Path && self.settings.application.is_none();
@@ -330,7 +338,7 @@ impl<L: Link> Middle<L> {
         Some((length, robot.address))
     }
 
-    /// What the correction is across the path, mm.
+    /// Component of the correction across the path, mm.
     fn offset_mm(&mut self, robot: &Robot) -> (f64, f64) {
         let Some(q) = robot.q else {
             self.counts.one(Count::NotCorrected);
@@ -343,12 +351,12 @@ impl<L: Link> Middle<L> {
         if self.settings.is_shadow { (0.0, 0.0) } else { (y, z) }
     }
 
-    /// Where corrections come from.
+    /// Source of corrections.
     pub fn link(&mut self) -> &mut L {
         self.feed.link()
     }
 
-    /// Nothing came for a while: the daemon is looked for.
+    /// Nothing was received for a while: checks the connection to the daemon.
     pub fn idle(&mut self) {
         self.feed.link().look();
     }
@@ -358,7 +366,7 @@ impl<L: Link> Middle<L> {
         self.counts.one(Count::NotSent);
     }
 
-    /// Counts a target that a newer one overtook before it was answered.
+    /// Counts a target that was superseded by a newer one before it was answered.
     pub fn superseded(&self) {
         self.counts.one(Count::Superseded);
     }
@@ -369,7 +377,8 @@ impl<L: Link> Middle<L> {
     }
 }
 
-/// The controller says that targets move the robot, or says nothing of it. A path runs before its state is known.
+/// Whether the controller reports that targets move the robot, or does not report it. Path
+/// corrections apply before the state is known.
 fn is_guided(guidance: Guidance, mci_state: Option<u32>) -> bool {
     match guidance {
         Guidance::Joints => mci_state.is_none_or(|state| state == MCI_RUNNING),

@@ -16,11 +16,11 @@ fn at(address: &str) -> SocketAddr {
     address.parse().unwrap()
 }
 
-fn middle(guidance: Guidance) -> (Middle, Arc<Counts>) {
+fn forwarder(guidance: Guidance) -> (Forwarder, Arc<Counts>) {
     middle_over(guidance, Feed::over(Joining::nowhere()))
 }
 
-fn middle_over<L: Link>(guidance: Guidance, feed: Feed<L>) -> (Middle<L>, Arc<Counts>) {
+fn middle_over<L: Link>(guidance: Guidance, feed: Feed<L>) -> (Forwarder<L>, Arc<Counts>) {
     let counts = Arc::new(Counts::default());
     let arm = preset("irb1600-6-145-thesis").unwrap().model().unwrap().physics.arm;
     let settings = Settings {
@@ -33,7 +33,7 @@ fn middle_over<L: Link>(guidance: Guidance, feed: Feed<L>) -> (Middle<L>, Arc<Co
         path_period_ns: 48 * MS,
         runs: RunRules::default(),
     };
-    (Middle::new(settings, arm, feed, None, Arc::clone(&counts)), counts)
+    (Forwarder::new(settings, arm, feed, None, Arc::clone(&counts)), counts)
 }
 
 fn message(field: u32, number: u32, mtype: u32, joints: &[f64], mci_state: Option<u64>) -> Vec<u8> {
@@ -63,86 +63,86 @@ fn target(number: u32) -> Vec<u8> {
 }
 
 fn answered<L: Link>(
-    middle: &mut Middle<L>,
+    forwarder: &mut Forwarder<L>,
     datagram: &[u8],
     ms: u64,
 ) -> Option<(Vec<u8>, SocketAddr)> {
     let mut datagram = datagram.to_vec();
-    let screened = middle.of_application(&datagram, at(APPLICATION), ms * MS)?;
-    let to = middle.answer(&mut datagram, &screened)?;
+    let screened = forwarder.of_application(&datagram, at(APPLICATION), ms * MS)?;
+    let to = forwarder.answer(&mut datagram, &screened)?;
     Some((datagram, to))
 }
 
 #[test]
 fn nothing_is_sent_before_the_controller_has_spoken_nor_after_it_fell_silent() {
-    let (mut middle, counts) = middle(Guidance::Joints);
-    assert!(answered(&mut middle, &target(0), 0).is_none());
-    assert!(middle.of_robot(&feedback(1), at(ROBOT), MS));
-    assert_eq!(answered(&mut middle, &target(1), 2), Some((target(1), at(ROBOT))));
-    assert!(answered(&mut middle, &target(2), 100).is_some());
-    assert!(answered(&mut middle, &target(3), 1300).is_none());
+    let (mut forwarder, counts) = forwarder(Guidance::Joints);
+    assert!(answered(&mut forwarder, &target(0), 0).is_none());
+    assert!(forwarder.of_robot(&feedback(1), at(ROBOT), MS));
+    assert_eq!(answered(&mut forwarder, &target(1), 2), Some((target(1), at(ROBOT))));
+    assert!(answered(&mut forwarder, &target(2), 100).is_some());
+    assert!(answered(&mut forwarder, &target(3), 1300).is_none());
     assert_eq!(counts.get(Count::Early), 2);
 }
 
 #[test]
 fn foreign_datagrams_reach_nobody() {
-    let (mut middle, counts) = middle(Guidance::Joints);
-    assert!(!middle.of_robot(&feedback(1), at("192.168.125.2:6510"), 0));
-    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
-    assert!(middle.of_application(&target(1), at("127.0.0.1:7000"), MS).is_none());
+    let (mut forwarder, counts) = forwarder(Guidance::Joints);
+    assert!(!forwarder.of_robot(&feedback(1), at("192.168.125.2:6510"), 0));
+    assert!(forwarder.of_robot(&feedback(1), at(ROBOT), 0));
+    assert!(forwarder.of_application(&target(1), at("127.0.0.1:7000"), MS).is_none());
     assert_eq!(counts.get(Count::Foreign), 2);
 }
 
 #[test]
 fn a_second_mechanical_unit_is_refused_while_the_first_one_lives() {
-    let (mut middle, counts) = middle(Guidance::Joints);
+    let (mut forwarder, counts) = forwarder(Guidance::Joints);
     let other = at("192.168.125.1:51000");
-    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+    assert!(forwarder.of_robot(&feedback(1), at(ROBOT), 0));
     for number in 2..200 {
-        assert!(!middle.of_robot(&feedback(7 * number), other, u64::from(number) * 4 * MS));
-        assert!(middle.of_robot(&feedback(number), at(ROBOT), u64::from(number) * 4 * MS));
-        let (_, to) = answered(&mut middle, &target(number), u64::from(number) * 4 + 1).unwrap();
+        assert!(!forwarder.of_robot(&feedback(7 * number), other, u64::from(number) * 4 * MS));
+        assert!(forwarder.of_robot(&feedback(number), at(ROBOT), u64::from(number) * 4 * MS));
+        let (_, to) = answered(&mut forwarder, &target(number), u64::from(number) * 4 + 1).unwrap();
         assert_eq!(to, at(ROBOT));
     }
     assert_eq!((counts.get(Count::OtherUnit), counts.get(Count::Sessions)), (198, 1));
-    // The first one is gone, and the other one goes on.
-    let passed = [3, 4, 5, 6].map(|number| middle.of_robot(&feedback(number), other, 2000 * MS));
+    // The first one is gone, and the other one continues.
+    let passed = [3, 4, 5, 6].map(|number| forwarder.of_robot(&feedback(number), other, 2000 * MS));
     assert!(passed[3], "{passed:?}");
     assert_eq!(counts.get(Count::Sessions), 2);
 }
 
 #[test]
 fn a_mechanical_unit_that_is_named_is_the_only_one() {
-    let (mut middle, counts) = middle(Guidance::Joints);
-    middle.settings.robot_port = Some(51_000);
-    assert!(!middle.of_robot(&feedback(1), at(ROBOT), 0));
-    assert!(middle.of_robot(&feedback(1), at("192.168.125.1:51000"), MS));
+    let (mut forwarder, counts) = forwarder(Guidance::Joints);
+    forwarder.settings.robot_port = Some(51_000);
+    assert!(!forwarder.of_robot(&feedback(1), at(ROBOT), 0));
+    assert!(forwarder.of_robot(&feedback(1), at("192.168.125.1:51000"), MS));
     assert_eq!(counts.get(Count::OtherUnit), 1);
 }
 
 #[test]
 fn broken_datagrams_reach_nobody_and_the_next_good_one_does() {
-    let (mut middle, counts) = middle(Guidance::Joints);
-    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+    let (mut forwarder, counts) = forwarder(Guidance::Joints);
+    assert!(forwarder.of_robot(&feedback(1), at(ROBOT), 0));
     let good = target(1);
     for cut in [0, 1, 5, good.len() - 1] {
-        assert!(answered(&mut middle, &good[..cut], 1).is_none(), "{cut} bytes");
-        assert!(!middle.of_robot(&feedback(2)[..cut], at(ROBOT), MS), "{cut} bytes");
+        assert!(answered(&mut forwarder, &good[..cut], 1).is_none(), "{cut} bytes");
+        assert!(!forwarder.of_robot(&feedback(2)[..cut], at(ROBOT), MS), "{cut} bytes");
     }
     for bad in [f64::NAN, f64::INFINITY] {
         let no_number = message(2, 2, 3, &[0.0, bad, 0.0, 0.0, 0.0, 0.0], None);
-        assert!(answered(&mut middle, &no_number, 1).is_none());
+        assert!(answered(&mut forwarder, &no_number, 1).is_none());
     }
     assert_eq!(counts.get(Count::Broken), 10);
-    assert!(answered(&mut middle, &good, 2).is_some());
+    assert!(answered(&mut forwarder, &good, 2).is_some());
 }
 
 #[test]
 fn a_repeated_target_goes_out_again_and_an_overtaken_one_does_not() {
-    let (mut middle, counts) = middle(Guidance::Joints);
-    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+    let (mut forwarder, counts) = forwarder(Guidance::Joints);
+    assert!(forwarder.of_robot(&feedback(1), at(ROBOT), 0));
     for (number, goes) in [(5, true), (5, true), (7, true), (6, false), (8, true)] {
-        assert_eq!(answered(&mut middle, &target(number), 1).is_some(), goes, "number {number}");
+        assert_eq!(answered(&mut forwarder, &target(number), 1).is_some(), goes, "number {number}");
     }
     let seen = [Count::Repeated, Count::Old, Count::ApplicationMissed].map(|what| counts.get(what));
     assert_eq!(seen, [1, 1, 1]);
@@ -150,8 +150,8 @@ fn a_repeated_target_goes_out_again_and_an_overtaken_one_does_not() {
 
 #[test]
 fn repeated_feedback_is_seen_once_and_missed_feedback_is_counted() {
-    let (mut middle, counts) = middle(Guidance::Joints);
-    let passed = [1, 1, 4, 3, 5].map(|number| middle.of_robot(&feedback(number), at(ROBOT), MS));
+    let (mut forwarder, counts) = forwarder(Guidance::Joints);
+    let passed = [1, 1, 4, 3, 5].map(|number| forwarder.of_robot(&feedback(number), at(ROBOT), MS));
     assert_eq!(passed, [true, false, true, false, true]);
     let seen = [Count::Repeated, Count::Old, Count::RobotMissed].map(|what| counts.get(what));
     assert_eq!(seen, [1, 1, 2]);
@@ -159,12 +159,12 @@ fn repeated_feedback_is_seen_once_and_missed_feedback_is_counted() {
 
 #[test]
 fn an_application_that_says_nothing_leaves_the_robot_without_an_answer() {
-    let (mut middle, counts) = middle(Guidance::Joints);
+    let (mut forwarder, counts) = forwarder(Guidance::Joints);
     for number in 1..=5 {
-        assert!(middle.of_robot(&feedback(number), at(ROBOT), u64::from(number) * 4 * MS));
-        assert!(middle.own_answer(&mut [0; 200], u64::from(number) * 4 * MS).is_none());
+        assert!(forwarder.of_robot(&feedback(number), at(ROBOT), u64::from(number) * 4 * MS));
+        assert!(forwarder.own_answer(&mut [0; 200], u64::from(number) * 4 * MS).is_none());
         if number == 1 {
-            assert!(answered(&mut middle, &target(1), 5).is_some());
+            assert!(answered(&mut forwarder, &target(1), 5).is_some());
         }
     }
     assert_eq!((counts.get(Count::Silent), counts.get(Count::Sent)), (3, 1));
@@ -172,29 +172,29 @@ fn an_application_that_says_nothing_leaves_the_robot_without_an_answer() {
 
 #[test]
 fn what_is_no_joint_target_of_this_arm_passes_as_it_is_and_is_counted() {
-    let (mut middle, counts) = middle(Guidance::Joints);
-    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+    let (mut forwarder, counts) = forwarder(Guidance::Joints);
+    assert!(forwarder.of_robot(&feedback(1), at(ROBOT), 0));
     let others = [
         message(2, 1, 3, &[], None),
         message(2, 2, 3, &[1.0; 7], None),
         message(2, 3, 1, &[1.0; 6], None),
     ];
     for other in others {
-        assert_eq!(answered(&mut middle, &other, 1).unwrap().0, other);
+        assert_eq!(answered(&mut forwarder, &other, 1).unwrap().0, other);
     }
     assert_eq!(counts.get(Count::NotCorrected), 3);
 }
 
 #[test]
 fn a_speed_reference_alone_passes_as_it_is_and_is_no_corrected_target() {
-    let (mut middle, counts) = middle(Guidance::Joints);
-    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+    let (mut forwarder, counts) = forwarder(Guidance::Joints);
+    assert!(forwarder.of_robot(&feedback(1), at(ROBOT), 0));
     // `EgmSensor.speedRef` is field 3: without `planned`, with an empty one, with a pose.
     let alone = message(3, 1, 3, &[1.5, 0.0, -2.0, 0.0, 0.0, 0.25], None);
     let mut beside_nothing = message(2, 2, 3, &[], None);
     beside_nothing.extend(&message(3, 2, 3, &[1.5; 6], None));
     for speeds in [alone, beside_nothing] {
-        assert_eq!(answered(&mut middle, &speeds, 1).unwrap().0, speeds);
+        assert_eq!(answered(&mut forwarder, &speeds, 1).unwrap().0, speeds);
     }
     let seen = [Count::Plain, Count::NotCorrected, Count::Corrected].map(|what| counts.get(what));
     assert_eq!(seen, [2, 0, 0]);
@@ -202,12 +202,13 @@ fn a_speed_reference_alone_passes_as_it_is_and_is_no_corrected_target() {
 
 #[test]
 fn a_controller_that_begins_anew_is_a_new_run() {
-    let (mut middle, counts) = middle(Guidance::Joints);
+    let (mut forwarder, counts) = forwarder(Guidance::Joints);
     let numbers = [(100, 0), (101, 4), (0, 8), (1, 12), (2, 16), (3, 20), (4, 24)];
-    // Numbers that fall back, believed at the fifth; a silence; a silence in which it counted on is none.
+    // Numbers that fall back, accepted at the fifth; a silence; no silence if it continued to
+    // count.
     let numbers = numbers.into_iter().chain([(5, 1500), (60, 3000), (560, 3004)]);
     let passed: Vec<bool> =
-        numbers.map(|(n, ms)| middle.of_robot(&feedback(n), at(ROBOT), ms * MS)).collect();
+        numbers.map(|(n, ms)| forwarder.of_robot(&feedback(n), at(ROBOT), ms * MS)).collect();
     assert_eq!(passed[..6], [true, true, false, false, false, false]);
     assert!(passed[6..].iter().all(|passed| *passed), "{passed:?}");
     assert_eq!(counts.get(Count::Sessions), 3);
@@ -216,32 +217,38 @@ fn a_controller_that_begins_anew_is_a_new_run() {
 #[test]
 fn a_controller_that_waits_longer_keeps_its_run_where_the_configuration_says_so() {
     for (ends_after_s, sessions) in [(1, 2), (2, 1)] {
-        let (mut middle, counts) = middle(Guidance::Joints);
-        middle.settings.runs.ends_after = Duration::from_secs(ends_after_s);
-        assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
-        assert!(middle.of_robot(&feedback(2), at(ROBOT), 1500 * MS));
+        let (mut forwarder, counts) = forwarder(Guidance::Joints);
+        forwarder.settings.runs.ends_after = Duration::from_secs(ends_after_s);
+        assert!(forwarder.of_robot(&feedback(1), at(ROBOT), 0));
+        assert!(forwarder.of_robot(&feedback(2), at(ROBOT), 1500 * MS));
         assert_eq!(counts.get(Count::Sessions), sessions, "{ends_after_s} s");
     }
 }
 
 #[test]
 fn of_a_path_y_and_z_are_changed_and_x_is_not() {
-    let (mut middle, _) = middle(Guidance::Path);
-    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+    let (mut forwarder, _) = forwarder(Guidance::Path);
+    assert!(forwarder.of_robot(&feedback(1), at(ROBOT), 0));
     let mut bytes = vec![0; 100];
     let header = Header { seqno: Some(1), tm: None, mtype: Some(4) };
     let length = PathCorrMessage::write(&mut bytes, header, [0.5, 1.0, -2.0], 7).unwrap();
     bytes.truncate(length);
     // Without a daemon nothing is added.
-    assert_eq!(answered(&mut middle, &bytes, 1).unwrap().0, bytes);
-    assert!(answered(&mut middle, &target(2), 2).is_none(), "no path correction");
+    assert_eq!(answered(&mut forwarder, &bytes, 1).unwrap().0, bytes);
+    assert!(answered(&mut forwarder, &target(2), 2).is_none(), "no path correction");
 }
 
-/// The bytes that go out for a target of this number, after feedback of joints at `stands_deg` in a state of motion.
-fn sent(middle: &mut Middle<Corrected>, number: u32, stands_deg: [f64; 6], state: u64) -> Vec<u8> {
+/// The bytes sent for a target of this number, after feedback of joints at `stands_deg` in a state
+/// of motion.
+fn sent(
+    forwarder: &mut Forwarder<Corrected>,
+    number: u32,
+    stands_deg: [f64; 6],
+    state: u64,
+) -> Vec<u8> {
     let feedback = message(2, number, 2, &stands_deg, Some(state));
-    assert!(middle.of_robot(&feedback, at(ROBOT), u64::from(4 * number) * MS));
-    answered(middle, &target(number), u64::from(4 * number) + 1).unwrap().0
+    assert!(forwarder.of_robot(&feedback, at(ROBOT), u64::from(4 * number) * MS));
+    answered(forwarder, &target(number), u64::from(4 * number) + 1).unwrap().0
 }
 
 #[test]
@@ -250,18 +257,18 @@ fn a_message_that_says_stopped_takes_no_correction_away_unless_the_robot_stands_
     const STOPPED: u64 = 2;
     let commanded = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
     let corrected = [1.0 - 1e-3_f64.to_degrees(), 2.0, 3.0, 4.0, 5.0, 6.0];
-    let (mut middle, counts) = middle_over(Guidance::Joints, Feed::over(Corrected(-1e-3)));
-    assert_ne!(sent(&mut middle, 1, corrected, RUNNING), target(1));
-    // One old message, replayed; then a stop, as the robot stands where it was sent.
-    assert_ne!(sent(&mut middle, 2, [9.0; 6], STOPPED), target(2));
-    assert_ne!(sent(&mut middle, 3, corrected, RUNNING), target(3));
-    assert!((4..10).all(|k| sent(&mut middle, k, corrected, STOPPED) != target(k)));
-    assert_ne!(sent(&mut middle, 10, corrected, RUNNING), target(10));
+    let (mut forwarder, counts) = middle_over(Guidance::Joints, Feed::over(Corrected(-1e-3)));
+    assert_ne!(sent(&mut forwarder, 1, corrected, RUNNING), target(1));
+    // One old message, replayed; then a stop, with the robot at its last target.
+    assert_ne!(sent(&mut forwarder, 2, [9.0; 6], STOPPED), target(2));
+    assert_ne!(sent(&mut forwarder, 3, corrected, RUNNING), target(3));
+    assert!((4..10).all(|k| sent(&mut forwarder, k, corrected, STOPPED) != target(k)));
+    assert_ne!(sent(&mut forwarder, 10, corrected, RUNNING), target(10));
     // Moved by hand to the target itself.
     let moved: Vec<bool> =
-        (11..16).map(|k| sent(&mut middle, k, commanded, STOPPED) == target(k)).collect();
+        (11..16).map(|k| sent(&mut forwarder, k, commanded, STOPPED) == target(k)).collect();
     assert_eq!(moved, [false, false, true, true, true]);
-    assert_eq!(sent(&mut middle, 16, commanded, RUNNING), target(16));
+    assert_eq!(sent(&mut forwarder, 16, commanded, RUNNING), target(16));
     assert_eq!(counts.get(Count::Plain), 3);
 }
 
@@ -269,11 +276,11 @@ fn a_message_that_says_stopped_takes_no_correction_away_unless_the_robot_stands_
 fn many_missing_numbers_may_be_a_run_that_begins_elsewhere() {
     let commanded = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
     for (number, is_corrected) in [(40, true), (60, false)] {
-        let (mut middle, _) = middle_over(Guidance::Joints, Feed::over(Corrected(-1e-3)));
-        let _ = sent(&mut middle, 1, [9.0; 6], 3);
+        let (mut forwarder, _) = middle_over(Guidance::Joints, Feed::over(Corrected(-1e-3)));
+        let _ = sent(&mut forwarder, 1, [9.0; 6], 3);
         let feedback = message(2, number, 2, &commanded, Some(3));
-        assert!(middle.of_robot(&feedback, at(ROBOT), 400 * MS));
-        let (sent, _) = answered(&mut middle, &target(2), 401).unwrap();
+        assert!(forwarder.of_robot(&feedback, at(ROBOT), 400 * MS));
+        let (sent, _) = answered(&mut forwarder, &target(2), 401).unwrap();
         assert_eq!(sent != target(2), is_corrected, "{number}");
     }
 }

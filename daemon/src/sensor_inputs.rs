@@ -1,6 +1,6 @@
 //! Sensor inputs of the cycle: the newest wrench, temperatures, spindle speed.
 //!
-//! Promises: the newest value is used; its age is always available. Never: a wait.
+//! The newest value is used; its age is always available. It never waits.
 
 use crate::exchange::Exchange;
 use crate::feed::CellFeed;
@@ -17,39 +17,39 @@ use std::sync::atomic::Ordering::Relaxed;
 pub struct Measured {
     /// Force N, moment Nm, at the TCP.
     pub wrench: [f64; 6],
-    /// In base axes; else in tool axes.
+    /// In base axes; otherwise in tool axes.
     pub in_base: bool,
     /// When it was measured, `CLOCK_MONOTONIC`, ns.
     pub t_ns: u64,
-    /// Its stream or one of its channels has a fault.
+    /// Whether its stream or one of its channels has a fault.
     pub faulty: bool,
 }
 
-/// Where the wrench comes from.
+/// Source of the wrench.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WrenchSource {
     /// From force blocks.
     Force,
     /// From the commands.
     Command,
-    /// From nowhere.
+    /// No source.
     None,
 }
 
-/// The newest of everything.
+/// The newest value of each input.
 #[derive(Debug)]
-pub struct Senses {
+pub struct SensorInputs {
     source: WrenchSource,
     measured: Option<Measured>,
     temperatures: Temperatures,
-    /// What measures the tool, where the cell has it.
+    /// The instrument that measures the tool, if the cell has one.
     pub instrument: Option<Box<Instrument>>,
-    /// How the feed is adapted to the force, where it is.
+    /// The adaptation of the feed to the force, if configured.
     pub feed: Option<Box<CellFeed>>,
 }
 
-impl Senses {
-    /// Nothing is known yet. Temperatures are those of the newest message, as in a recording.
+impl SensorInputs {
+    /// Without values yet. Temperatures are those of the newest message, as in a recording.
     pub fn new(source: WrenchSource) -> Self {
         Self {
             source,
@@ -60,25 +60,26 @@ impl Senses {
         }
     }
 
-    /// The same with temperatures that hold until they are older than that, ns.
+    /// The same with an age limit for temperatures, ns.
     #[must_use]
     pub fn with_age_limit(self, limit_ns: u64) -> Self {
         Self { temperatures: Temperatures::new(Some(limit_ns)), ..self }
     }
 
-    /// The same with what measures the tool, where the cell has it.
+    /// The same with an instrument, if the cell has one.
     #[must_use]
     pub fn with_instrument(self, instrument: Option<Box<Instrument>>) -> Self {
         Self { instrument, ..self }
     }
 
-    /// The same with how the feed is adapted to the force, where it is.
+    /// The same with a feed adaptation, if configured.
     #[must_use]
     pub fn with_feed(self, feed: Option<Box<CellFeed>>) -> Self {
         Self { feed, ..self }
     }
 
-    /// Takes what is new, and says what is known at `now_ns` (`CLOCK_MONOTONIC`, or the command's time in lockstep).
+    /// Takes new values and returns the inputs valid at `now_ns` (`CLOCK_MONOTONIC`, or the
+    /// command's time in lockstep).
     pub fn world(
         &mut self,
         exchange: &Exchange,
@@ -113,12 +114,12 @@ impl Senses {
         }
     }
 
-    /// The wrench as it enters the cycle; NaN where none is known.
+    /// The wrench used in the cycle; NaN if unknown.
     pub fn wrench(&self) -> ([f64; 6], bool) {
         self.measured.map_or(([f64::NAN; 6], false), |m| (m.wrench, m.in_base))
     }
 
-    /// The temperatures as they entered the cycle, ambient and then one per joint, °C; NaN where unknown.
+    /// The temperatures used in the cycle, ambient and then one per joint, °C; NaN where unknown.
     pub fn celsius(&self) -> [f64; JOINTS_MAX + 1] {
         self.temperatures.newest()
     }

@@ -1,25 +1,26 @@
 //! Repairs recordings that were not closed: when the daemon starts, and when its disk has room again.
 //!
-//! Runs in a separate thread, which ends with the last file. The file that is being written and the files of other cells are not touched. A file
-//! that cannot be repaired is left unchanged, with a warning in the log. The recorder does not wait for this thread.
+//! Runs in a separate thread, which ends with the last file. The file that is being written and the
+//! files of other cells are not touched. A file that cannot be repaired is left unchanged, with a
+//! warning in the log. The recorder does not wait for this thread.
 
-use crate::{notebook, shelf};
+use crate::{notebook, retention};
 use recording::blackbox::{Repair, is_closed, repair};
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use tracing::{info, warn};
 
-/// Repairs this cell's recordings in that folder, but for the `current` one.
+/// Repairs this cell's recordings in the folder, except the `current` one.
 pub fn unclosed(dir: &Path, cell: &str, current: &Path) {
-    shelf::remove_unfinished(dir, cell);
-    for path in shelf::recordings(dir, cell) {
+    retention::remove_unfinished(dir, cell);
+    for path in retention::recordings(dir, cell) {
         if path == current || is_being_written(&path) || is_closed(&path).unwrap_or(true) {
             continue;
         }
         let file = path.display();
         if fs::metadata(&path).is_ok_and(|file| file.len() == 0) {
-            // Killed between making the file and writing into it.
+            // An empty file: the daemon was killed between creating and writing it.
             let _ = fs::remove_file(&path);
             continue;
         }
@@ -33,12 +34,13 @@ pub fn unclosed(dir: &Path, cell: &str, current: &Path) {
     }
 }
 
-/// Whether the recorder has it: a recording may have begun, or changed its name, since this repair began.
+/// Whether the recorder is writing it: a recording may have been started or renamed since this
+/// repair began.
 fn is_being_written(path: &Path) -> bool {
     File::open(path).is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
 }
 
-/// The same in a separate thread; none where the system refuses one.
+/// The same in a separate thread; `None` if the system refuses one.
 #[must_use]
 pub fn start(dir: PathBuf, cell: String, current: PathBuf) -> Option<JoinHandle<()>> {
     let book = notebook::of_this_thread();
@@ -62,7 +64,7 @@ mod tests {
 
     #[test]
     fn what_a_kill_left_is_whole_again_and_what_is_written_now_is_not_touched() {
-        let dir = std::env::temp_dir().join(format!("trued-mend-{}", std::process::id()));
+        let dir = std::env::temp_dir().join(format!("trued-repair-{}", std::process::id()));
         fs::create_dir_all(&dir).unwrap();
         let file = |count: u32| dir.join(format!("a-0000000001-{count:04}.mcap"));
         let write = |path: &Path| {
@@ -79,7 +81,7 @@ mod tests {
         fs::write(file(3), "").unwrap();
         fs::write(dir.join("a-0000000001-0002.mcap.repair"), &cut[..20]).unwrap();
         fs::write(dir.join("b-0000000001-0001.mcap"), &cut).unwrap();
-        // Begun since, and nothing written yet.
+        // Started since, and still empty.
         let begun = File::create(file(5)).unwrap();
         begun.lock().unwrap();
         unclosed(&dir, "a", &file(4));
