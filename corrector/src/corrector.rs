@@ -31,6 +31,8 @@ pub struct Corrector {
     limiters: Limiters<JOINTS_MAX>,
     /// The correction that the last good solution required.
     last_wanted: Joints,
+    /// The lead of the last accepted command.
+    last_lead: Joints,
     refused_ns: u64,
     /// Why the correction is not yet the requested one; kept until it is.
     cause: Reason,
@@ -66,6 +68,7 @@ impl Corrector {
             solver: Solver::default(),
             limiters: Limiters::at_rest(),
             last_wanted: [0.0; JOINTS_MAX],
+            last_lead: [0.0; JOINTS_MAX],
             refused_ns: 0,
             cause: Reason::Starting,
             bypassed: false,
@@ -156,7 +159,10 @@ impl Corrector {
         let Some(inputs) = self.path.last() else { return blank };
         let solution = self.solver.track(model, inputs, self.path.memories(), &task, &reach);
         let q_cmd = inputs.q;
-        self.wanted(&q_cmd, &solution, blank)
+        let mut wanted = self.wanted(&q_cmd, &solution, blank);
+        self.last_lead = world.lead;
+        apply(&mut wanted.correction, &world.lead);
+        wanted
     }
 
     /// Limits the requested correction to the one that is sent.
@@ -247,7 +253,11 @@ impl Corrector {
         self.cause = reason;
         self.refused_ns = self.refused_ns.saturating_add(nanoseconds(elapsed));
         let blank = Wanted::nothing(elapsed);
-        let correction = if self.holds() { self.last_wanted } else { blank.correction };
+        let mut correction = blank.correction;
+        if self.holds() {
+            correction = self.last_wanted;
+            apply(&mut correction, &self.last_lead);
+        }
         Wanted { correction, status: Status::Rejected, reason, ..blank }
     }
 

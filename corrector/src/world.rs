@@ -3,7 +3,7 @@
 //! Invariant: after [`World::sound`] every number is finite and plausible, or counts as unknown.
 
 use glam::DVec3;
-use physics::{JOINTS_MAX, Wrench};
+use physics::{JOINTS_MAX, Joints, Wrench};
 
 /// Range of plausible temperatures, °C; outside, the sensor is broken.
 const CELSIUS: core::ops::RangeInclusive<f64> = -60.0..=200.0;
@@ -38,6 +38,8 @@ pub struct World {
     pub spindle_rpm: f64,
     /// Displacement of the tool by the trim, base frame, m; zero without a trim.
     pub trim_m: DVec3,
+    /// What joints in motion are to be commanded beyond the static correction, because they follow with delay and lag, rad or m; zero at rest.
+    pub lead: Joints,
 }
 
 impl Default for World {
@@ -48,6 +50,7 @@ impl Default for World {
             joint_celsius: [f64::NAN; JOINTS_MAX],
             spindle_rpm: f64::NAN,
             trim_m: DVec3::ZERO,
+            lead: [0.0; JOINTS_MAX],
         }
     }
 }
@@ -64,6 +67,7 @@ impl World {
             joint_celsius: self.joint_celsius.map(celsius),
             spindle_rpm: if spindle { self.spindle_rpm } else { f64::NAN },
             trim_m: if self.trim_m.is_finite() { self.trim_m } else { DVec3::ZERO },
+            lead: self.lead.map(|lead| if lead.is_finite() { lead } else { 0.0 }),
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::translate;
 use crate::travel::PathPoint;
 use corrector::{Corrector, Outcome, Status, World};
 use glam::DVec3;
-use physics::Chain;
+use physics::{Chain, JOINTS_MAX, Joints};
 use shm_schema::{Command, Corrected};
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -70,6 +70,7 @@ impl<L: Link> Cycle<L> {
         let state = self.robot.newest_state();
         let mut world = self.sensor_inputs.world(exchange, state.as_ref(), &command, now_ns);
         world.trim_m = self.trim_m(exchange, now_ns);
+        world.lead = self.lead(exchange, &command);
         let claim = translate::command(&command, now_ns, self.lockstep);
 
         let wanted = self.corrector.correct(&self.model.physics, &claim, &world, now_ns);
@@ -78,7 +79,7 @@ impl<L: Link> Cycle<L> {
         self.publish(exchange, &command, received_ns, &allowed, feed_override);
         self.corrector.prepare(&self.model.physics);
         self.prepare_feed(exchange);
-        self.expect(exchange, now_ns, &allowed);
+        self.expect(exchange, now_ns, &allowed, &world.lead);
         Some(received_ns)
     }
 
@@ -94,13 +95,21 @@ impl<L: Link> Cycle<L> {
         instrument.trim_m(now_ns, self.corrector.corrects())
     }
 
+    /// Returns what the joints are to lead the command by, rad or m.
+    fn lead(&mut self, exchange: &Exchange, command: &Command) -> Joints {
+        let Some(lead) = &mut self.sensor_inputs.lead else { return [0.0; JOINTS_MAX] };
+        self.robot.newest_horizon(exchange, lead.horizon_mut());
+        lead.step(self.model.filter.as_deref_mut(), command, &exchange.counters.lead)
+    }
+
     /// Stores the tool pose predicted for what was sent: later measurements are compared with it.
-    fn expect(&mut self, exchange: &Exchange, now_ns: u64, made: &Outcome) {
+    fn expect(&mut self, exchange: &Exchange, now_ns: u64, made: &Outcome, lead: &Joints) {
         let Some(instrument) = &mut self.sensor_inputs.instrument else { return };
         let accepted = made.status != Status::Rejected;
-        let tool = accepted
-            .then(|| self.corrector.tool_with(&self.model.physics, &made.correction))
-            .flatten();
+        // Joints that lead their commands are where they were commanded to be.
+        let at_rest = std::array::from_fn(|i| made.correction[i] - lead[i]);
+        let tool =
+            accepted.then(|| self.corrector.tool_with(&self.model.physics, &at_rest)).flatten();
         instrument.expect(now_ns, tool.as_ref(), &exchange.counters.trim);
     }
 
@@ -188,7 +197,10 @@ impl<L: Link> Cycle<L> {
 
     /// Takes orders of the supervisor, between two cycles.
     fn take_orders(&mut self, exchange: &Exchange) {
-        if let Some(next) = exchange.next_model.pop() {
+        if let Some(mut next) = exchange.next_model.pop() {
+            if let (Some(filter), Some(before)) = (&mut next.filter, &self.model.filter) {
+                filter.continue_from(before);
+            }
             let old = std::mem::replace(&mut self.model, next);
             self.corrector.model_changed(&self.model.physics);
             if let Some(instrument) = &mut self.sensor_inputs.instrument {

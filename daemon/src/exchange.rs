@@ -12,11 +12,12 @@ use crate::travel::PathPoint;
 use corrector::{FeedReport, Mode, TrimReport};
 use crossbeam::queue::ArrayQueue;
 use envelope::OverrideLimits;
+use joint_dynamics::Filter;
 use physics::Model;
 use recording::blackbox::{LogRecord, ModelChange, StatusRecord};
 use shm_schema::{
-    Answer, Command, Corrected, DaemonPorts, ForceBlock, JOINTS_MAX, Reason, RecorderAction,
-    RecorderState, Status, Verdict,
+    Answer, Command, Corrected, DaemonPorts, ForceBlock, JOINTS_MAX, LeadState, Reason,
+    RecorderAction, RecorderState, Status, Verdict,
 };
 use spectrum::Health;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -46,6 +47,16 @@ pub struct LoadedModel {
     pub physics: Model,
     /// Number of the model since the start.
     pub epoch: u64,
+    /// What leads the commands by delay and lag of its joints; `None` if the cell does not, or if it has nothing to lead by.
+    pub filter: Option<Box<Filter>>,
+}
+
+impl LoadedModel {
+    /// A model that leads by nothing.
+    #[must_use]
+    pub fn new(physics: Model, epoch: u64) -> Self {
+        Self { physics, epoch, filter: None }
+    }
 }
 
 /// One cycle, for the recording.
@@ -196,6 +207,34 @@ pub struct Counters {
     pub trim: TrimCounters,
     /// State of the feed override.
     pub feed: FeedCounters,
+    /// State of the lead.
+    pub lead: LeadCounters,
+}
+
+/// State of the lead as of the last cycle, for displays.
+#[derive(Debug, Default)]
+pub struct LeadCounters {
+    /// State, known points of the horizon and points that are used at most: 16, 24 and 24 bits.
+    state: AtomicU64,
+    refused: AtomicU64,
+}
+
+impl LeadCounters {
+    /// Takes the state of a cycle.
+    pub fn show(&self, state: LeadState, known: u32, used_at_most: u32, refused: u64) {
+        let counts = u64::from(known & 0xff_ffff) << 24 | u64::from(used_at_most & 0xff_ffff);
+        self.state.store(u64::from(state.code()) << 48 | counts, Relaxed);
+        self.refused.store(refused, Relaxed);
+    }
+
+    /// Writes it into a status.
+    pub fn put(&self, status: &mut Status) {
+        let state = self.state.load(Relaxed);
+        status.lead_state = (state >> 48) as u32;
+        status.horizon_points = (state >> 24) as u32 & 0xff_ffff;
+        status.horizon_points_used = state as u32 & 0xff_ffff;
+        status.horizons_refused = self.refused.load(Relaxed);
+    }
 }
 
 /// State of the trim as of the last cycle. For displays: a reader may see some numbers of one cycle

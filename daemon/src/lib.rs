@@ -22,6 +22,7 @@ pub mod exchange;
 pub mod feed;
 pub mod instrument;
 pub mod latency;
+pub mod lead;
 pub mod notebook;
 pub mod notify;
 pub mod pacer;
@@ -55,6 +56,7 @@ use crate::robot::Robot;
 use crate::supervisor::Supervisor;
 use crate::vibration::{ForceProcessor, VibrationThread};
 use corrector::{Corrector, Settings};
+use joint_dynamics::plant::Plants;
 use recording::cell::{CellConfig, Realtime};
 use recording::faults::Faults;
 use recording::files::FileError;
@@ -214,13 +216,14 @@ fn serve(
     let force_processor = setup::force_processor(&config, &model)?;
     let exchange = Arc::new(Exchange::new(settings.mode, config.recorder.is_some()));
     notebook::open(&exchange);
-    log_model(&model);
+    let lead = setup::lead(&config, settings.jump_margin);
+    log_model(&model, lead.is_some());
 
     let domain = DaemonSide::create(&Cell::new(&config.cell)?)?;
     if config.realtime.lock_memory {
         tolerate(realtime::lock_memory(), config.realtime.enforce)?;
     }
-    let mut supervisor = Supervisor::join(domain, &config, model.clone(), bounds)?;
+    let mut supervisor = Supervisor::join(domain, &config, model.clone(), bounds, lead)?;
     let threads = start_threads(
         &config,
         settings,
@@ -304,7 +307,9 @@ fn start_cycle(
     let (ports, realtime) = (ports.clone(), config.realtime);
     let pacer = Pacer::new(setup::wait(config), settings.period_ns);
     let sensor_inputs = setup::sensor_inputs(config, settings.lockstep);
-    let loaded = Box::new(LoadedModel { physics: model.physics, epoch: 1 });
+    let lead = setup::lead(config, settings.jump_margin);
+    let filter = lead.and_then(|lead| lead.filter(model));
+    let loaded = Box::new(LoadedModel { filter, ..LoadedModel::new(model.physics, 1) });
     start(CYCLE, exchange, move |exchange, started| {
         realtime::sleep_exactly();
         apply_realtime(realtime)?;
@@ -397,7 +402,7 @@ fn tolerate(done: Result<(), Refused>, enforce: bool) -> Result<(), Refused> {
 }
 
 /// Logs which model is active now, and of which robot.
-pub(crate) fn log_model(model: &RobotModel) {
+pub(crate) fn log_model(model: &RobotModel, leads: bool) {
     info!(
         model = model.file.name,
         robot = %model.file.robot,
@@ -407,7 +412,7 @@ pub(crate) fn log_model(model: &RobotModel) {
         effects = model.physics.effects().len(),
         "loaded"
     );
-    let not_compensated = model.not_compensated_names().join(", ");
+    let not_compensated = Plants::not_compensated(model, leads).join(", ");
     if !not_compensated.is_empty() {
         info!("not compensated: {not_compensated}");
     }

@@ -5,6 +5,7 @@
 use crate::exchange::Exchange;
 use crate::feed::CellFeed;
 use crate::instrument::Instrument;
+use crate::lead::Lead;
 use crate::temperatures::Temperatures;
 use corrector::{World, WrenchSample};
 use glam::DVec3;
@@ -46,6 +47,8 @@ pub struct SensorInputs {
     pub instrument: Option<Box<Instrument>>,
     /// The adaptation of the feed to the force, if configured.
     pub feed: Option<Box<CellFeed>>,
+    /// The lead of joints in motion, if configured.
+    pub lead: Option<Box<Lead>>,
 }
 
 impl SensorInputs {
@@ -57,6 +60,7 @@ impl SensorInputs {
             temperatures: Temperatures::new(None),
             instrument: None,
             feed: None,
+            lead: None,
         }
     }
 
@@ -76,6 +80,12 @@ impl SensorInputs {
     #[must_use]
     pub fn with_feed(self, feed: Option<Box<CellFeed>>) -> Self {
         Self { feed, ..self }
+    }
+
+    /// The same with a lead of joints in motion.
+    #[must_use]
+    pub fn with_lead(self, lead: Option<Box<Lead>>) -> Self {
+        Self { lead, ..self }
     }
 
     /// Takes new values and returns the inputs valid at `now_ns` (`CLOCK_MONOTONIC`, or the

@@ -4,6 +4,7 @@
 
 use crate::feed::CellFeed;
 use crate::instrument::Instrument;
+use crate::lead::LeadSettings;
 use crate::pacer::Wait;
 use crate::sensor_inputs::{SensorInputs, WrenchSource};
 use crate::vibration::{BlockRules, Clock, ForceProcessor};
@@ -13,6 +14,7 @@ use corrector::{
 };
 use envelope::{Limits, LimitsError, OverrideLimits};
 use glam::DVec3;
+use joint_dynamics::TapsSettings;
 use physics::{Arm, Inputs, JOINTS_MAX, JointKind, Memories, Model, Wrench};
 use recording::cell::{self, CellConfig};
 use recording::faults::Fault;
@@ -144,7 +146,17 @@ pub fn sensor_inputs(config: &CellConfig, lockstep: bool) -> SensorInputs {
         return sensor_inputs;
     }
     let sensor_inputs = sensor_inputs.with_age_limit(nanoseconds(config.temperature.stale_s));
-    sensor_inputs.with_instrument(instrument(config)).with_feed(feed(config))
+    let lead = lead(config, 1.0).map(|_| Box::default());
+    sensor_inputs.with_instrument(instrument(config)).with_feed(feed(config)).with_lead(lead)
+}
+
+/// How joints in motion lead their commands, if they do.
+#[must_use]
+pub fn lead(config: &CellConfig, jump_margin: f64) -> Option<LeadSettings> {
+    let is_on = |dynamic: &cell::Dynamic| dynamic.mode == cell::DynamicMode::Compensate;
+    let cell::Dynamic { bandwidth_hz, robust_to, .. } = config.dynamic.filter(is_on)?;
+    let taps = TapsSettings { bandwidth_hz, robust_to, ..TapsSettings::default() };
+    Some(LeadSettings { taps, period_s: config.cycle.period_s, jump_margin })
 }
 
 /// The adaptation of the feed to the force, if configured.

@@ -5,10 +5,12 @@
 
 use crate::ageing::Age;
 use crate::exchange::{Exchange, SensorStatus};
+use crate::lead::LeadSettings;
 use crate::setup;
 use crate::temperatures::places;
 use crate::verdicts::faults;
 use corrector::Mode;
+use joint_dynamics::plant::Plants;
 use physics::spec::Need;
 use recording::cell::CellConfig;
 use recording::model::{RobotEntry, RobotModel};
@@ -33,6 +35,8 @@ pub struct Constants {
     robot: RobotEntry,
     model_name: String,
     uncompensated: u32,
+    /// How joints in motion lead their commands, if they do.
+    pub lead: Option<LeadSettings>,
     /// Whether the model has effects that depend on a temperature.
     is_thermal: bool,
     bounds: JointBounds,
@@ -55,7 +59,13 @@ pub struct Constants {
 
 impl Constants {
     /// For this cell, model and limits.
-    pub fn new(config: &CellConfig, model: &RobotModel, bounds: JointBounds, now_ns: u64) -> Self {
+    pub fn new(
+        config: &CellConfig,
+        model: &RobotModel,
+        bounds: JointBounds,
+        lead: Option<LeadSettings>,
+        now_ns: u64,
+    ) -> Self {
         let mut constants = Self {
             started_ns: now_ns,
             joints: 0,
@@ -64,6 +74,7 @@ impl Constants {
             robot: RobotEntry::default(),
             model_name: String::new(),
             uncompensated: 0,
+            lead,
             is_thermal: false,
             bounds,
             angle_share: setup::armed_mode(config).and_then(Mode::angle_share).unwrap_or(1.0),
@@ -87,7 +98,7 @@ impl Constants {
         self.geometry_hash = model.file.identity().geometry_hash();
         self.robot.clone_from(&model.file.robot);
         self.model_name.clone_from(&model.file.name);
-        self.uncompensated = model.not_compensated.len() as u32;
+        self.uncompensated = Plants::not_compensated(model, self.lead.is_some()).len() as u32;
         let mut effects = model.physics.effects();
         self.is_thermal = effects.any(|effect| effect.spec().needs.contains(&Need::Temperature));
         for (i, joint) in model.physics.arm.joints().iter().enumerate() {
@@ -166,6 +177,7 @@ impl Constants {
         age.put(&mut status);
         counters.trim.put(&mut status);
         counters.feed.put(&mut status);
+        counters.lead.put(&mut status);
         let health = self.health(exchange, &status);
         status.health = health.code();
         let aged = age.words(status.t_ns);

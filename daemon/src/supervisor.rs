@@ -7,6 +7,7 @@
 use crate::ageing::Age;
 use crate::change_log::{ChangeLog, RequestLog};
 use crate::exchange::{Exchange, LoadedModel, RecorderAnswer};
+use crate::lead::LeadSettings;
 use crate::notebook::States;
 use crate::process::Process;
 use crate::{admission, at_rest, log_model, recorder, sender, status};
@@ -74,6 +75,7 @@ impl Supervisor {
         config: &CellConfig,
         model: RobotModel,
         bounds: JointBounds,
+        lead: Option<LeadSettings>,
     ) -> Result<Self, PortError> {
         let ports = domain.ports();
         Ok(Self {
@@ -81,7 +83,7 @@ impl Supervisor {
             control: ports.control()?,
             model_path: config.model.clone(),
             model_epoch: 1,
-            constants: status::Constants::new(config, &model, bounds, monotonic_ns()),
+            constants: status::Constants::new(config, &model, bounds, lead, monotonic_ns()),
             process: Process::new(config, &model),
             age: Age::default(),
             model_sigma_m: config.measured.and_then(|measured| measured.model_sigma_m),
@@ -313,7 +315,7 @@ impl Desk<'_> {
             return (Answer::Failed, "the cycle did not take the model over in time".to_owned());
         }
         let words = format!("{} loaded from {}", next.file.name, path.display());
-        log_model(&next);
+        log_model(&next, self.constants.lead.is_some());
         let header = recorder::header("", &next, *self.model_epoch, String::new());
         exchange.record_model(ModelChange { t_ns: monotonic_ns(), header });
         self.constants.take(&next);
@@ -326,7 +328,8 @@ impl Desk<'_> {
     /// Activates the model between two cycles and waits until the cycle has it.
     fn hand_over(&mut self, exchange: &Exchange, next: &RobotModel) -> bool {
         let epoch = *self.model_epoch + 1;
-        let loaded = Box::new(LoadedModel { physics: next.physics, epoch });
+        let filter = self.constants.lead.and_then(|lead| lead.filter(next));
+        let loaded = Box::new(LoadedModel { filter, ..LoadedModel::new(next.physics, epoch) });
         // Several requests may arrive in one period: the cycle must always find room for the model
         // that it returns.
         free_retired(exchange);

@@ -53,6 +53,20 @@ impl Filter {
         self.taps.commands_ahead()
     }
 
+    /// Takes over the path of the filter of another model, as far as both remember. A filter of another period begins anew.
+    pub fn continue_from(&mut self, before: &Self) {
+        self.restart();
+        if self.taps.period_s() != before.taps.period_s() {
+            return;
+        }
+        let length = self.past.len();
+        for commands in 0..length {
+            let place = (self.newest + length - commands) % length;
+            self.past[place] = *before.commanded_before(commands);
+        }
+        (self.last_ns, self.unspent) = (before.last_ns, before.unspent);
+    }
+
     /// Forgets the path: the next command counts as one of a robot at rest.
     pub fn restart(&mut self) {
         self.last_ns = None;
@@ -117,7 +131,8 @@ impl Filter {
         let passed_ns = passed_ns.map_or(f64::INFINITY, |ns| ns as f64);
         let periods = passed_ns / period_ns;
         self.last_ns = Some(t_ns);
-        let goes_on = passed_ns > 0.0 && passed_ns <= SILENCE_S.max(SILENT_PERIODS * self.taps.period_s()) * 1e9;
+        let goes_on = passed_ns > 0.0
+            && passed_ns <= SILENCE_S.max(SILENT_PERIODS * self.taps.period_s()) * 1e9;
         if !goes_on || self.jumps(q, periods) {
             self.past.fill(*q);
             self.unspent = 0.0;

@@ -61,6 +61,23 @@ impl Plants {
         plants
     }
 
+    /// Whether this is an effect that plants contain.
+    #[must_use]
+    pub fn contain(entry: &EffectEntry) -> bool {
+        match entry.kind.as_str() {
+            "time_delay" => entry.channel.is_none(),
+            "servo_lag" | "flexible_mode" => entry.joint.is_some(),
+            _ => false,
+        }
+    }
+
+    /// Effects of a model that are not compensated, by name, where joints lead their commands in motion or not.
+    #[must_use]
+    pub fn not_compensated(model: &RobotModel, leads: bool) -> Vec<String> {
+        let entries = model.not_compensated.iter().filter_map(|at| model.file.effects.get(*at));
+        entries.filter(|entry| !(leads && Self::contain(entry))).map(EffectEntry::title).collect()
+    }
+
     /// Whether no joint has anything to compensate.
     #[must_use]
     pub fn is_empty(&self) -> bool {

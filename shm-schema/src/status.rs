@@ -6,6 +6,7 @@ use crate::JOINTS_MAX;
 use crate::codes::{UnknownCode, codes};
 use crate::feed::{FeedBounds, FeedReason, FeedState};
 use crate::force::FORCE_CHANNELS_MAX;
+use crate::horizon::LeadState;
 use crate::layout::{payload, plain_struct, within};
 use crate::measured::{TrimReason, TrimState};
 use crate::sensor::ForceFault;
@@ -132,8 +133,8 @@ plain_struct! {
         pub verdict: Verdict,
         /// Temperatures older than the cell's age limit: bit 0 the ambient one, bit `n` that of joint `n`.
         pub stale_temperatures: u32,
-        /// Zero.
-        pub reserved: u32,
+        /// A [`LeadState`].
+        pub lead_state: u32,
         /// A [`TrimState`].
         pub trim_state: u32,
         /// A [`TrimReason`].
@@ -166,6 +167,12 @@ plain_struct! {
         pub feed_refused: u64,
         /// Bounds of the override.
         pub feed_bounds: FeedBounds,
+        /// Setpoints after the last command that were known, of those that the lead uses.
+        pub horizon_points: u32,
+        /// Setpoints after a command that the lead uses.
+        pub horizon_points_used: u32,
+        /// Horizons that a command differed from.
+        pub horizons_refused: u64,
         /// Sum of all latencies since the start, ns.
         pub latency_sum_ns: u64,
         /// How many latencies each bucket holds, see [`latency_below_ns`].
@@ -245,6 +252,14 @@ impl Status {
     /// [`UnknownCode`] where the daemon is of a later version.
     pub fn feed_reason(&self) -> Result<FeedReason, UnknownCode> {
         self.feed_reason.try_into()
+    }
+
+    /// What the lead of joints in motion is computed from.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the daemon is of a later version.
+    pub fn lead_state(&self) -> Result<LeadState, UnknownCode> {
+        self.lead_state.try_into()
     }
 
     /// What is wrong with the force stream and its channels.

@@ -30,7 +30,15 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("bridge", &["client", "recording", "physics"]),
     (
         "daemon",
-        &["corrector", "joint-dynamics", "physics", "envelope", "spectrum", "recording", "shm-schema"],
+        &[
+            "corrector",
+            "joint-dynamics",
+            "physics",
+            "envelope",
+            "spectrum",
+            "recording",
+            "shm-schema",
+        ],
     ),
     // Of `daemon` its states as messages of a recording alone.
     ("live", &["client", "shm-schema", "recording", "daemon"]),

@@ -8,8 +8,8 @@ use std::path::Path;
 use std::process::Command;
 
 use feedforward::learn::expected_error;
-use joint_dynamics::plant::Plants;
 use glam::DVec3;
+use joint_dynamics::plant::Plants;
 use physics::{Arm, Chain, Joints};
 use recording::model::RobotModel;
 use tests::chance::Chance;

@@ -38,7 +38,7 @@ fn cycle(ports: &DaemonPorts) -> Cycle {
     Cycle {
         robot: Robot::join(ports, Pacer::new(Wait::Sleep, settings.period_ns)).unwrap(),
         corrector: Corrector::new(settings),
-        model: Box::new(LoadedModel { physics, epoch: 1 }),
+        model: Box::new(LoadedModel::new(physics, 1)),
         sensor_inputs: SensorInputs::new(WrenchSource::Force),
         stale_ns: settings.stale_ns,
         period_ns: settings.period_ns,

@@ -124,7 +124,7 @@ fn a_million_cycles_take_nothing_from_the_heap() {
     let settings = Settings { stale_ns: 3_000_000, ..Settings::with_envelope(limits) };
     let physics = preset(MODEL).unwrap().model().unwrap().physics;
     let exchange = Arc::new(Exchange::new(Mode::Full, true));
-    let loaded = |physics, epoch| Box::new(LoadedModel { physics, epoch });
+    let loaded = |physics, epoch| Box::new(LoadedModel::new(physics, epoch));
     let models = [Some(loaded(Model::nominal(physics.arm), 2)), Some(loaded(physics, 3))];
     let (exchange_of_link, now_ns) = (Arc::clone(&exchange), 1 << 40);
     let link = Even { exchange: exchange_of_link, now_ns, seq: 0, sent: 0, measured: 0, models };

@@ -1,9 +1,9 @@
 //! Common parts of dynamic compensation: options, and errors of joints and tool as text and JSON.
 
 use clap::Args;
-use joint_dynamics::plant::Plants;
 use feedforward::step::Stepped;
 use feedforward::{FeedforwardError, Settings, tool};
+use joint_dynamics::plant::Plants;
 use physics::JointKind;
 use serde::Serialize;
 

@@ -87,6 +87,19 @@ fn a_command_that_jumps_begins_anew() {
 }
 
 #[test]
+fn another_model_goes_on_with_the_path_of_the_one_before() {
+    let (mut before, mut kept) = (filter(1.0), filter(1.0));
+    for k in 0..120 {
+        let _ = before.step(&joints(1e-3 * (k as f64).powf(1.3)), k * 4_000_000, &[]);
+    }
+    kept.continue_from(&before);
+    let q = joints(1e-3 * 120_f64.powf(1.3));
+    let (lead, _) = before.step(&q, 480_000_000, &[]);
+    assert_eq!(kept.step(&q, 480_000_000, &[]).0, lead);
+    assert!(lead[0] > 0.0);
+}
+
+#[test]
 fn jitter_of_the_times_is_no_speed() {
     let (mut even, mut shaken) = (filter(1.0), filter(1.0));
     for k in 0..500_u64 {

@@ -55,6 +55,8 @@ pub struct CellConfig {
     pub temperature: Temperature,
     /// The instrument that measures the tool, where there is one.
     pub measured: Option<Measured>,
+    /// How joints in motion lead their commands, if they do.
+    pub dynamic: Option<Dynamic>,
     /// How the feed is adapted to the force, where it is.
     pub feed: Option<Feed>,
     /// The force stream, where there is one.
@@ -247,6 +249,27 @@ pub struct Feed {
     pub relief: f64,
     /// Without a force the override holds for so long, s.
     pub hold_s: f64,
+}
+
+/// What the errors of joints in motion are for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum DynamicMode {
+    /// Nothing.
+    Off,
+    /// Joints lead their commands by delay, lags and modes of the model.
+    #[default]
+    Compensate,
+}
+
+/// `[dynamic]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dynamic {
+    /// Whether they are compensated.
+    pub mode: DynamicMode,
+    /// Where the weight of the correction's third derivative equals that of the path's error, Hz.
+    pub bandwidth_hz: f64,
+    /// Share by which parameters of the model may deviate without making the RMS error larger.
+    pub robust_to: f64,
 }
 
 /// `[force]`.

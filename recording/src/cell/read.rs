@@ -5,8 +5,9 @@ use std::ops::Bound;
 use std::path::PathBuf;
 
 use super::{
-    Bounds, CellConfig, Cycle, Envelope, Feed, FeedLimit, FeedMode, Force, Measured, MeasuredMode,
-    Mode, Realtime, Recorder, SCHEMA, Task, Temperature, Vibration, Wait, Wrench, WrenchSource,
+    Bounds, CellConfig, Cycle, Dynamic, DynamicMode, Envelope, Feed, FeedLimit, FeedMode, Force,
+    Measured, MeasuredMode, Mode, Realtime, Recorder, SCHEMA, Task, Temperature, Vibration, Wait,
+    Wrench, WrenchSource,
 };
 use crate::faults::Faults;
 use crate::model::read::rotation;
@@ -43,6 +44,7 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
     let temperature = temperature(root.table("temperature").as_ref());
     let measured = root.table("measured").map(|table| measured(&table));
     let feed = root.table("feed").and_then(|table| feed(&table));
+    let dynamic = root.table("dynamic").map(|table| dynamic(&table, cycle.period_s));
     let is_trimmed = measured.is_some_and(|measured| measured.mode != MeasuredMode::Off);
     let is_fed = feed.is_some_and(|feed| feed.mode != FeedMode::Off);
     for (key, is_on, what) in [("measured", is_trimmed, "trim"), ("feed", is_fed, "feed override")]
@@ -76,6 +78,7 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
         temperature,
         measured,
         feed,
+        dynamic,
         force,
         vibration: vibration.flatten(),
         realtime,
@@ -279,6 +282,38 @@ fn time_constant(table: &Table<'_, '_>, measured: &Measured) -> Option<f64> {
         table.fault("time_constant_ms", message, expected);
     }
     Some(time_constant_ms * 1e-3)
+}
+
+/// Several times the first modes of industrial arms (5 to 20 Hz), and a sixth of the rate of a controller with 4 ms.
+const BANDWIDTH_HZ: f64 = 40.0;
+/// What a delay or a natural frequency changes over an arm's workspace.
+const ROBUST_TO: f64 = 0.3;
+/// Commands per period of the bandwidth that the filter needs (`joint-dynamics/src/taps.rs`).
+const COMMANDS_PER_PERIOD: f64 = 4.0;
+
+fn dynamic(table: &Table<'_, '_>, period_s: f64) -> Dynamic {
+    let modes = [("off", DynamicMode::Off), ("compensate", DynamicMode::Compensate)];
+    let or = |key, range, default: f64| table.number(key, range).unwrap_or(default);
+    let dynamic = Dynamic {
+        mode: table.choice("mode", &modes).unwrap_or_default(),
+        bandwidth_hz: or("bandwidth_Hz", 1.0..=100.0, BANDWIDTH_HZ),
+        robust_to: or("robust_to", 0.0..=0.5, ROBUST_TO),
+    };
+    let highest_hz = 1.0 / (COMMANDS_PER_PERIOD * period_s);
+    if dynamic.mode != DynamicMode::Off && dynamic.bandwidth_hz > highest_hz * (1.0 + 1e-9) {
+        let message = format!(
+            "is {} Hz, and commands come every {} ms",
+            dynamic.bandwidth_hz,
+            period_s * 1e3
+        );
+        let expected = format!(
+            "{} or less: four commands per period of the bandwidth",
+            (highest_hz * 10.0).floor() / 10.0
+        );
+        table.fault("bandwidth_Hz", message, expected);
+    }
+    table.close();
+    dynamic
 }
 
 /// The slowest feed at which a cutter of common geometry still cuts and does not rub is about a tenth of its nominal one.

@@ -34,6 +34,8 @@ pub(super) struct Cell {
     measured: Option<Measured>,
     /// How the feed is adapted to the force; needs a `source` in `[wrench]`.
     feed: Option<Feed>,
+    /// How joints in motion lead their commands.
+    dynamic: Option<Dynamic>,
     /// The force stream.
     force: Option<Force>,
     /// The vibration monitor; needs `[force]`.
@@ -273,6 +275,27 @@ enum FeedMode {
     Off,
     Observe,
     Adapt,
+}
+
+#[derive(JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Dynamic {
+    /// `off`: nothing; `compensate`: joints lead their commands by delay, lags and modes of the model.
+    #[schemars(extend("default" = "compensate"))]
+    mode: Option<DynamicMode>,
+    /// Where the weight of the correction's third derivative equals that of the path's error, Hz; at most a quarter of the rate of the commands.
+    #[schemars(range(min = 1.0, max = 100.0), extend("default" = 40.0))]
+    bandwidth_Hz: Option<f64>,
+    /// Share by which delay, lags, frequencies and damping of the model may deviate without making the RMS error of a path known ahead larger.
+    #[schemars(range(min = 0.0, max = 0.5), extend("default" = 0.3))]
+    robust_to: Option<f64>,
+}
+
+#[derive(JsonSchema)]
+#[serde(rename_all = "lowercase")]
+enum DynamicMode {
+    Off,
+    Compensate,
 }
 
 #[derive(JsonSchema)]

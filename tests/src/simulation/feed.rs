@@ -233,7 +233,7 @@ pub fn run(plan: Plan) -> Run<Tick> {
         let mut cycle = Cycle {
             robot: Robot::over(wire),
             corrector: Corrector::new(settings),
-            model: Box::new(LoadedModel { physics: model, epoch: 1 }),
+            model: Box::new(LoadedModel::new(model, 1)),
             sensor_inputs: setup::sensor_inputs(&config, false),
             stale_ns: settings.stale_ns,
             period_ns: settings.period_ns,
@@ -370,7 +370,7 @@ impl Wire {
             Event::Bypass(bypassed) => self.exchange.bypassed.store(bypassed, Relaxed),
             Event::Reload => {
                 while self.exchange.retired_models.pop().is_some() {}
-                let loaded = Box::new(LoadedModel { physics: self.arm, epoch: 2 });
+                let loaded = Box::new(LoadedModel::new(self.arm, 2));
                 let _ = self.exchange.next_model.push(loaded);
             }
             Event::Restart(ticks) => self.away_ticks = Some(ticks),

@@ -192,7 +192,7 @@ pub fn run(
     let mut cycle = Cycle {
         robot: Robot::over(wire),
         corrector: Corrector::new(settings),
-        model: Box::new(LoadedModel { physics: model, epoch: 1 }),
+        model: Box::new(LoadedModel::new(model, 1)),
         sensor_inputs: setup::sensor_inputs(&config, false),
         stale_ns: settings.stale_ns,
         period_ns: settings.period_ns,
@@ -310,7 +310,7 @@ impl Wire {
             Event::Arm => self.exchange.believe_instrument.store(true, Relaxed),
             Event::Reload => {
                 while self.exchange.retired_models.pop().is_some() {}
-                let loaded = Box::new(LoadedModel { physics: self.model, epoch: 2 });
+                let loaded = Box::new(LoadedModel::new(self.model, 2));
                 let _ = self.exchange.next_model.push(loaded);
             }
         }

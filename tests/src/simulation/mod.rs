@@ -98,7 +98,7 @@ fn lived(wire: Wire, exchange: &Exchange, physics: Model, settings: Settings) ->
     let mut cycle = Cycle {
         robot: Robot::over(wire),
         corrector: Corrector::new(settings),
-        model: Box::new(LoadedModel { physics, epoch: 1 }),
+        model: Box::new(LoadedModel::new(physics, 1)),
         sensor_inputs: SensorInputs::new(WrenchSource::Force),
         stale_ns: settings.stale_ns,
         period_ns: settings.period_ns,

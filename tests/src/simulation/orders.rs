@@ -37,7 +37,7 @@ pub(super) fn give(chance: &mut Chance, exchange: &Exchange, models: &[Model; 2]
             while exchange.retired_models.pop().is_some() {}
             let epoch = 2 + chance.below(1000);
             let physics = models[chance.below(2) as usize];
-            let _ = exchange.next_model.push(Box::new(LoadedModel { physics, epoch }));
+            let _ = exchange.next_model.push(Box::new(LoadedModel::new(physics, epoch)));
         }
         12 => exchange.rearm.store(true, Relaxed),
         13 => exchange.spindle_rpm_bits.store(chance.bits(), Relaxed),

@@ -1,8 +1,8 @@
 //! `trued correct --dynamic`: preview compensation of a path on top of its static correction.
 
-use joint_dynamics::plant::Plants;
 use feedforward::preview::{check_joint_limits, lead_s};
 use feedforward::{Settings, grid, preview};
+use joint_dynamics::plant::Plants;
 use serde::Serialize;
 
 use crate::corrections::Corrections;
