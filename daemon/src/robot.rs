@@ -7,8 +7,8 @@
 use crate::exchange::{Exchange, count};
 use crate::pacer::Pacer;
 use shm_schema::{
-    Command, Corrected, DaemonPorts, MeasuredPoint, Payload, PortError, Publisher, RobotState,
-    SendOutcome, Subscriber, monotonic_ns,
+    Command, Corrected, DaemonPorts, Horizon, MeasuredPoint, Payload, PortError, Publisher,
+    RobotState, SendOutcome, Subscriber, monotonic_ns,
 };
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -20,6 +20,10 @@ pub trait Link {
     fn wait_command(&mut self, deadline_ns: u64) -> Option<(Command, u64)>;
     /// The newest measurement of the robot itself, if there is a new one.
     fn take_state(&mut self) -> Option<RobotState>;
+    /// Reads the newest horizon, if there is a new one, as [`Horizon::copy_into`] does. None of a link without horizons.
+    fn take_horizon(&mut self, _into: &mut Horizon) -> bool {
+        false
+    }
     /// The oldest measured point of the tool not yet taken. None of a link without an instrument.
     fn take_measured(&mut self) -> Option<MeasuredPoint> {
         None
@@ -36,11 +40,28 @@ pub trait Link {
 /// Shared memory.
 #[derive(Debug)]
 pub struct Ports {
-    commands: Subscriber<Command>,
-    states: Subscriber<RobotState>,
-    measured: Subscriber<MeasuredPoint>,
+    inputs: Inputs,
     targets: Publisher<Corrected>,
     pacer: Pacer,
+}
+
+#[derive(Debug)]
+struct Inputs {
+    commands: Subscriber<Command>,
+    states: Subscriber<RobotState>,
+    horizons: Subscriber<Horizon>,
+    measured: Subscriber<MeasuredPoint>,
+}
+
+impl Inputs {
+    fn open(ports: &DaemonPorts) -> Result<Self, PortError> {
+        Ok(Self {
+            commands: ports.subscriber()?,
+            states: ports.subscriber()?,
+            horizons: ports.subscriber()?,
+            measured: ports.subscriber()?,
+        })
+    }
 }
 
 impl Link for Ports {
@@ -49,16 +70,20 @@ impl Link for Ports {
     }
 
     fn wait_command(&mut self, deadline_ns: u64) -> Option<(Command, u64)> {
-        let commands = &mut self.commands;
+        let commands = &mut self.inputs.commands;
         self.pacer.wait_for(deadline_ns, || commands.take_newest())
     }
 
     fn take_state(&mut self) -> Option<RobotState> {
-        self.states.take_newest()
+        self.inputs.states.take_newest()
+    }
+
+    fn take_horizon(&mut self, into: &mut Horizon) -> bool {
+        self.inputs.horizons.read_newest(|horizon| horizon.copy_into(into)).is_some()
     }
 
     fn take_measured(&mut self) -> Option<MeasuredPoint> {
-        self.measured.take_next()
+        self.inputs.measured.take_next()
     }
 
     fn send(&mut self, target: &Corrected) -> SendOutcome {
@@ -66,10 +91,9 @@ impl Link for Ports {
     }
 
     fn rejoin(&mut self, ports: &DaemonPorts) -> Result<(), PortError> {
-        let (commands, states, measured) =
-            (ports.subscriber()?, ports.subscriber()?, ports.subscriber()?);
+        let inputs = Inputs::open(ports)?;
         self.targets = ports.publisher()?;
-        (self.commands, self.states, self.measured) = (commands, states, measured);
+        self.inputs = inputs;
         Ok(())
     }
 }
@@ -89,10 +113,9 @@ impl Robot {
     /// # Errors
     /// Where the transport refuses a port.
     pub fn join(ports: &DaemonPorts, pacer: Pacer) -> Result<Self, PortError> {
-        let (commands, states, measured) =
-            (ports.subscriber()?, ports.subscriber()?, ports.subscriber()?);
+        let inputs = Inputs::open(ports)?;
         let targets = ports.publisher()?;
-        Ok(Self::over(Ports { commands, states, measured, targets, pacer }))
+        Ok(Self::over(Ports { inputs, targets, pacer }))
     }
 }
 
@@ -129,6 +152,19 @@ impl<L: Link> Robot<L> {
         self.link.take_state().filter(|state| state.check().is_ok())
     }
 
+    /// Reads the newest horizon, if there is a new one that can be read; otherwise `into` has no points that are set, or is as it was.
+    pub fn newest_horizon(&mut self, exchange: &Exchange, into: &mut Horizon) -> bool {
+        if !self.link.take_horizon(into) {
+            return false;
+        }
+        let readable = into.check().is_ok();
+        if !readable {
+            into.count = 0;
+            count(&exchange.counters.malformed);
+        }
+        readable
+    }
+
     /// The oldest measured point of the tool not yet taken.
     pub fn next_measured(&mut self, exchange: &Exchange) -> Option<MeasuredPoint> {
         while let Some(point) = self.link.take_measured() {
@@ -147,6 +183,57 @@ impl<L: Link> Robot<L> {
         made.made_ns = self.link.now_ns();
         if self.link.send(made) == SendOutcome::Lost {
             count(&exchange.counters.corrected_lost);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::exchange::Exchange;
+    use corrector::Mode;
+
+    /// A link that has these horizons, the last one first.
+    struct Horizons(Vec<Horizon>);
+
+    impl Link for Horizons {
+        fn now_ns(&self) -> u64 {
+            0
+        }
+        fn wait_command(&mut self, _: u64) -> Option<(Command, u64)> {
+            None
+        }
+        fn take_state(&mut self) -> Option<RobotState> {
+            None
+        }
+        fn take_horizon(&mut self, into: &mut Horizon) -> bool {
+            self.0.pop().map(|horizon| horizon.copy_into(into)).is_some()
+        }
+        fn send(&mut self, _: &Corrected) -> SendOutcome {
+            SendOutcome::NoReader
+        }
+        fn rejoin(&mut self, _: &DaemonPorts) -> Result<(), PortError> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_horizon_that_cannot_be_read_is_counted_and_leaves_no_points() {
+        let good = Horizon { seq: 1, count: 3, ..Horizon::default() };
+        let mut not_finite = Horizon { seq: 2, ..good };
+        not_finite.points[2][5] = f64::NAN;
+        let layout = Horizon { seq: 3, layout: good.layout + 1, ..good };
+        let count = Horizon { seq: 4, count: u32::MAX, ..good };
+        let exchange = Exchange::new(Mode::Shadow, false);
+        for (refused, bad) in [not_finite, layout, count].into_iter().enumerate() {
+            let mut robot = Robot::over(Horizons(vec![bad, good]));
+            let mut newest = Horizon::default();
+            assert!(robot.newest_horizon(&exchange, &mut newest));
+            assert_eq!((newest.seq, newest.points().len()), (1, 3));
+            assert!(!robot.newest_horizon(&exchange, &mut newest), "{}", bad.seq);
+            assert_eq!(newest.points().len(), 0);
+            assert!(!robot.newest_horizon(&exchange, &mut newest), "none is left");
+            assert_eq!(exchange.counters.malformed.load(Relaxed), refused as u64 + 1);
         }
     }
 }

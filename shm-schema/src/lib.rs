@@ -11,6 +11,7 @@
 //! | `/corrected` | [`Corrected`] | daemon to cell | the newest |
 //! | `/force` | [`ForceBlock`] | force source to daemon | 64 blocks, then the sender discards and counts |
 //! | `/state` | [`RobotState`] | cell to daemon | the newest |
+//! | `/horizon` | [`Horizon`] | cell to daemon | the newest |
 //! | `/measured` | [`MeasuredPoint`] | instrument to daemon | the newest 64 points |
 //! | `/vibration` | [`Verdict`] | daemon to all | the last 8, also for late joiners |
 //! | `/status` | [`Status`] | daemon to all | the last one, also for late joiners |
@@ -22,6 +23,7 @@ mod control;
 mod domain;
 mod feed;
 mod force;
+mod horizon;
 mod layout;
 mod measured;
 mod motion;
@@ -43,6 +45,7 @@ pub use domain::{
 };
 pub use feed::{FeedBounds, FeedReason, FeedState};
 pub use force::{FORCE_CHANNELS_MAX, FORCE_SAMPLES_MAX, ForceBlock};
+pub use horizon::Horizon;
 pub use layout::{Malformed, Payload};
 pub use measured::{MeasuredPoint, TrimReason, TrimState};
 pub use motion::{Command, Corrected, CorrectionStatus, Reason, WrenchGate};

@@ -12,6 +12,7 @@ use iceoryx2::port::subscriber::{Subscriber as IoxSubscriber, SubscriberCreateEr
 use iceoryx2::prelude::{
     BackpressureStrategy, CallbackProgression, PortFactory as _, Service, ipc,
 };
+use iceoryx2::sample::Sample;
 use iceoryx2::service::port_factory::client::ClientCreateError;
 
 use crate::services::{READERS_MAX, Services, Topic};
@@ -130,25 +131,30 @@ impl<T: Topic, S: Service> Subscriber<T, S> {
 
     /// The oldest message not yet taken.
     pub fn take_next(&mut self) -> Option<T> {
-        match self.port.receive() {
-            Ok(sample) => sample.map(|s| *s.payload()),
-            Err(_) => {
-                self.failures += 1;
-                None
-            }
-        }
+        self.receive().map(|sample| *sample.payload())
     }
 
     /// The newest message; older ones are dropped. Bounded by the service's buffer: what comes meanwhile is there at the next look.
     pub fn take_newest(&mut self) -> Option<T> {
+        self.read_newest(|message| *message)
+    }
+
+    /// The same, read in shared memory: for a message that is large and seldom full.
+    pub fn read_newest<R>(&mut self, read: impl FnOnce(&T) -> R) -> Option<R> {
         let mut newest = None;
         for _ in 0..T::KEEPING.buffer {
-            match self.take_next() {
-                Some(message) => newest = Some(message),
+            match self.receive() {
+                Some(sample) => newest = Some(sample),
                 None => break,
             }
         }
-        newest
+        newest.map(|sample| read(sample.payload()))
+    }
+
+    fn receive(&mut self) -> Option<Sample<S, T, ()>> {
+        let received = self.port.receive();
+        self.failures += u64::from(received.is_err());
+        received.ok().flatten()
     }
 
     /// How often the transport failed in handing over.

@@ -13,7 +13,8 @@ use iceoryx2::service::port_factory::{publish_subscribe, request_response};
 
 use crate::layout::{Payload, hash_text, mix};
 use crate::{
-    Command, Corrected, ForceBlock, MeasuredPoint, Request, Response, RobotState, Status, Verdict,
+    Command, Corrected, ForceBlock, Horizon, MeasuredPoint, Request, Response, RobotState, Status,
+    Verdict,
 };
 
 /// Version of services and payloads as a whole: changes with any change of meaning.
@@ -26,6 +27,7 @@ pub const CONTRACT_HASH: u64 = {
     let hash = mix(hash, Corrected::LAYOUT_HASH);
     let hash = mix(hash, ForceBlock::LAYOUT_HASH);
     let hash = mix(hash, RobotState::LAYOUT_HASH);
+    let hash = mix(hash, Horizon::LAYOUT_HASH);
     let hash = mix(hash, MeasuredPoint::LAYOUT_HASH);
     let hash = mix(hash, Verdict::LAYOUT_HASH);
     let hash = mix(hash, Status::LAYOUT_HASH);
@@ -99,6 +101,7 @@ topics! {
     Corrected = corrected "corrected" NEWEST;
     ForceBlock = force "force" Keeping { subscribers: 1, buffer: 64, history: 0, overflow: false };
     RobotState = state "state" NEWEST;
+    Horizon = horizon "horizon" NEWEST;
     MeasuredPoint = measured "measured"
         Keeping { subscribers: 1, buffer: MEASURED_KEPT, history: 0, overflow: true };
     Verdict = vibration "vibration"
@@ -127,6 +130,7 @@ pub struct Services<S: Service> {
     corrected: PubSub<S, Corrected>,
     force: PubSub<S, ForceBlock>,
     state: PubSub<S, RobotState>,
+    horizon: PubSub<S, Horizon>,
     measured: PubSub<S, MeasuredPoint>,
     vibration: PubSub<S, Verdict>,
     status: PubSub<S, Status>,
@@ -147,6 +151,7 @@ impl<S: Service> Services<S> {
             corrected: pub_sub(node, way)?,
             force: pub_sub(node, way)?,
             state: pub_sub(node, way)?,
+            horizon: pub_sub(node, way)?,
             measured: pub_sub(node, way)?,
             vibration: pub_sub(node, way)?,
             status: pub_sub(node, way)?,

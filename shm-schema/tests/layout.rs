@@ -70,6 +70,13 @@ fn the_layout_of_robot_state_stands() {
 }
 
 #[test]
+fn the_layout_of_horizon_stands() {
+    assert_eq!(Horizon::POINTS_MAX, 128);
+    pinned!(Horizon: 16424 bytes, hash 0xefe3_eeb3_bf25_7a1f,
+        seq at 0, session at 8, command_seq at 16, sent_ns at 24, layout at 32, count at 36, points at 40);
+}
+
+#[test]
 fn the_layout_of_measured_point_stands() {
     pinned!(MeasuredPoint: 64 bytes, hash 0x9c89_975a_d906_a735,
         seq at 0, session at 8, t_ns at 16, sent_ns at 24, layout at 32, flags at 36, point_m at 40);
@@ -137,7 +144,36 @@ fn a_message_is_read_from_bytes_in_the_order_of_its_offsets() {
 }
 
 #[test]
+fn a_horizon_is_read_only_where_its_count_can_be_and_its_points_are_numbers() {
+    let mut horizon = Horizon { count: 2, ..Horizon::default() };
+    horizon.points[2][0] = f64::NAN;
+    assert_eq!(horizon.check(), Ok(()), "a point that is not set");
+    horizon.points[1][JOINTS_MAX - 1] = f64::INFINITY;
+    assert!(horizon.check().unwrap_err().field.starts_with("points"));
+    horizon.count = Horizon::POINTS_MAX as u32 + 1;
+    assert_eq!(horizon.check().unwrap_err().field, "count");
+    assert_eq!(horizon.points().len(), Horizon::POINTS_MAX);
+    assert!(Horizon { layout: 2, ..Horizon::default() }.check().is_err());
+    assert_eq!(Horizon::default().check(), Ok(()), "an empty one");
+}
+
+#[test]
+fn a_horizon_is_copied_without_the_points_that_are_not_set() {
+    let mut sent = Horizon { seq: 7, session: 8, command_seq: 9, count: 2, ..Horizon::default() };
+    sent.points[..3].fill([1.0; JOINTS_MAX]);
+    let mut copy = Horizon::default();
+    copy.points[2] = [5.0; JOINTS_MAX];
+    sent.copy_into(&mut copy);
+    assert_eq!((copy.points(), copy.points[2]), (sent.points(), [5.0; JOINTS_MAX]));
+    copy.points = sent.points;
+    assert_eq!(copy, sent);
+    sent.count = u32::MAX;
+    sent.copy_into(&mut copy);
+    assert_eq!((copy.count, copy.points == sent.points), (u32::MAX, true));
+}
+
+#[test]
 fn the_contract_stands() {
     assert_eq!(CONTRACT_VERSION, 6);
-    assert_eq!(CONTRACT_HASH, 0x7861_6826_7d20_bf67, "{CONTRACT_HASH:#018x}");
+    assert_eq!(CONTRACT_HASH, 0x9787_0aae_027e_19ed, "{CONTRACT_HASH:#018x}");
 }
