@@ -10,9 +10,9 @@ use std::path::Path;
 use std::time::Duration;
 
 use trued_client::{
-    Answer, Client, CorrectionStatus, ForceSamples, ForceSource, Instrument, Mode, Monitor,
-    ProcessState, RecorderAction, RecorderState, RobotState, Samples, Setpoint, Verdict,
-    VibrationState, WrenchFrame, monotonic_ns,
+    Answer, Client, CorrectionStatus, ForceSamples, ForceSource, HORIZON_POINTS_MAX, Instrument,
+    Mode, Monitor, ProcessState, RecorderAction, RecorderState, RobotState, Samples, Setpoint,
+    Verdict, VibrationState, WrenchFrame, monotonic_ns,
 };
 
 const JOINTS: usize = 6;
@@ -192,7 +192,11 @@ fn ask(client: &mut Client, monitor: &mut Monitor) -> Done {
         ..RobotState::default()
     };
     client.send_state(&state)?;
+    // The setpoints after the next command: more than are sent.
+    let ahead: Vec<_> = (1..=HORIZON_POINTS_MAX + 2).map(target_of).collect();
+    let horizon = client.set_horizon(&ahead)?;
     println!("joints {}\nmode {}\nbypassed {}", before.joints, before.mode, u32::from(bypassed));
     println!("reload_refused {}", u32::from(answer.answer() == Ok(Answer::Refused)));
+    println!("horizon {horizon}");
     Ok(())
 }

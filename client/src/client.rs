@@ -3,10 +3,11 @@
 use std::time::{Duration, Instant};
 
 use shm_schema::{
-    Cell, Command, Corrected, JOINTS_MAX, Joined, Payload, PeerPublisher, PeerSubscriber,
+    Cell, Command, Corrected, Horizon, JOINTS_MAX, Joined, Payload, PeerPublisher, PeerSubscriber,
     PortError, Request, Response, RobotState, Role, Status, Verdict, monotonic_ns, new_session,
 };
 
+use crate::horizon::fill;
 use crate::link::{Connection, ConnectionEvent, KNOCK_AFTER, Link, Ports};
 use crate::monitor::{Asker, MonitorPorts};
 use crate::output::Output;
@@ -23,6 +24,7 @@ struct CellPorts {
     commands: PeerPublisher<Command>,
     corrected: PeerSubscriber<Corrected>,
     state: PeerPublisher<RobotState>,
+    horizons: PeerPublisher<Horizon>,
     monitor: MonitorPorts,
 }
 
@@ -33,6 +35,7 @@ impl Ports for CellPorts {
             commands: joined.publisher()?,
             corrected: joined.subscriber()?,
             state: joined.publisher()?,
+            horizons: joined.publisher()?,
             monitor: MonitorPorts::open(joined)?,
         })
     }
@@ -47,6 +50,7 @@ pub struct Client {
     sent: Option<Command>,
     seq: u64,
     state_seq: u64,
+    horizon: Box<Horizon>,
     newest: Option<Corrected>,
     epoch: u64,
     /// Since when commands are sent in this epoch without an answer.
@@ -77,6 +81,7 @@ impl Client {
             sent: None,
             seq: 0,
             state_seq: 0,
+            horizon: Box::default(),
             newest: None,
             epoch: 0,
             unheard_since_ns: None,
@@ -186,6 +191,31 @@ impl Client {
         self.state_seq = seq;
         let message = RobotState { seq, session, sent_ns: monotonic_ns(), ..*state };
         NotSent::unless_delivered(ports.state.send(&message))
+    }
+
+    /// Sends the setpoints that follow the next command, in order and one command period apart, rad or m: call it before [`send`](Self::send).
+    /// Of more than [`HORIZON_POINTS_MAX`](crate::HORIZON_POINTS_MAX) points the first are sent; returns how many were. It replaces the last horizon; an empty one says that
+    /// no setpoint is known ahead.
+    ///
+    /// # Errors
+    /// [`NotSent`]: [`NotSent::HorizonNotFinite`] if a number of the points to be sent is not finite, [`NotSent::NotATarget`] if they have not 1 to 16 joints.
+    pub fn set_horizon<const N: usize>(&mut self, points: &[[f64; N]]) -> Result<usize, NotSent> {
+        self.set_horizon_flat(points.as_flattened(), N)
+    }
+
+    /// The same for a number of joints that is not known to the compiler: all joints of the first point, then those of the next one.
+    ///
+    /// # Errors
+    /// As [`set_horizon`](Self::set_horizon); [`NotSent::Invalid`] if the last point is not complete.
+    pub fn set_horizon_flat(&mut self, points: &[f64], joints: usize) -> Result<usize, NotSent> {
+        let count = fill(&mut self.horizon, points, joints)?;
+        let ports = self.link.ports_to_tell()?;
+        let horizon = &mut *self.horizon;
+        horizon.seq += 1;
+        horizon.session = self.session;
+        horizon.command_seq = self.seq + 1;
+        horizon.sent_ns = monotonic_ns();
+        NotSent::unless_delivered(ports.horizons.send(horizon)).map(|()| count)
     }
 
     /// The newest corrected target of this daemon, however old.

@@ -122,6 +122,16 @@ pub enum NotSent {
     /// The command is no joint target.
     #[error(transparent)]
     NotATarget(#[from] NotATarget),
+    /// A setpoint of the horizon is not finite: nothing was sent, and the horizon sent before remains.
+    #[error(
+        "joint {joint} of point {point} of the horizon is no finite number, expected rad (m where it slides); end the horizon before that point"
+    )]
+    HorizonNotFinite {
+        /// The first such point, from 1.
+        point: usize,
+        /// Its first such joint, from 1.
+        joint: usize,
+    },
     /// The message makes no sense.
     #[error("{what} is {value}, expected {expected}")]
     Invalid {

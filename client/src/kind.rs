@@ -98,7 +98,9 @@ impl NotSent {
         match self {
             Self::Away(away) => (*away).into(),
             Self::Lost => ErrorKind::MessageLost,
-            Self::NotATarget(_) | Self::Invalid { .. } => ErrorKind::Argument,
+            Self::NotATarget(_) | Self::HorizonNotFinite { .. } | Self::Invalid { .. } => {
+                ErrorKind::Argument
+            }
         }
     }
 }

@@ -190,7 +190,6 @@ impl<L: Link> Robot<L> {
 }
 
 #[cfg(test)]
-#[expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 mod tests {
     use super::*;
     use crate::exchange::Exchange;

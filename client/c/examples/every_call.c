@@ -237,8 +237,14 @@ static void ask(trued_client *client, trued_monitor *monitor) {
     state.flags = TRUED_STATE_HAS_Q;
     state.t_ns = trued_monotonic_ns();
     must("state", trued_client_send_state(client, &state));
+    /* The setpoints after the next command: more than are sent. */
+    double ahead[TRUED_HORIZON_POINTS_MAX + 2][JOINTS];
+    uint32_t horizon = 0;
+    for (unsigned k = 0; k < TRUED_HORIZON_POINTS_MAX + 2; k++) target_of(k + 1, ahead[k]);
+    must("horizon", trued_client_set_horizon(client, ahead[0], JOINTS, TRUED_HORIZON_POINTS_MAX + 2, &horizon));
     printf("joints %u\nmode %u\nbypassed %d\n", before.joints, before.mode, bypassed);
     printf("reload_refused %d\n", refused == TRUED_ERROR_REFUSED);
+    printf("horizon %" PRIu32 "\n", horizon);
 }
 
 int main(int argc, char **argv) {

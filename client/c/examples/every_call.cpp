@@ -138,7 +138,13 @@ static void ask(trued::client &client, trued::monitor &monitor) {
     state.flags = TRUED_STATE_HAS_Q;
     state.t_ns = trued::monotonic_ns();
     client.send_state(state);
+    // The setpoints after the next command: more than are sent.
+    std::vector<std::array<double, joints>> ahead;
+    for (unsigned k = 1; k <= TRUED_HORIZON_POINTS_MAX + 2; k++) ahead.push_back(target_of(k));
+    const auto horizon = client.set_horizon(ahead);
+    if (!horizon) throw trued::error(horizon.result, trued::last_error());
     std::printf("joints %u\nmode %u\nbypassed %d\nreload_refused %d\n", before.joints, before.mode, bypassed, refused);
+    std::printf("horizon %" PRIu32 "\n", horizon.points);
 }
 
 // Changes the mode and the recording, and back.

@@ -36,6 +36,9 @@
 // Most joints of one robot.
 #define TRUED_JOINTS_MAX 16
 
+// Most points of one horizon.
+#define TRUED_HORIZON_POINTS_MAX 128
+
 // Ambient and one per joint.
 #define TRUED_TEMPERATURES_MAX 17
 
@@ -1108,6 +1111,16 @@ trued_code trued_client_send_joints(struct trued_client *client, const double *q
 
 // Sends the measured state of the robot.
 trued_code trued_client_send_state(struct trued_client *client, const struct trued_robot_state *state);
+
+// Sends the setpoints that follow the next command, in order and one command period apart: `count` points of `joints` numbers each, all joints of
+// the first point, then those of the next one. Call it before trued_client_send(). Of more than TRUED_HORIZON_POINTS_MAX points the first are sent; `sent` (may be
+// NULL) gets how many were. It replaces the last horizon; `count` 0 (`points` may be NULL) says that no setpoint is known ahead. Does not block.
+// TRUED_ERROR_ARGUMENT if a number is not finite: nothing was sent then.
+trued_code trued_client_set_horizon(struct trued_client *client,
+                                    const double *points,
+                                    uint32_t joints,
+                                    uint32_t count,
+                                    uint32_t *sent);
 
 // The joint target to send to the robot for `q_cmd` at `now_ns` (trued_monotonic_ns()), whatever the state of the daemon: `q_cmd` plus a
 // correction that continues from the last one sent, within the daemon's limits: towards the daemon's while its answer is fresh, else to

@@ -207,6 +207,13 @@ struct sent {
     explicit operator bool() const noexcept { return result == code::ok; }
 };
 
+// Result of sending a horizon: how many of its points were sent, or the error code.
+struct horizon_sent {
+    code result;
+    std::uint32_t points;
+    explicit operator bool() const noexcept { return result == code::ok; }
+};
+
 namespace detail {
 
 // The C functions of each type of handle.
@@ -350,6 +357,20 @@ public:
     }
     code send_state(const robot_state &state) {
         return detail::gone_on(::trued_client_send_state(raw(), &state));
+    }
+    // Sends the setpoints that follow the next command, in order and one command period apart: call it before send(). `points` is a contiguous container
+    // of std::array<double, N>. Of more than TRUED_HORIZON_POINTS_MAX points the first are sent. It replaces the last horizon; an empty one says that
+    // no setpoint is known ahead. Does not block. Throws if a number is not finite: nothing was sent then.
+    template <typename Points> horizon_sent set_horizon(const Points &points) {
+        using point = std::decay_t<decltype(*points.data())>;
+        constexpr auto joints = std::tuple_size<point>::value;
+        static_assert(std::is_same<point, std::array<double, joints>>::value && sizeof(point) == joints * sizeof(double),
+                      "points of std::array<double, N>");
+        horizon_sent said{code::ok, 0};
+        const double *first = points.size() == 0 ? nullptr : points.data()->data();
+        said.result = detail::gone_on(
+            ::trued_client_set_horizon(raw(), first, detail::count(joints), detail::count(points.size()), &said.points));
+        return said;
     }
     // The joint target to send to the robot for `q_cmd`, whatever the state of the daemon. Does not block. Throws if the command is not finite:
     // the state is then unchanged, and last_target() is the last target sent.

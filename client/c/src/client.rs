@@ -110,6 +110,33 @@ pub unsafe extern "C" fn trued_client_send_state(
     })
 }
 
+/// Sends the setpoints that follow the next command, in order and one command period apart: `count` points of `joints` numbers each, all joints of
+/// the first point, then those of the next one. Call it before trued_client_send(). Of more than TRUED_HORIZON_POINTS_MAX points the first are sent; `sent` (may be
+/// NULL) gets how many were. It replaces the last horizon; `count` 0 (`points` may be NULL) says that no setpoint is known ahead. Does not block.
+/// TRUED_ERROR_ARGUMENT if a number is not finite: nothing was sent then.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_set_horizon(
+    client: *mut trued_client,
+    points: *const f64,
+    joints: u32,
+    count: u32,
+    sent: *mut u32,
+) -> trued_code {
+    guard(|| {
+        let joints = translate::joints(joints)?;
+        let points = match (count as usize).min(TRUED_HORIZON_POINTS_MAX) {
+            0 => &[][..],
+            // SAFETY: the rules of the header.
+            count => unsafe { numbers("points", points, count * joints) }?,
+        };
+        let count =
+            CLIENTS.with(client.addr(), |client| Ok(client.set_horizon_flat(points, joints)?))?;
+        // SAFETY: the rules of the header.
+        unsafe { put_if_any(sent, count as u32) };
+        Ok(trued_code::TRUED_OK)
+    })
+}
+
 /// The joint target to send to the robot for `q_cmd` at `now_ns` (trued_monotonic_ns()), whatever the state of the daemon: `q_cmd` plus a
 /// correction that continues from the last one sent, within the daemon's limits: towards the daemon's while its answer is fresh, else to
 /// zero. Does not block. TRUED_ERROR_ARGUMENT if `q_cmd` is not finite: the state is then unchanged, and

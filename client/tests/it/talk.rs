@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 
 use shm_schema::*;
 use trued_client::{
-    AskError, Away, Client, ConnectError, Connection, ConnectionEvent, ForceSamples, ForceSource,
-    Monitor, NotATarget, NotSent, Samples, Setpoint, Source, WrenchFrame,
+    AskError, Away, Client, ConnectError, Connection, ConnectionEvent, ErrorKind, ForceSamples,
+    ForceSource, HORIZON_POINTS_MAX, Monitor, NotATarget, NotSent, Samples, Setpoint, Source,
+    WrenchFrame,
 };
 
 use crate::mini::Runtime;
@@ -183,6 +184,111 @@ fn force_in_single_precision_arrives_channel_by_channel_in_double() {
     assert_eq!(source.lost(), 6);
     let last = std::iter::from_fn(|| blocks.take_next()).last().unwrap();
     assert_eq!((last.seq, last.samples_before), (65, 128));
+}
+
+#[test]
+fn a_horizon_arrives_with_the_command_that_it_follows_and_without_more_than_it_has() {
+    let runtime = Runtime::new("horizon");
+    let cell = runtime.cell();
+    let mut daemon = Daemon::start(&cell);
+    let mut client = beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap();
+    let mut horizons = daemon.side.ports().subscriber::<Horizon>().unwrap();
+
+    let known = [[0.1, 0.2, 0.3], [1.1, 1.2, 1.3]];
+    assert_eq!(client.set_horizon(&known), Ok(2));
+    client.send(&[0.0; 3].into()).unwrap();
+    let (command, horizon) = (daemon.turn().unwrap(), horizons.take_newest().unwrap());
+    assert_eq!(horizon.check(), Ok(()));
+    assert_eq!((horizon.seq, horizon.count), (1, 2));
+    assert_eq!((horizon.session, horizon.command_seq), (command.session, command.seq));
+    assert!(horizon.sent_ns > 0 && horizon.sent_ns <= command.sent_ns);
+    for (arrived, sent) in horizon.points().iter().zip(known) {
+        assert_eq!((&arrived[..3], &arrived[3..]), (&sent[..], &[0.0; JOINTS_MAX - 3][..]));
+    }
+
+    // Fewer joints leave nothing of the joints before, fewer points nothing of the points.
+    assert_eq!(client.set_horizon(&[[9.0], [9.5]]), Ok(2));
+    assert_eq!(client.set_horizon(&[[2.0]]), Ok(1), "the newest replaces the others");
+    let horizon = horizons.take_newest().unwrap();
+    assert_eq!((horizon.seq, horizon.command_seq, horizon.points().len()), (3, 2, 1));
+    assert_eq!(horizon.points()[0][..2], [2.0, 0.0]);
+    assert!(horizons.take_newest().is_none());
+
+    client.start_anew();
+    assert_eq!(client.set_horizon::<6>(&[]), Ok(0));
+    let horizon = horizons.take_newest().unwrap();
+    assert_eq!((horizon.check(), horizon.count, horizon.command_seq), (Ok(()), 0, 1));
+    assert_ne!(horizon.session, command.session);
+}
+
+#[test]
+fn of_a_horizon_that_is_too_long_the_first_points_are_sent_and_of_a_bad_one_none() {
+    let runtime = Runtime::new("horizon-bad");
+    let cell = runtime.cell();
+    let mut daemon = Daemon::start(&cell);
+    let mut client = beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap();
+    let mut horizons = daemon.side.ports().subscriber::<Horizon>().unwrap();
+
+    let mut long: Vec<[f64; 6]> = (0..HORIZON_POINTS_MAX + 2).map(|k| [k as f64; 6]).collect();
+    long[HORIZON_POINTS_MAX][0] = f64::NAN; // not sent, so not looked at
+    assert_eq!(client.set_horizon(&long), Ok(HORIZON_POINTS_MAX));
+    let horizon = horizons.take_newest().unwrap();
+    assert_eq!((horizon.check(), horizon.points().len()), (Ok(()), HORIZON_POINTS_MAX));
+    assert_eq!(horizon.points()[HORIZON_POINTS_MAX - 1][5], (HORIZON_POINTS_MAX - 1) as f64);
+
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let points = [[0.0; 6], [0.0, 0.0, bad, bad, 0.0, 0.0]];
+        let refused = client.set_horizon(&points).unwrap_err();
+        assert_eq!(refused, NotSent::HorizonNotFinite { point: 2, joint: 3 });
+        assert_eq!(refused.kind(), ErrorKind::Argument);
+    }
+    let none = client.set_horizon::<0>(&[[]]);
+    assert_eq!(none, Err(NotSent::NotATarget(NotATarget::Joints(0))));
+    assert_eq!(client.set_horizon(&[[0.0; 17]]), Err(NotSent::NotATarget(NotATarget::Joints(17))));
+    let torn = client.set_horizon_flat(&[0.0; 7], 6);
+    assert!(matches!(torn, Err(NotSent::Invalid { value: 7, .. })), "{torn:?}");
+    assert!(horizons.take_newest().is_none(), "nothing was sent");
+
+    assert_eq!(client.set_horizon_flat(&[1.0, 2.0, 3.0, 4.0], 2), Ok(2));
+    let horizon = horizons.take_newest().unwrap();
+    assert_eq!((horizon.seq, horizon.points()[1][..3].to_vec()), (2, vec![3.0, 4.0, 0.0]));
+}
+
+#[test]
+fn a_daemon_that_has_restarted_gets_the_next_horizon() {
+    let runtime = Runtime::new("horizon-again");
+    let cell = runtime.cell();
+    let mut daemon = Daemon::start(&cell);
+    let mut client = {
+        let cell = cell.clone();
+        beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap()
+    };
+    let point = [[0.5; 6]];
+    assert_eq!(client.set_horizon(&point), Err(NotSent::Lost), "nobody takes it");
+    let mut horizons = daemon.side.ports().subscriber::<Horizon>().unwrap();
+    assert_eq!(client.set_horizon(&point), Ok(1));
+    assert_eq!(horizons.take_newest().unwrap().seq, 2);
+
+    drop((horizons, daemon));
+    let start = Instant::now();
+    while client.connection() != Connection::Lost {
+        assert!(start.elapsed() < LIMIT);
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert_eq!(client.set_horizon(&point), Err(NotSent::Away(Away::DaemonLost)));
+    let mut daemon = Daemon::start(&cell);
+    let mut horizons = daemon.side.ports().subscriber::<Horizon>().unwrap();
+    while client.connection() == Connection::Lost {
+        assert!(start.elapsed() < LIMIT);
+        daemon.turn();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert_eq!(client.set_horizon(&point), Err(NotSent::Away(Away::DaemonRestarted)), "said once");
+    assert_eq!(client.set_horizon(&point), Ok(1));
+    let seq = client.send(&[0.5; 6].into()).unwrap();
+    let (command, horizon) = (daemon.turn().unwrap(), horizons.take_newest().unwrap());
+    assert_eq!((horizon.seq, horizon.command_seq), (3, seq), "what was not sent has no number");
+    assert_eq!(horizon.session, command.session);
 }
 
 #[test]

@@ -11,6 +11,9 @@ pub use told::*;
 
 /// Most joints of one robot.
 pub const TRUED_JOINTS_MAX: usize = 16;
+/// Most points of one horizon.
+pub const TRUED_HORIZON_POINTS_MAX: usize = 128;
+const _: () = assert!(TRUED_HORIZON_POINTS_MAX == ::trued_client::HORIZON_POINTS_MAX);
 /// Ambient and one per joint.
 pub const TRUED_TEMPERATURES_MAX: usize = 17;
 /// Size of a message in a struct, including the terminating zero.

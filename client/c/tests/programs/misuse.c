@@ -34,6 +34,8 @@ static void null_pointers(const char *cell, trued_client *client, trued_force *f
     IS(TRUED_ERROR_NULL, trued_client_send(client, NULL, NULL));
     IS(TRUED_ERROR_NULL, trued_client_send_joints(client, NULL, 6, NULL));
     IS(TRUED_ERROR_NULL, trued_client_send_state(client, NULL));
+    IS(TRUED_ERROR_NULL, trued_client_set_horizon(client, NULL, 6, 1, NULL));
+    IS(TRUED_OK, trued_client_set_horizon(client, NULL, 6, 0, NULL));
     IS(TRUED_ERROR_NULL, trued_client_target(client, NULL, 6, 0, &target));
     IS(TRUED_ERROR_NULL, trued_client_target(client, Q, 6, 0, NULL));
     IS(TRUED_ERROR_NULL, trued_client_exchange(client, Q, 6, 0, NULL));
@@ -104,6 +106,18 @@ static void values(const char *cell, trued_client *client, trued_force *force) {
     IS(TRUED_ERROR_ARGUMENT, trued_client_target(client, Q, 17, 0, &target));
     IS(TRUED_ERROR_ARGUMENT, trued_client_exchange(client, Q, 6, UINT64_MAX, &target));
     IS(TRUED_ERROR_ARGUMENT, trued_client_set_fresh(client, UINT64_MAX));
+    uint32_t sent = 7;
+    double points[2][6] = {{0.2, 0.3, -0.2, 0.3, 0.8, 0.1}, {0.2, 0.3, -0.2, 0.3, 0.8, 0.1}};
+    IS(TRUED_ERROR_ARGUMENT, trued_client_set_horizon(client, points[0], 0, 2, &sent));
+    IS(TRUED_ERROR_ARGUMENT, trued_client_set_horizon(client, points[0], 17, 2, &sent));
+    points[1][5] = NAN;
+    IS(TRUED_ERROR_ARGUMENT, trued_client_set_horizon(client, points[0], 6, 2, &sent));
+    if (sent != 7 || strstr(trued_last_error(), "joint 6 of point 2") == NULL) faults++;
+    IS(TRUED_OK, trued_client_set_horizon(client, points[0], 6, 1, &sent));
+    if (sent != 1) faults++;
+    static double many[TRUED_HORIZON_POINTS_MAX][1];
+    IS(TRUED_OK, trued_client_set_horizon(client, many[0], 1, UINT32_MAX, &sent));
+    if (sent != TRUED_HORIZON_POINTS_MAX) faults++;
     trued_setpoint setpoint = TRUED_INIT(trued_setpoint);
     setpoint.joints = 6;
     setpoint.flags = 1u << 31;
@@ -176,6 +190,7 @@ static void after_close(const char *cell, trued_client *client, trued_monitor *m
     IS(TRUED_OK, trued_client_close(client));
     IS(TRUED_ERROR_CLOSED, trued_client_close(client));
     IS(TRUED_ERROR_CLOSED, trued_client_send_joints(client, Q, 6, NULL));
+    IS(TRUED_ERROR_CLOSED, trued_client_set_horizon(client, Q, 6, 1, NULL));
     IS(TRUED_ERROR_CLOSED, trued_client_status(client, &status));
     trued_client *next;
     IS(TRUED_OK, trued_client_connect(cell, NULL, 10 * SECOND, &next));
