@@ -61,7 +61,7 @@ pub use process::ProcessState;
 pub use setpoint::{Setpoint, WrenchFrame};
 pub use shm_schema::{
     Advice, Answer, CHANNEL_NAMES, Corrected, CorrectionStatus, FeedReason, FeedState, ForceFault,
-    Health, InCut, JOINTS_MAX, Mode, Reason, RecorderAction, RecorderState, Response, RobotState,
+    Health, InCut, JOINTS_MAX, LeadState, Mode, Reason, RecorderAction, RecorderState, Response, RobotState,
     SendOutcome, SensorFault, Status, TrimReason, TrimState, Verdict, VibrationClass,
     VibrationState, WatchState, channel_name, monotonic_ns,
 };

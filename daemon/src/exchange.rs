@@ -233,7 +233,7 @@ impl LeadCounters {
         status.lead_state = (state >> 48) as u32;
         status.horizon_points = (state >> 24) as u32 & 0xff_ffff;
         status.horizon_points_used = state as u32 & 0xff_ffff;
-        status.horizons_refused = self.refused.load(Relaxed);
+        status.horizons_refused = self.refused.load(Relaxed) as u32;
     }
 }
 

@@ -12,7 +12,7 @@ use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Registry;
-use shm_schema::{FeedState, TrimState};
+use shm_schema::{FeedState, LeadState, TrimState};
 
 use crate::report::Report;
 
@@ -195,6 +195,11 @@ impl Metrics<'_, '_> {
             ("trim_measurements", "Measured points of the tool", report.trim.measurements),
             ("trim_refused", "Measured points that were refused", report.trim.refused),
             ("feed_refused", "Wrenches that were refused for the feed", report.feed.refused),
+            (
+                "horizons_refused",
+                "Horizons that a command differed from",
+                u64::from(report.lead.horizons_refused),
+            ),
             ("recorder_dropped", "Records that the recorder dropped", report.recorder_dropped),
         ] {
             self.counter(name, help, value)?;
@@ -221,6 +226,7 @@ impl Metrics<'_, '_> {
         let stale = report.stale_temperatures.len() as f64;
         self.gauge("stale_temperatures", "Temperatures that are too old to be used", stale)?;
         self.feed(report)?;
+        self.lead(report)?;
         self.trim(report)
     }
 
@@ -245,6 +251,15 @@ impl Metrics<'_, '_> {
             }
         }
         Ok(())
+    }
+
+    fn lead(&mut self, report: &Report) -> fmt::Result {
+        let lead = &report.lead;
+        if lead.state == LeadState::Off.name() {
+            return Ok(());
+        }
+        let points = f64::from(lead.horizon_points);
+        self.gauge("horizon_points", "Setpoints known ahead, of those that the lead uses", points)
     }
 
     fn trim(&mut self, report: &Report) -> fmt::Result {

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use shm_schema::{RecorderState, WrenchGate, latency_below_ns};
 use trued_client::{
-    FeedReason, FeedState, Health, InCut, JOINTS_MAX, Mode, Status, TrimReason, TrimState,
+    FeedReason, FeedState, Health, InCut, JOINTS_MAX, LeadState, Mode, Status, TrimReason, TrimState,
     VibrationState, WatchState, monotonic_ns,
 };
 
@@ -53,6 +53,22 @@ pub struct Report {
     pub trim: Trim,
     /// How the feed is adapted to the force.
     pub feed: Feed,
+    /// What joints in motion lead their commands by.
+    pub lead: Lead,
+}
+
+/// What the lead of joints in motion is computed from.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Lead {
+    /// The word of [`LeadState`].
+    pub state: &'static str,
+    /// Setpoints after the last command that were known, of those that the lead uses.
+    pub horizon_points: u32,
+    /// Setpoints after a command that the lead uses.
+    pub horizon_points_used: u32,
+    /// Horizons that a command differed from.
+    pub horizons_refused: u32,
 }
 
 /// How the feed is adapted to the force. Forces and speed are `null` where unknown.
@@ -288,6 +304,7 @@ impl Report {
             stale_temperatures: (0..=status.joints).filter(is_stale).collect(),
             trim: trim(status),
             feed: feed(status),
+            lead: lead(status),
         }
     }
 }
@@ -318,6 +335,15 @@ fn trim(status: &Status) -> Trim {
         found_mm: status.trim_found_m.map(|m| 1e3 * m),
         measurements: status.trim_measurements,
         refused: status.trim_refused,
+    }
+}
+
+fn lead(status: &Status) -> Lead {
+    Lead {
+        state: word(status.lead_state(), LeadState::name),
+        horizon_points: status.horizon_points,
+        horizon_points_used: status.horizon_points_used,
+        horizons_refused: status.horizons_refused,
     }
 }
 

@@ -133,8 +133,8 @@ plain_struct! {
         pub verdict: Verdict,
         /// Temperatures older than the cell's age limit: bit 0 the ambient one, bit `n` that of joint `n`.
         pub stale_temperatures: u32,
-        /// A [`LeadState`].
-        pub lead_state: u32,
+        /// Zero.
+        pub reserved: u32,
         /// A [`TrimState`].
         pub trim_state: u32,
         /// A [`TrimReason`].
@@ -167,12 +167,14 @@ plain_struct! {
         pub feed_refused: u64,
         /// Bounds of the override.
         pub feed_bounds: FeedBounds,
+        /// A [`LeadState`].
+        pub lead_state: u32,
         /// Setpoints after the last command that were known, of those that the lead uses.
         pub horizon_points: u32,
         /// Setpoints after a command that the lead uses.
         pub horizon_points_used: u32,
         /// Horizons that a command differed from.
-        pub horizons_refused: u64,
+        pub horizons_refused: u32,
         /// Sum of all latencies since the start, ns.
         pub latency_sum_ns: u64,
         /// How many latencies each bucket holds, see [`latency_below_ns`].

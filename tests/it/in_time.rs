@@ -12,8 +12,10 @@ use glam::DVec3;
 use joint_dynamics::plant::Plants;
 use physics::{Arm, Chain, Joints};
 use recording::model::RobotModel;
+use shm_schema::LeadState;
 use tests::chance::Chance;
 use tests::clients::root;
+use tests::simulation::lead::{self, Outcome, Trouble};
 
 use crate::TRUED;
 use crate::guide::blocks;
@@ -287,6 +289,103 @@ fn a_preview_leaves_a_fifth_of_the_path_error_and_learning_a_tenth() {
         let json = cell.place.json("learn.json");
         assert_eq!(json["joints"].as_array().unwrap().len(), JOINTS, "{json}");
     }
+}
+
+/// Rows at rest before and after the path of a cell.
+const REST_ROWS: usize = 100;
+
+/// A cell whose joints lead their commands: the daemon's cycle with limits that a lag of 30 ms at 100 mm/s does not reach.
+const LEADING: &str = "[cycle]\nperiod_ms = 4\nstale_ms = 20\n[envelope]\nangle_mrad = 100\nrate_mrad_s = 1000\n\
+                       jerk_mrad_s3 = 5e6\n[dynamic]\n";
+
+impl Cell {
+    /// The path row by row, with rest at both ends.
+    fn rows(&self) -> Vec<Joints> {
+        let last = self.path[0].len() - 1;
+        let row = |k: usize| {
+            let mut q = Joints::default();
+            let k = k.saturating_sub(REST_ROWS).min(last);
+            q.iter_mut().zip(&self.path).for_each(|(q, joint)| *q = joint[k]);
+            q
+        };
+        (0..=last + 2 * REST_ROWS).map(row).collect()
+    }
+
+    /// The daemon with a model whose parameters are off so; at each command the next `known` setpoints are known.
+    fn lead(&self, off: [f64; 4], known: usize, trouble: Trouble, seed: u64) -> Outcome {
+        self.place.file("robot.toml", &model_text(off, 0.02));
+        self.place.file("other.toml", &model_text(off.map(|off| off + 0.1), 0.02));
+        let model = |name: &str| RobotModel::read(&self.place.path(name)).unwrap();
+        let models = [model("robot.toml"), model("other.toml")];
+        lead::run(LEADING, models, &self.rows(), known, trouble, seed)
+    }
+
+    fn error_of(&self, outcome: &Outcome) -> Error {
+        assert_eq!(outcome.broken, None);
+        let sent = (0..JOINTS).map(|joint| outcome.sent.iter().map(|q| q[joint]).collect());
+        self.error(&sent.collect(), REST_ROWS).0
+    }
+}
+
+#[test]
+fn the_daemon_leaves_a_fifth_of_the_path_error_where_it_knows_a_tenth_of_a_second_ahead() {
+    let cell = Cell::new();
+    let before = cell.uncompensated();
+    for sign in [1.0, -1.0] {
+        let off = [0.02 * sign, -0.02 * sign, 0.02 * sign, 0.02];
+        for known in [0, 5, 10, 25, 75] {
+            let outcome = cell.lead(off, known, Trouble::default(), 1);
+            let after = cell.error_of(&outcome);
+            println!(
+                "{known} setpoints ahead: from the path {:.3} then {:.3} mm at most, in time {:.3} then {:.3} mm rms",
+                before.from_path_m * 1e3,
+                after.from_path_m * 1e3,
+                before.in_time_rms_m * 1e3,
+                after.in_time_rms_m * 1e3
+            );
+            let state = [LeadState::NoHorizon, LeadState::ShortHorizon, LeadState::Horizon];
+            let state = state[usize::from(known > 0) + usize::from(known >= 75)];
+            assert!(outcome.ticks_in(state) > outcome.sent.len() / 2, "{:?}", outcome.states);
+            assert!(after.in_time_rms_m < before.in_time_rms_m);
+            if known >= 25 {
+                assert!(after.from_path_m < before.from_path_m / 5.0, "{known}");
+                assert!(after.in_time_rms_m < before.in_time_rms_m / 5.0, "{known}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_lead_by_a_model_that_is_off_by_thirty_percent_makes_no_path_worse_in_time() {
+    let cell = Cell::new();
+    let before = cell.uncompensated();
+    for off in [[0.3; 4], [-0.3; 4], [0.3, -0.3, -0.3, 0.3], [-0.3, 0.3, 0.3, -0.3]] {
+        for known in [0, 10, 25, 75] {
+            let after = cell.error_of(&cell.lead(off, known, Trouble::default(), 1));
+            println!(
+                "{off:?}, {known} ahead: {:.3} then {:.3} mm rms",
+                before.in_time_rms_m * 1e3,
+                after.in_time_rms_m * 1e3
+            );
+            assert!(after.in_time_rms_m < before.in_time_rms_m, "{off:?}, {known}");
+        }
+    }
+}
+
+#[test]
+fn a_lead_breaks_no_bound_whatever_is_lost_or_changed() {
+    let cell = Cell::new();
+    let mut states = [0; 5];
+    let mut refused = 0;
+    for seed in 0..40 {
+        let trouble = Trouble { lost: 0.05, changes: 0.02 };
+        let outcome = cell.lead([0.0; 4], 40, trouble, seed);
+        assert_eq!(outcome.broken, None, "seed {seed}");
+        states.iter_mut().zip(outcome.states).for_each(|(sum, state)| *sum += state);
+        refused += outcome.horizons_refused;
+    }
+    assert!(states[2..].iter().all(|ticks| *ticks > 0), "{states:?}");
+    assert!(refused > 0);
 }
 
 #[test]

@@ -206,6 +206,22 @@ pub enum trued_feed_state {
     Holding = 5,
 }
 
+/// What the lead of joints in motion is computed from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum trued_lead_state {
+    /// The cell has no [dynamic], or it is switched off.
+    Off = 0,
+    /// The model has no delay, lag or mode of a joint.
+    NothingInTime = 1,
+    /// No setpoint is known ahead: the path is assumed to continue at its speed.
+    NoHorizon = 2,
+    /// Fewer setpoints are known than the lead uses; after the last one the path is assumed to continue at its speed.
+    ShortHorizon = 3,
+    /// All setpoints that the lead uses are known.
+    Horizon = 4,
+}
+
 /// Why the feed override is so.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]

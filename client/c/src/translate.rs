@@ -208,6 +208,7 @@ pub(crate) fn status(from: &Status) -> trued_status {
             trim_found_m, trim_measurements, trim_refused, feed_state, feed_reason,
             feed_override, feed_wanted, feed_force_n, feed_programmed_force_n, feed_limit_n,
             feed_speed_m_s, feed_refused, latency_sum_ns, latency_counts,
+            lead_state, horizon_points, horizon_points_used, horizons_refused,
         }
         struct_size: 0,
         q_min: from.bounds.min,

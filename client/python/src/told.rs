@@ -169,6 +169,10 @@ pub(crate) struct Status {
     feed_refused: u64,
     latency_sum_ns: u64,
     latency_counts: Vec<u64>,
+    lead_state: String,
+    horizon_points: u32,
+    horizon_points_used: u32,
+    horizons_refused: u32,
 }
 
 /// A struct of fields that the message has by the same name, and of others.
@@ -191,6 +195,7 @@ impl Status {
                 joints, uncompensated_effects, geometry_hash, stale_temperatures,
                 trim_measurements, trim_refused, feed_override, feed_wanted, feed_force_n,
                 feed_programmed_force_n, feed_limit_n, feed_speed_m_s, feed_refused, latency_sum_ns,
+                horizon_points, horizon_points_used, horizons_refused,
             }
             health: word::<trued_client::Health>(from.health),
             mode: word::<trued_client::Mode>(from.mode),
@@ -211,6 +216,7 @@ impl Status {
             robot_serial: from.robot_serial.to_string(),
             q_command: all(&from.q_command),
             correction: all(&from.correction),
+            lead_state: word::<trued_client::LeadState>(from.lead_state),
             trim_state: word::<trued_client::TrimState>(from.trim_state),
             trim_reason: word::<trued_client::TrimReason>(from.trim_reason),
             trim_m: from.trim_m.into(),

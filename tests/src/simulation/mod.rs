@@ -7,6 +7,7 @@ pub mod bridges;
 mod client;
 pub mod feed;
 pub mod instrument;
+pub mod lead;
 mod orders;
 pub mod run;
 mod watch;

@@ -217,6 +217,14 @@ pub struct trued_status {
     /// Histogram of latencies since the start: the first entry counts those below 2^10 ns, entry n those from 2^(9+n) to below 2^(10+n) ns, the
     /// last one all longer ones.
     pub latency_counts: [u64; TRUED_LATENCY_BUCKETS],
+    /// A trued_lead_state.
+    pub lead_state: u32,
+    /// Setpoints after the last command that were known, of those that the lead uses.
+    pub horizon_points: u32,
+    /// Setpoints after a command that the lead uses.
+    pub horizon_points_used: u32,
+    /// Horizons that a command differed from.
+    pub horizons_refused: u32,
 }
 
 /// One verdict on one line of the force spectrum. Unknown values are NaN.

@@ -2,7 +2,7 @@
 
 use crate::table::beside;
 use live::report::Report;
-use shm_schema::{FeedReason, FeedState, TrimReason, TrimState};
+use shm_schema::{FeedReason, FeedState, LeadState, TrimReason, TrimState};
 
 /// Columns of the names on the left.
 const INDENT: usize = 10;
@@ -66,6 +66,9 @@ pub(super) fn lines(report: &Report) -> Vec<String> {
     if let Some(trim) = trim(report) {
         put("trim", &trim);
     }
+    if let Some(lead) = lead(report) {
+        put("lead", &lead);
+    }
     if let Some(feed) = feed(report) {
         put("feed", &feed);
     }
@@ -90,6 +93,21 @@ fn trim(report: &Report) -> Option<String> {
         trim.found_length_mm(),
         trim.measurements,
         trim.refused
+    ))
+}
+
+/// What joints in motion lead their commands by; none in a cell where they do not.
+fn lead(report: &Report) -> Option<String> {
+    let lead = &report.lead;
+    if lead.state == LeadState::Off.name() {
+        return None;
+    }
+    if lead.state == LeadState::NothingInTime.name() {
+        return Some("nothing: the model has no delay, lag or mode of a joint".to_owned());
+    }
+    Some(format!(
+        "{}; {} of {} setpoints ahead known; {} horizons refused",
+        lead.state, lead.horizon_points, lead.horizon_points_used, lead.horizons_refused
     ))
 }
 
