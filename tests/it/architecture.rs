@@ -31,7 +31,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     // Of `daemon` its states as messages of a recording alone.
     ("live", &["client", "shm-schema", "recording", "daemon"]),
     ("challenge", &[]),
-    // Of `daemon` the manners of a real-time thread alone, so that what is compared has the same.
+    // Of `daemon` only the real-time settings of a thread, so that everything compared has the same ones.
     ("harness", &["client", "shm-schema", "daemon", "report"]),
     ("xtask", &["report", "trued"]),
 ];
@@ -69,7 +69,11 @@ fn the_harness_has_no_correction_of_its_own() {
         let words = |rest: &str| rest.lines().next().unwrap_or_default().to_owned();
         faults.extend(named.map(|rest| format!("{}: daemon::{}", shown(&path), words(rest))));
     }
-    assert!(faults.is_empty(), "of the daemon, more than manners:\n{}", faults.join("\n"));
+    assert!(
+        faults.is_empty(),
+        "of the daemon, more than real-time settings:\n{}",
+        faults.join("\n")
+    );
 }
 
 #[test]
