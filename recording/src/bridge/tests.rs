@@ -15,7 +15,7 @@ fn rsi(text: &str, xml: &str) -> Result<RsiConfig, Faults> {
     RsiConfig::parse("bridge.toml", text, ethernet(xml))
 }
 
-/// The words of a refusal; empty where there is none.
+/// The message of a refusal; empty if there is none.
 fn words<T>(parsed: Result<T, Faults>) -> String {
     parsed.err().map(|faults| faults.plain()).unwrap_or_default()
 }
@@ -42,7 +42,7 @@ fn a_configuration_of_the_controller_in_latin_1_is_read_whether_it_says_so_or_no
         ["<?xml version=\"1.0\" encoding=\"ISO-8859-1\"?>\n", "", "<?xml version=\"1.0\"?>\n"];
     for head in heads {
         let said = format!("{head}<!-- Schwei\u{df}zelle -- T\u{fc}r 3 -->\n{body}");
-        // Latin-1: one byte for each character, of the examples' own none above.
+        // Latin-1: one byte per character; the examples have no higher ones.
         let bytes: Vec<u8> =
             said.chars().map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?')).collect();
         std::fs::write(folder.join("rsi-ethernet.xml"), bytes).unwrap();

@@ -271,7 +271,7 @@ fn a_hardening_without_a_linear_compliance_of_its_joint_is_refused() {
     }
 }
 
-/// Each kind of the contract with values that make sense; joint 2 is revolute.
+/// Each kind of docs/reference/effects.md with realistic values; joint 2 is revolute.
 pub(super) const EVERY_KIND: &[(&str, &str)] = &[
     ("joint_offset", "joint = 2\noffset_mrad = 1"),
     ("joint_ratio", "joint = 2\nratio = 1e-4"),

@@ -250,7 +250,7 @@ fn by_krl(src: &str, dat: &str, axes: &[Axis]) -> Vec<Vec<f64>> {
     src.lines().filter_map(|line| line.strip_prefix("PTP ")).map(point).collect()
 }
 
-/// The way that is wanted, by the tour alone: degrees and mm.
+/// The requested motion, computed from the tour alone: degrees and mm.
 fn wanted(tour: &Tour, kinds: &[JointKind]) -> Vec<Vec<f64>> {
     let unit = |q: &[f64], away: f64| -> Vec<f64> {
         let value = |(q, kind): (&f64, &JointKind)| match kind {
@@ -308,7 +308,7 @@ proptest! {
         prop_assert!(apart(&rapid, &wanted) < 1e-5);
         prop_assert_eq!(&krl, &rapid);
 
-        // The list to be filled in has the same figures, and the direction of the last step of the way.
+        // The list for the measurements has the same values, and the direction of the last step.
         let csv = program.recording(&[Channel::Position(0)]).to_csv();
         let list = read_text("poses.csv", &String::from_utf8(csv).unwrap(), None, None, Need::Path).unwrap();
         let mut stops = rapid.iter().enumerate().filter(|(at, _)| if both { at % 4 != 1 && at % 4 != 3 } else { true });

@@ -5,7 +5,7 @@ use super::*;
 const PCM: u16 = 1;
 const FLOAT: u16 = 3;
 
-/// How a file is made.
+/// Properties of a file.
 #[derive(Clone, Copy)]
 struct Made {
     mark: &'static [u8; 4],
@@ -13,7 +13,7 @@ struct Made {
     tag: u16,
     bytes: usize,
     valid: Option<u16>,
-    /// What stands before `data`, with its padding.
+    /// Content before `data`, with its padding.
     before: &'static [u8],
     data_size: Option<u32>,
     extra: usize,
@@ -172,7 +172,7 @@ fn a_chunk_of_odd_size_is_followed_by_a_byte_and_one_without_it_is_refused() {
 
 #[test]
 fn an_odd_chunk_without_padding_is_told_by_the_data_that_follow_it() {
-    // The size of `data` begins with a letter, so that behind a padding byte stands `ata@`.
+    // The size of `data` begins with a letter, so that `ata@` follows a padding byte.
     let bare = Made { before: b"note\x03\0\0\0abc", ..Made::of(PCM, 2) };
     let fault = read(&bare.file(&[0; 32])).unwrap_err();
     assert!(fault.contains("`note`") && fault.contains("even"), "{fault}");
