@@ -49,7 +49,7 @@ impl Ellipse {
         if self.stokes[0] > 0.0 { self.stokes[3] / self.stokes[0] } else { 0.0 }
     }
 
-    /// Whether the force keeps turning one way round an ellipse.
+    /// Whether the force vector keeps moving on an ellipse in one sense.
     pub(crate) fn turns(&self) -> bool {
         self.is_known() && self.coherence() > 0.8 && self.roundness().abs() > 0.5
     }

@@ -1,4 +1,4 @@
-//! Modes whose poles are known exactly, alone and beside each other, without and with noise.
+//! Modes with exactly known poles, single and close to each other, without and with noise.
 
 use super::*;
 use proptest::prelude::*;

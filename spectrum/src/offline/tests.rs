@@ -162,7 +162,7 @@ fn a_line_that_was_always_there_is_judged_by_where_it_stands() {
         teeth: 2,
         ..ProcessState::default()
     });
-    // The speed counts once samples have come.
+    // The speed applies once samples have arrived.
     let quiet = noise(2000, 1.0, 9);
     let channels: [&[f64]; 3] = [&quiet, &quiet, &quiet];
     let state = ProcessState { spindle_rpm: 28_000.0, teeth: 2, ..ProcessState::default() };

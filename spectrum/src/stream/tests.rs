@@ -1,4 +1,4 @@
-//! What a stream must notice: loss, repetition, restarts, wrong words, still channels.
+//! Faults of a stream: loss, repetition, restarts, wrong statements, still channels.
 
 use super::*;
 
@@ -6,7 +6,7 @@ fn stream() -> Stream {
     Stream::new(&WatchConfig { rate_hz: 1000.0, ..WatchConfig::default() })
 }
 
-/// A block as a sender with counts makes it: 10 samples of 3 channels, 1 kHz.
+/// A block of a sender with counts: 10 samples of 3 channels, 1 kHz.
 fn sent(session: u64, seq: u64) -> Block<'static> {
     let samples_before = Some(10 * seq);
     Block { session, samples_before, ..block(seq, seq * 10_000_000, &[0.0; 30]) }

@@ -1,4 +1,4 @@
-//! What the watch must say a line is.
+//! Classes of lines found by the monitor.
 
 use super::tests::{Rig, config, tone_y};
 use super::*;

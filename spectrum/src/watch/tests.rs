@@ -1,4 +1,4 @@
-//! What the whole watch must find, and must leave alone.
+//! Signals that the whole monitor must report or ignore.
 
 use super::*;
 use crate::block::Axis;
@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use std::f64::consts::TAU;
 
-/// A sensor whose every channel has white noise of rms `sigma`, plus a signal.
+/// A sensor with white noise of rms `sigma` on every channel, plus a signal.
 pub(super) struct Rig {
     pub(super) watch: Watch,
     rate_hz: f64,
