@@ -1,7 +1,7 @@
-//! Escapes arbitrary text for HTML, XML and attributes. Never interprets it.
+//! Escapes arbitrary text for HTML, XML and attributes.
 
-/// The text with the five reserved characters as references, and what XML forbids (control characters,
-/// non-characters) as U+FFFD.
+/// The text with the five reserved characters as references, and characters that XML forbids
+/// (control characters, non-characters) as U+FFFD.
 pub(crate) fn escape(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for character in text.chars() {
