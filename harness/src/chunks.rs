@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn chunks_sorted_before_the_nearer_placement_was_seen_are_named_anew() {
+    fn chunks_sorted_before_the_nearer_placement_was_seen_are_named_again() {
         let mut chunks = Chunks::default();
         (0..PENDING_MAX).for_each(|_| chunks.push(chunk(500.0, 5000)));
         assert!(chunks.pending.is_empty());

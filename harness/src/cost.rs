@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn what_grows_faster_than_a_line_is_told_by_its_worst_figure() {
+    fn nonlinear_growth_shows_in_the_largest_deviation() {
         let line = Line::through(&points(|n| n * n));
         assert!(line.worst > 0.3, "{line:?}");
         let one_off = Line::through(&points(|n| 10.0 + n + if n == 4.0 { 5.0 } else { 0.0 }));

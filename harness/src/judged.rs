@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn near_is_held_against_near_and_far_against_far() {
+    fn near_is_compared_with_near_and_far_with_far() {
         let judged = round_trips(&flat(20_000));
         assert_eq!(judged.len(), 6);
         let said = |what: &str| judged.iter().find(|j| j.what.contains(what)).expect("judged");
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_not_within_its_bar() {
+    fn nan_is_not_within_its_bar() {
         assert!(!Judged::new("nothing", f64::NAN, 1.0, "").ok);
     }
 }

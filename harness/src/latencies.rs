@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_counted_is_told_as_nothing() {
+    fn nothing_counted_is_reported_as_nothing() {
         assert_eq!(Latencies::default().quantiles(), Quantiles::default());
         assert!(Latencies::default().curve().is_empty());
     }

@@ -210,7 +210,7 @@ direction = [0.0, 2.0, 0.0]
     }
 
     #[test]
-    fn every_fault_is_told_at_once() {
+    fn every_fault_is_reported_at_once() {
         let text = SHORT.replace("12000", "0").replace("[0.0, 2.0, 0.0]", "[0, 0, 0]")
             + "stiffness_N_per_mm = 2\n[chart]\nspindle_from_rpm = 9e3\nspindle_to_rpm = 8e3\ndepth_max_mm = 0.1\n";
         let faults = CutFile::parse("cut.toml", &text).unwrap_err();

@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn text_that_is_not_utf8_is_told_with_its_line() {
+    fn text_that_is_not_utf8_is_reported_with_its_line() {
         let faults = text_of("x.csv", b"t_s,q1_deg\n1,\xff\n".to_vec()).unwrap_err();
         assert_eq!(faults.list()[0].place.as_ref().unwrap().line, 2);
         assert_eq!(text_of("x", b"\xef\xbb\xbfa".to_vec()).unwrap(), "a");

@@ -202,7 +202,7 @@ files = ["a.csv"]
     }
 
     #[test]
-    fn every_fault_is_told_at_once_with_the_nearest_name() {
+    fn every_fault_is_reported_at_once_with_the_nearest_name() {
         let text = SHORT
             .replace("robot = \"R08\"", "robot = \"R8\"")
             .replace(

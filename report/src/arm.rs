@@ -353,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_drawn_longer_by_a_round_factor_that_is_said() {
+    fn errors_are_exaggerated_by_a_round_factor_that_is_shown() {
         let picture = picture();
         let factor = picture.magnified();
         let digits = factor / 10f64.powf(factor.log10().floor());

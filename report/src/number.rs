@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_a_dash_without_unit() {
+    fn nan_is_a_dash_without_unit() {
         assert_eq!(quantity(f64::NAN, "mm"), "–");
         assert_eq!(significant(f64::NEG_INFINITY, 3), "–");
         assert_eq!(duration(f64::INFINITY), "–");

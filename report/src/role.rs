@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_role_never_takes_the_colour_of_one() {
+    fn a_series_without_a_role_never_has_the_colour_of_one() {
         let named: Vec<String> = Look::each(NAMED).iter().map(|look| look.colour()).collect();
         let others = Look::each([Role::Other; 20]);
         assert!(others.iter().all(|look| !named.contains(&look.colour())));

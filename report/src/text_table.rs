@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_that_is_too_wide_is_told_cell_by_cell() {
+    fn a_table_that_is_too_wide_is_written_cell_by_cell() {
         let table = TextTable::new(["", "p50", "worst"])
             .row(["trued", "7.6", "103"])
             .row(["pipe", "", "9"]);

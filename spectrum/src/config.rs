@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn every_impossible_setting_is_refused_by_name() {
+    fn every_impossible_setting_is_refused_with_the_reason() {
         let good = WatchConfig::default;
         let bad = [
             WatchConfig { rate_hz: f64::NAN, ..good() },

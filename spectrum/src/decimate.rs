@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn what_would_fold_into_the_low_band_is_stopped_by_70_db() {
+    fn frequencies_that_alias_into_the_low_band_are_attenuated_by_70_db() {
         for rate_hz in [2500.0, 10_000.0, 51_200.0] {
             let front = FrontEnd::new(rate_hz, 160.0);
             let low_rate_hz = rate_hz / front.factor() as f64;

@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn circle_line_and_wandering_pair_are_told_apart() {
+    fn circle_line_and_wandering_pair_are_distinguished() {
         let turn = |angle: f64| Complex::from_polar(2.0, angle);
         let circle = averaged(|k| (turn(f64::from(k)), turn(f64::from(k) - FRAC_PI_2)));
         assert!(circle.turns() && circle.roundness().abs() > 0.99);

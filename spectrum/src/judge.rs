@@ -242,7 +242,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_that_follows_the_feed_is_told_from_one_that_stays() {
+    fn a_line_that_follows_the_feed_is_distinguished_from_a_constant_one() {
         let mut memory = FeedMemory::default();
         assert_eq!(memory.follows(10.0, 60.0, 0.2), None);
         memory.remember(5.0, 30.0);

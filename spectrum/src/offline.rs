@@ -56,7 +56,7 @@ pub struct Finding {
 
 /// Result of the monitor for a recording.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Heard {
+pub struct MonitorResult {
     /// All verdicts, in order.
     pub events: Vec<Event>,
     /// All faults of channels.
@@ -70,36 +70,36 @@ pub struct Heard {
 /// Passes a recording to a monitor in blocks; `process` gives the state at a sample of a piece.
 /// Pieces whose channels do not fit the monitor are refused by it, and reported as a fault of the
 /// stream.
-pub fn hear(
+pub fn run_monitor(
     watch: &mut Watch,
     rate_hz: f64,
     pieces: &[Piece<'_>],
     mut process: impl FnMut(usize, usize) -> ProcessState,
-) -> Heard {
-    let mut hearing = Hearing::new(watch, rate_hz);
+) -> MonitorResult {
+    let mut run = MonitorRun::new(watch, rate_hz);
     for (number, piece) in pieces.iter().enumerate() {
         let length = piece.channels.iter().map(|channel| channel.len()).min().unwrap_or(0);
-        hearing.begin(piece.start_s, piece.channels.len());
+        run.begin(piece.start_s, piece.channels.len());
         let samples: Vec<f64> =
             (0..length).flat_map(|at| piece.channels.iter().map(move |c| c[at])).collect();
-        hearing.push(&samples, |sample| process(number, sample));
-        hearing.end(|sample| process(number, sample));
+        run.push(&samples, |sample| process(number, sample));
+        run.end(|sample| process(number, sample));
     }
-    hearing.finish()
+    run.finish()
 }
 
 /// A monitor on a recording whose samples come in parts.
-pub struct Hearing<'w> {
+pub struct MonitorRun<'w> {
     watch: &'w mut Watch,
     rate_hz: f64,
-    heard: Heard,
+    result: MonitorResult,
     state: Option<ProcessState>,
     /// Frames handed over, of all pieces.
     done: u64,
     piece: Run,
 }
 
-/// The piece that is being heard.
+/// The piece being analysed.
 #[derive(Default)]
 struct Run {
     /// Its number from 1; 0 before the first.
@@ -114,11 +114,11 @@ struct Run {
     held: Vec<f64>,
 }
 
-impl<'w> Hearing<'w> {
-    /// Nothing heard yet.
+impl<'w> MonitorRun<'w> {
+    /// Before the first piece.
     pub fn new(watch: &'w mut Watch, rate_hz: f64) -> Self {
-        let (heard, piece) = (Heard::default(), Run::default());
-        Self { watch, rate_hz, heard, state: None, done: 0, piece }
+        let (result, piece) = (MonitorResult::default(), Run::default());
+        Self { watch, rate_hz, result, state: None, done: 0, piece }
     }
 
     /// Begins a piece with a number of channels; time of its first sample, s.
@@ -147,17 +147,17 @@ impl<'w> Hearing<'w> {
         }
     }
 
-    /// What was heard.
+    /// The result, after the last piece.
     #[must_use]
-    pub fn finish(mut self) -> Heard {
+    pub fn finish(mut self) -> MonitorResult {
         let health = self.watch.health();
-        self.heard.dropped = health.dropped_verdicts;
-        self.heard.still_learning = health.learning;
-        self.heard
+        self.result.dropped = health.dropped_verdicts;
+        self.result.still_learning = health.learning;
+        self.result
     }
 
     fn hand_over(&mut self, now: ProcessState) {
-        let Self { watch, rate_hz, heard, state, done, piece } = self;
+        let Self { watch, rate_hz, result, state, done, piece } = self;
         if *state != Some(now) {
             watch.process_state(now);
             *state = Some(now);
@@ -176,9 +176,9 @@ impl<'w> Hearing<'w> {
         };
         let at = |t_ns: u64| piece.start_s + t_ns.saturating_sub(piece.start_ns) as f64 * 1e-9;
         let event = |v: &Verdict| Event { piece: number, t_s: at(v.t_ns), verdict: *v };
-        heard.events.extend(watch.push(&block).iter().map(event));
+        result.events.extend(watch.push(&block).iter().map(event));
         *done += frames as u64;
-        heard.note(watch, at(to_ns(*done, *rate_hz)));
+        result.note(watch, at(to_ns(*done, *rate_hz)));
         piece.frames += frames;
         piece.blocks += 1;
         piece.held.clear();
@@ -189,7 +189,7 @@ fn to_ns(samples: u64, rate_hz: f64) -> u64 {
     (samples as f64 / rate_hz * 1e9).round() as u64
 }
 
-impl Heard {
+impl MonitorResult {
     /// Notes present faults; gaps between pieces are known and not reported.
     fn note(&mut self, watch: &Watch, now_s: f64) {
         let health = watch.health();

@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cut_is_told_by_its_mean_or_by_its_swing() {
+    fn a_cut_is_detected_by_mean_or_variance() {
         for (mean, swing) in [(30.0, 0.5), (0.0, 10.0)] {
             let config = WatchConfig { rate_hz: 1000.0, ..WatchConfig::default() };
             let mut level = Level::new(&config);

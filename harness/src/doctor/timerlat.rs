@@ -209,7 +209,7 @@ The system has exit from idle latency!
     }
 
     #[test]
-    fn the_worst_delay_is_told_with_its_core_its_parts_and_who_took_them() {
+    fn the_worst_delay_is_reported_with_its_core_its_parts_and_who_took_them() {
         let found = parse(STOPPED).expect("a table");
         assert_eq!((found.worst_us, found.core), (41.96, 23));
         let parts: Vec<(&str, f64)> =
@@ -244,7 +244,7 @@ The system has exit from idle latency!
     }
 
     #[test]
-    fn a_tool_that_may_not_measure_is_told_as_unknown_with_its_own_words() {
+    fn a_tool_that_may_not_measure_is_reported_as_unknown_with_its_own_words() {
         for (said, why) in [("", "Sorry, you need to be root to use rtla timerlat"), ("", "")] {
             let check = judge(said, why, settings(100));
             assert_eq!(check.state, State::Unknown);

@@ -138,7 +138,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn everybody_stands_where_the_order_says() {
+    fn all_peers_are_in_the_stated_order() {
         assert!(Kind::ALL.iter().enumerate().all(|(place, kind)| kind.place() == place));
     }
 }

@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn what_takes_the_correction_out_is_sent_at_once_and_what_lets_it_in_after_a_yes() {
+    fn requests_that_remove_the_correction_are_sent_at_once_others_after_confirmation() {
         let mut screen = Screen::new("cell");
         status(&mut screen, Status::default());
         assert_eq!(press(&mut screen, 'b'), Effect::Ask(Request::Bypass(true)));
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rate_is_that_of_the_last_two_seconds_and_begins_anew_with_another_daemon() {
+    fn the_rate_is_that_of_the_last_two_seconds_and_restarts_with_another_daemon() {
         let mut screen = Screen::new("cell");
         for k in 0..100_u64 {
             let (t_ns, commands) = (k * 40_000_000, k * 10);

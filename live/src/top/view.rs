@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bypass_is_the_word_that_is_read_first() {
+    fn a_bypass_is_the_most_prominent_state() {
         let rows = shown(&Status { bypassed: 1, ..running() }, 80, 24);
         assert!(rows[1].contains("BYPASSED: NOTHING IS CORRECTED"), "{rows:?}");
     }

@@ -121,7 +121,7 @@ fn a_change_of_the_model_stands_in_the_file_and_the_header_stays_the_first_one()
 }
 
 #[test]
-fn what_is_written_is_read_back() {
+fn written_records_are_read_back() {
     let scratch = Scratch::new("whole");
     let black_box = write_run(&scratch.file(), 100);
     black_box.finish().unwrap();

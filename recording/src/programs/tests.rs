@@ -39,7 +39,7 @@ fn tour(joints: usize) -> Tour {
 const BOTH: Approach = Approach::BothWays { turn_rad: 0.05, slide_m: 0.02 };
 
 #[test]
-fn rapid_says_what_the_tour_asks() {
+fn rapid_contains_the_requested_tour() {
     let tour = Tour { approach: BOTH, ..tour(6) };
     let program = Program::new(&tour, &robot("irb1600-6-145")).unwrap();
     let options = Rapid { output: Some("doMeasure".to_owned()), ..Rapid::default() };
@@ -89,7 +89,7 @@ fn rapid_says_what_the_tour_asks() {
 }
 
 #[test]
-fn krl_says_what_the_tour_asks_in_two_files() {
+fn krl_contains_the_requested_tour_in_two_files() {
     let tour = Tour { axes: axes("E1,A1,A2,A3,A4,A5,A6"), ..tour(7) };
     let tour = Tour { poses: tour.poses[..1].to_vec(), ..tour };
     let files = Program::new(&tour, &on_a_track())
@@ -126,7 +126,7 @@ fn krl_says_what_the_tour_asks_in_two_files() {
 }
 
 #[test]
-fn everything_that_bars_a_tour_is_told_at_once() {
+fn all_reasons_against_a_tour_are_reported_at_once() {
     let mut poses = tour(6).poses;
     poses[0][4] = 2.1;
     poses[1][1] = 2.09;
@@ -188,7 +188,7 @@ fn everything_that_bars_a_tour_is_told_at_once() {
 }
 
 #[test]
-fn what_no_controller_takes_is_refused() {
+fn programs_that_no_controller_accepts_are_refused() {
     let program = Program::new(&tour(6), &robot("ur10e")).unwrap();
     let rapid = Rapid {
         speed_mm_s: 0.0,
@@ -280,7 +280,7 @@ fn apart(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
 
 proptest! {
     #[test]
-    fn every_figure_comes_back_from_both_languages(
+    fn every_value_is_read_back_from_both_languages(
         shares in prop::collection::vec(prop::array::uniform7(0.03..0.97), 1..12),
         both in any::<bool>(),
     ) {

@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_unit_is_told_and_a_foreign_name_is_unknown() {
+    fn a_wrong_unit_is_reported_and_a_foreign_name_is_unknown() {
         assert_eq!(Column::named("fx_Nm"), Err("`fx_N`".to_owned()));
         assert_eq!(Column::named("x"), Err("`x_mm` or `x_m`".to_owned()));
         assert_eq!(Column::named("d1_deg"), Err("`d1`, without a unit".to_owned()));

@@ -357,7 +357,7 @@ fn faults_stand_in_their_line_behind_comments_and_whatever_ends_lines() {
 }
 
 #[test]
-fn several_columns_for_one_are_refused_unless_it_is_said_what_becomes_of_them() {
+fn several_columns_for_one_are_refused_without_a_rule() {
     let mapping = "[columns]\nt_s = { from = \"t_s\" }\nq1_deg = { from = [\"q1_deg\", \"x_mm\"] }";
     let text = "t_s,q1_deg,x_mm\n0,1,2\n";
     assert!(told(mapping, text).contains("names 2 columns for one"));

@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn time_length_and_samples_are_told_apart() {
+    fn time_length_and_samples_are_distinguished() {
         for head in ["t_s", "Time", "time (s)", "X_Value", "Seconds", "t [sec]"] {
             assert_eq!(counts(head), Counts::Time(1.0), "{head}");
         }
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn an_axis_is_told_by_usual_names_alone() {
+    fn an_axis_is_recognised_by_common_names_only() {
         for (name, expected) in [
             ("fx_N", Some(0)),
             ("acc_y_raw", Some(1)),

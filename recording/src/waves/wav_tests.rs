@@ -152,7 +152,7 @@ fn big_endian_and_large_files_are_read() {
 }
 
 #[test]
-fn a_file_from_a_pipe_is_read_to_its_end_and_says_so() {
+fn a_file_from_a_pipe_is_read_to_its_end_and_reports_it() {
     for size in [u32::MAX, 0] {
         let made = Made { data_size: Some(size), ..Made::of(PCM, 2) };
         let waves = read(&made.file(&pcm(2))).unwrap();
@@ -171,7 +171,7 @@ fn a_chunk_of_odd_size_is_followed_by_a_byte_and_one_without_it_is_refused() {
 }
 
 #[test]
-fn an_odd_chunk_without_padding_is_told_by_the_data_that_follow_it() {
+fn an_odd_chunk_without_padding_is_recognised_by_the_data_that_follow_it() {
     // The size of `data` begins with a letter, so that `ata@` follows a padding byte.
     let bare = Made { before: b"note\x03\0\0\0abc", ..Made::of(PCM, 2) };
     let fault = read(&bare.file(&[0; 32])).unwrap_err();
@@ -179,7 +179,7 @@ fn an_odd_chunk_without_padding_is_told_by_the_data_that_follow_it() {
 }
 
 #[test]
-fn what_stands_behind_the_samples_is_no_sample_and_said_where_it_is_no_metadata() {
+fn what_stands_behind_the_samples_is_no_sample_and_reported_where_it_is_no_metadata() {
     let with_tail = |made: Made, tail: &[u8]| read(&[made.file(&pcm(2)).as_slice(), tail].concat());
     let list = b"LIST\x06\0\0\0INFO\x07\x08";
     let says = |waves: &Waves, what: &str| waves.notes.iter().any(|note| note.contains(what));
@@ -195,7 +195,7 @@ fn what_stands_behind_the_samples_is_no_sample_and_said_where_it_is_no_metadata(
 }
 
 #[test]
-fn what_is_cut_off_is_said_and_what_is_compressed_is_refused_by_name() {
+fn what_is_cut_off_is_reported_and_what_is_compressed_is_refused_with_the_reason() {
     let made = Made { data_size: Some(100), ..Made::of(PCM, 2) };
     let waves = read(&made.file(&pcm(2))).unwrap();
     assert_eq!(waves.records[0].len(), 3);

@@ -327,7 +327,7 @@ fn the_nearest_stable_speed_is_stable_and_the_way_to_it_is_not() {
 }
 
 #[test]
-fn what_cannot_cut_is_refused() {
+fn an_impossible_cutter_is_refused() {
     let axes = CutAxes::new(X, Z).unwrap();
     assert_eq!(CutAxes::new(Z, Z), Err(StabilityError::Axes));
     assert_eq!(CutAxes::new([f64::NAN, 0.0, 0.0], Z), Err(StabilityError::Axes));

@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_is_told_by_spindle_tooth_wheel_and_mode_and_never_by_a_feed_that_is_not_known() {
+    fn a_line_is_attributed_to_spindle_tooth_gear_and_mode_and_never_with_an_unknown_feed() {
         let wheel = Wheel { joint: 1, shaft: 1, teeth: 10, cycles_per_mm: 0.454 };
         let machining = Machining {
             feed_mm_s: Some(10.0),
