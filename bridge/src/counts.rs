@@ -145,7 +145,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_happened_is_told_and_only_rising_faults_are_warned_of() {
+    fn only_what_happened_is_reported_and_only_rising_faults_are_warned_of() {
         let (counts, mut before) = (Counts::default(), [0; Count::ALL.len()]);
         counts.one(Count::Robot);
         counts.add(Count::Foreign, 3);

@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn across_a_path_is_what_is_not_along_it() {
+    fn components_across_a_path_exclude_the_one_along_it() {
         let mut path = PathFrame::default();
         path.follow(&at(0.0, 0.0));
         assert_eq!(path.across(DVec3::ONE), (0.0, 0.0), "no direction yet");

@@ -186,14 +186,13 @@ mod tests {
     }
 
     #[test]
-    fn a_run_goes_on_with_the_correction_that_is_in_the_robots_position() {
+    fn a_run_continues_with_the_correction_that_is_in_the_robots_position() {
         assert_eq!(begun(0.0, None).to_bits(), (-1e-3_f64).to_bits());
         assert_eq!(begun(1e-3, None).to_bits(), 0.0_f64.to_bits());
     }
 
     #[test]
-    fn a_robot_that_stands_where_it_was_sent_last_goes_on_with_its_correction_however_near_the_next_target_is()
-     {
+    fn a_robot_at_its_last_target_keeps_its_correction_however_near_the_next_target_is() {
         let mut feed = Feed::over(Corrected(-1e-3));
         feed.command(&first(0.0)[..6]);
         feed.start_at(&first(-1e-3));
@@ -201,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_robot_that_has_followed_a_target_as_commanded_goes_on_without_a_correction() {
+    fn a_robot_that_has_followed_a_target_as_commanded_continues_without_a_correction() {
         assert_eq!(begun(0.0, Some(0.0)).to_bits(), 0.0_f64.to_bits());
         // The robot stood at the corrected position, and the target was not received.
         assert_eq!(begun(-1e-3, Some(0.0)).to_bits(), (-1e-3_f64).to_bits());

@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sender_that_begins_anew_is_taken_once_five_datagrams_count_up() {
+    fn a_sender_that_restarts_is_taken_once_five_datagrams_count_up() {
         let said = judged(&[900, 0, 4, 8, 12, 16, 20].map(|number| (Some(number), number as u8)));
         let (first, old) = (Standing::First, Standing::Old);
         assert_eq!(said, [first, old, old, old, old, first, next(3)]);

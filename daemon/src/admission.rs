@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn geometry_alone_tells_another_robot_apart() {
+    fn the_geometry_distinguishes_robots() {
         let mut file = model("irb1600-6-145").file;
         file.joints[2].point_mm = Some([150.0, 0.0, 1187.0]);
         let other = RobotModel::of_file("other", file).unwrap();

@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn spans_are_said_in_the_unit_that_a_person_would_use() {
+    fn durations_have_a_readable_unit() {
         let said = [5, 300, 10_000, 400_000].map(|s| span(s * 1_000_000_000));
         assert_eq!(said, ["5 s", "5 min", "2 h", "4 days"]);
     }

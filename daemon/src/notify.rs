@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cycle_that_stands_feeds_no_watchdog() {
+    fn a_stopped_cycle_does_not_trigger_the_watchdog() {
         let (socket, mut daemon) = manager("stands", Duration::from_nanos(3), 1);
         daemon.says(0, 0, "ready");
         daemon.ready();
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_is_told_once_when_the_last_cell_ends() {
+    fn the_end_is_reported_once_when_the_last_cell_ends() {
         let (socket, mut daemon) = manager("ends", Duration::from_nanos(3), 3);
         daemon.ended(1);
         daemon.ended(1);
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn one_cycle_of_several_that_stands_feeds_no_watchdog() {
+    fn one_stopped_cycle_of_several_does_not_trigger_the_watchdog() {
         let (socket, mut daemon) = manager("several", Duration::from_nanos(3), 2);
         (1..100).for_each(|turns| daemon.says(0, turns, "a runs"));
         assert_eq!(heard(&socket), None, "the second has not gone on");

@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_stall_held_up_is_awaited_without_a_sleep_and_a_drifting_sender_is_followed() {
+    fn commands_after_a_stall_are_found_without_sleep_and_a_drifting_sender_is_followed() {
         let at = |due_ns| Pacer { due_ns, ..Pacer::new(Wait::Sleep, 1_000_000) };
         let mut pacer = at(100_000_000);
         // Ten periods late, then all at once.
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sender_that_begins_anew_amid_the_period_is_expected_there_soon() {
+    fn a_sender_that_restarts_amid_the_period_is_expected_there_soon() {
         // At 25 Hz, 13 ms after the old phase: until then found by the polls in between, at each of
         // which a sleeping cycle wakes.
         let mut pacer = Pacer { due_ns: 1_000_000_000, ..Pacer::new(Wait::Sleep, 40_000_000) };
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_found_is_told_with_a_time_between_asking_and_answering() {
+    fn a_result_has_a_time_between_call_and_return() {
         for wait in [Wait::Spin, Wait::Sleep] {
             let (before_ns, mut looks) = (monotonic_ns(), 0);
             let found = Pacer::new(wait, 1_000_000).wait_for(u64::MAX, || {

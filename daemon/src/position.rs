@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_command_and_measurement_the_one_that_is_outdated_says_nothing() {
+    fn an_outdated_command_or_measurement_is_ignored() {
         let positions = Positions::default();
         assert!(positions.newest().is_empty());
         positions.commanded.tell(&[1.0, 2.0], 5_000_000_000);

@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cells_word_goes_before_the_configuration_until_it_runs_out() {
+    fn the_cells_report_takes_precedence_over_the_configuration_until_it_expires() {
         let (mut process, exchange, model) = process();
         let configured = process.state();
         assert_eq!((configured.spindle_rpm, configured.teeth), (6000.0, 3));
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_cell_does_not_know_is_taken_from_elsewhere() {
+    fn values_missing_in_a_report_come_from_other_sources() {
         let (mut process, exchange, model) = process();
         let partly = Request { spindle_rpm: f64::NAN, teeth: 0, feed_mm_s: f64::NAN, ..word() };
         process.tell(&exchange, &partly);
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn words_that_cannot_be_are_refused_and_change_nothing() {
+    fn invalid_reports_are_refused_without_effect() {
         let (mut process, exchange, model) = process();
         let refused = [
             Request { spindle_rpm: -1.0, ..word() },

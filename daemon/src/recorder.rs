@@ -494,7 +494,7 @@ mod tests {
     }
 
     #[test]
-    fn while_nobody_records_nothing_is_lost_that_would_count() {
+    fn without_recording_no_losses_are_counted() {
         let (dir, mut recorder) = of_short_files("stopped");
         recorder.is_on = false;
         let exchange = Exchange::new(corrector::Mode::Full, true);

@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_process_is_told_with_program_and_user_and_one_that_is_gone_without() {
+    fn a_process_is_described_with_program_and_user_if_it_exists() {
         let pid = std::process::id();
         let told = words(Some(pid));
         assert!(told.contains(&format!("process {pid}, user ")), "{told}");
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn users_are_told_by_name_where_there_is_one() {
+    fn users_have_names_if_known() {
         let users = "root:x:0:0:root:/root:/bin/sh\noperator:x:1000:1000::/:/bin/sh\n";
         assert_eq!(user_of("Name:\tx\nUid:\t1000\t1000\t0\t0\n"), Some("1000"));
         assert_eq!((name_of("1000", users), name_of("7", users)), (Some("operator"), None));

@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn what_belongs_to_an_advice_travels_with_it() {
+    fn the_values_of_an_advice_are_in_the_message() {
         let said = |advice| {
             let told = spectrum::Verdict { advice, ..spectrum::Verdict::default() };
             verdict(&told, &Health::default(), 1)

@@ -1,11 +1,12 @@
 //! Models with any number of joints and effects, for measurements of computing time.
 //!
-//! Promises: a robot's solve takes as many steps with many effects as with few, and with few joints as with many: the gears are off by
-//! so much that one step never does, and the effects that are added are small beside that. Never: a robot that anybody has.
+//! A robot's solve takes as many steps with many effects as with few, and with few joints as with
+//! many: the gear errors are so large that one step never suffices, and the added effects are small
+//! compared with them. The robots are artificial.
 
 use std::fmt::Write as _;
 
-/// Axes of the joints, base to flange, again and again.
+/// Axes of the joints, base to flange, repeated.
 const AXES: [[f64; 3]; 6] = [
     [0.0, 0.0, 1.0],
     [0.0, 1.0, 0.0],
@@ -14,11 +15,12 @@ const AXES: [[f64; 3]; 6] = [
     [0.0, 1.0, 0.0],
     [1.0, 0.0, 0.0],
 ];
-/// What stands between two joints, mm.
+/// Vector between two joints, mm.
 const LINK_MM: [f64; 3] = [120.0, 30.0, 180.0];
-/// By how much each joint's gear is off: then every correction moves along the path, and its bounds are planned at every joint.
+/// Gear ratio error of each joint: every correction then moves along the path, and its limits apply
+/// at every joint.
 const RATIO: f64 = 2e-3;
-/// What is added, one after the other, joint by joint.
+/// Added effects, one after the other, joint by joint.
 const ADDED: [&str; 4] = [
     "kind = \"transmission_error\"\namplitude_mrad = 0.002\ncycles_per_rev = 13.0\nphase_rad = 0.7",
     "kind = \"joint_compliance\"\ncompliance_mrad_per_kNm = 0.01",
@@ -26,7 +28,7 @@ const ADDED: [&str; 4] = [
     "kind = \"backlash\"\nwidth_mrad = 0.002",
 ];
 
-/// A robot whose gears are all off, with so many effects more.
+/// A robot with gear ratio errors and `effects` further effects.
 pub(crate) fn arm(joints: usize, effects: usize) -> String {
     let at = |link: usize, share: f64| LINK_MM.map(|mm| mm * (link as f64 + share));
     let mut text = format!(
@@ -37,7 +39,7 @@ pub(crate) fn arm(joints: usize, effects: usize) -> String {
     );
     for joint in 0..joints {
         let (axis, point, centre) = (AXES[joint % AXES.len()], at(joint, 0.0), at(joint, 0.5));
-        // Written to a text: it cannot fail.
+        // Writing to a string cannot fail.
         let _ = write!(
             text,
             "[[joint]]\nname = \"{0}\"\nkind = \"revolute\"\naxis = {axis:?}\npoint_mm = {point:?}\n\

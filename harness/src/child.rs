@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
-/// How long a process may take to end in order, or to stop.
+/// Time limit for a process to end or to stop.
 const WITHIN: Duration = Duration::from_secs(2);
 
 /// A child process.
@@ -20,12 +20,12 @@ impl Guarded {
 
     pub(crate) fn signal(&self, signal: Signal) {
         if let Some(pid) = i32::try_from(self.0.id()).ok().and_then(Pid::from_raw) {
-            // A process that has gone needs no signal.
+            // A process that has ended needs no signal.
             let _ = kill_process(pid, signal);
         }
     }
 
-    /// Stops it; true once the system says that it stands.
+    /// Stops it (SIGSTOP); true once the system reports it as stopped.
     pub(crate) fn stop(&self) -> bool {
         self.signal(Signal::STOP);
         let since = Instant::now();
@@ -38,7 +38,7 @@ impl Guarded {
         true
     }
 
-    /// Lets it go on.
+    /// Continues it.
     pub(crate) fn go_on(&self) {
         self.signal(Signal::CONT);
     }

@@ -1,6 +1,7 @@
 //! Chunks of round trips, classified by the placement of the two cores during the measurement.
 //!
-//! Promises: bounded memory however long a bench runs; a chunk whose placement changed counts in the whole alone.
+//! Memory is bounded however long a bench runs; a chunk during which the placement changed counts
+//! in the total only.
 
 use std::collections::BTreeMap;
 
@@ -11,34 +12,36 @@ use crate::peers::Kind;
 use crate::peers::trued::Answers;
 use crate::placement::{Placement, Sorter};
 
-/// Where less of the answers was solved for, the trips are of something else.
+/// Least share of answers with a solved correction; below it the round trips are not
+/// representative.
 const SOLVED_SHARE: f64 = 0.9;
-/// Chunks that wait to be sorted: the more there are, the better the placements are known by then.
+/// Limit on chunks that wait for classification: the more there are, the better the placements are
+/// known by then.
 const PENDING_MAX: usize = 128;
-/// References that are remembered while they have not parted.
+/// Limit on stored references while they do not form two groups.
 const REFERENCES_MAX: usize = 20_000;
 
-/// What was counted of one kind.
+/// Measurements of one kind.
 #[derive(Debug, Clone, Default)]
 pub struct Counted {
     /// In all chunks.
     pub all: Latencies,
-    /// In chunks of one placement.
+    /// In chunks of the near placement.
     pub near: Latencies,
-    /// In chunks of the other.
+    /// In chunks of the far placement.
     pub far: Latencies,
     /// Trips without an answer.
     pub lost: u64,
-    /// Chunks: near, far, mixed.
+    /// Number of chunks: near, far, mixed.
     pub chunks: [u64; 3],
 }
 
-/// What came out of it.
+/// Results of the back-to-back part.
 #[derive(Debug, Clone)]
 pub struct Flat {
-    /// By kind, in the order of [`Kind::ALL`]; empty where it was not measured.
+    /// By kind, in the order of [`Kind::ALL`]; empty if not measured.
     pub counted: Vec<Counted>,
-    /// Where near ends and far begins.
+    /// Threshold between near and far.
     pub sorter: Sorter,
     /// Medians of the references, near and far.
     pub reference: [Latencies; 2],
@@ -46,27 +49,27 @@ pub struct Flat {
     pub correction: Latencies,
     /// The round trip of trued without that time.
     pub around: Latencies,
-    /// Answers of the daemon by how they were made.
+    /// Number of the daemon's answers by status.
     pub by_status: BTreeMap<&'static str, u64>,
-    /// Those among them that a solution stands behind.
+    /// Number of answers with a solved correction.
     pub solved: u64,
 }
 
 impl Flat {
-    /// Which share of the daemon's answers a solution stands behind; none where it answered nothing.
+    /// Share of the daemon's answers with a solved correction; `None` without answers.
     #[must_use]
     pub fn solved_share(&self) -> Option<f64> {
         let all: u64 = self.by_status.values().sum();
         (all > 0).then(|| self.solved as f64 / all as f64)
     }
 
-    /// Whether its trips are those of a daemon that corrects, and may be held against others'.
+    /// Whether its trips are those of a daemon that corrects, so that they may be compared.
     pub(crate) fn is_of_corrections(&self) -> bool {
         self.solved_share().is_none_or(|share| share >= SOLVED_SHARE)
     }
 }
 
-/// One chunk as it was measured.
+/// One measured chunk.
 #[derive(Debug)]
 pub(crate) struct Chunk {
     pub(crate) kind: Kind,
@@ -128,7 +131,7 @@ impl Chunks {
     }
 
     fn sort(&mut self) {
-        // Once parted, always parted by the same: what is sorted already cannot be sorted anew.
+        // Once split, the threshold is kept: chunks already classified cannot be classified again.
         if self.sorter.threshold_ns.is_none() {
             self.sorter = Sorter::of(&self.references_ns);
             self.name_the_first();
@@ -148,7 +151,7 @@ impl Chunks {
         }
     }
 
-    /// What was taken for the only placement may turn out to be the farther one.
+    /// The only placement so far may turn out to be the far one.
     fn name_the_first(&mut self) {
         let Some(threshold_ns) = self.sorter.threshold_ns else { return };
         if self.reference[0].at(0.5) as f64 <= threshold_ns {
@@ -174,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn chunks_sorted_before_the_nearer_placement_was_seen_are_named_anew() {
+    fn chunks_sorted_before_the_nearer_placement_was_seen_are_named_again() {
         let mut chunks = Chunks::default();
         (0..PENDING_MAX).for_each(|_| chunks.push(chunk(500.0, 5000)));
         assert!(chunks.pending.is_empty());

@@ -1,8 +1,9 @@
 //! Computing time of a correction: by joints, by effects, by cells of one daemon.
 //!
-//! Promises: each figure comes from a daemon of its own, over shared memory. Of a correction the lowest median of many short batches counts, as what
-//! others take of the machine comes on top; the solve's steps stand beside it. Never: a judgement: what is told is the straight line, and how far the
-//! worst figure is off it.
+//! Each figure comes from a separate daemon, over shared memory. The time of a correction is the
+//! lowest median of many short batches, because other load on the machine only adds to it; the
+//! number of Newton steps is reported with it. The result is a straight line through the figures,
+//! and the largest deviation from it.
 
 use std::path::Path;
 use std::time::Duration;
@@ -14,32 +15,33 @@ use trued_client::Client;
 
 use crate::arms::arm;
 use crate::error::BenchError;
-use crate::manners::Manners;
 use crate::peers::ANSWER_WITHIN;
 use crate::peers::trued::Trued;
 use crate::place::Place;
 use crate::plan::{Plan, Programs, Stage, Wait};
 use crate::subject::{JOIN_WITHIN, Served, Setup, Subject};
+use crate::thread_settings::ThreadSettings;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-/// The most joints of a robot.
+/// Largest number of joints.
 const JOINTS: usize = trued_client::JOINTS_MAX;
-/// The joints of the robot whose effects are counted.
+/// Number of joints of the robot for the measurement by effects.
 const SIX: usize = 6;
-/// The most effects beside the gears, and how many come at a time.
+/// Largest number of effects besides the gear errors, and the increment.
 const EFFECTS: usize = 100;
 const EFFECTS_STEP: usize = 10;
-/// The most cells of one daemon.
+/// Largest number of cells of one daemon.
 pub(crate) const CELLS: usize = 8;
-/// Trips of a batch.
+/// Trips per batch.
 const BATCH: usize = 100;
-/// Between two batches both cores are left to others for so long.
+/// Time between two batches in which both cores are left to other processes.
 const GIVE_WAY: Duration = Duration::from_micros(500);
-/// The rate at which each of several cells is commanded, Hz: so that eight fit on one core.
+/// Command rate of each of several cells, Hz: low enough for eight on one core.
 const CELL_RATE_HZ: u64 = 25;
-/// All is measured so many times, and the lowest counts: somebody else may be at work for as long as one figure takes.
+/// Number of passes, of which the lowest counts: other load may last as long as the measurement of
+/// one figure.
 const PASSES: usize = 2;
-/// The part of a bench's part that one figure takes in a pass, and its bounds, s.
+/// Share of a part's time for one figure in a pass, and its limits, s.
 const SHARE: f64 = 0.1;
 const SECONDS: [f64; 2] = [0.1, 2.0];
 
@@ -47,25 +49,25 @@ const SECONDS: [f64; 2] = [0.1, 2.0];
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Point {
-    /// How many.
+    /// Number of joints, effects or cells.
     pub n: usize,
-    /// What that many cost, µs.
+    /// Its cost, µs.
     pub cost_us: f64,
-    /// The steps of the solve, or the commands without an answer.
+    /// Newton steps of the solve, or the commands without an answer.
     pub beside: u64,
 }
 
-/// The straight line through figures, by least squares.
+/// Least-squares line through the figures.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Line {
-    /// Of one more, µs.
+    /// Cost of one more, µs.
     pub slope_us: f64,
-    /// Of none, µs.
+    /// Cost at zero, µs.
     pub none_us: f64,
-    /// How far the worst figure is off the line, as a share of the line there.
+    /// Largest relative deviation of a figure from the line.
     pub worst: f64,
-    /// Which that is.
+    /// The number at which it occurs.
     pub worst_at: usize,
 }
 
@@ -79,13 +81,13 @@ pub struct Costs {
     pub line: Line,
 }
 
-/// What was found.
+/// Results.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Cost {
-    /// Time of one correction, by joints, each with a gear that is off.
+    /// Time of one correction, by joints, each with a gear ratio error.
     pub joints: Costs,
-    /// Time of one correction of six joints, by effects beside their gears.
+    /// Time of one correction of six joints, by effects besides their gear errors.
     pub effects: Costs,
     /// Processor time of the daemon in a second, by cells that are each commanded at [`Cost::cell_rate_hz`].
     pub cells: Costs,
@@ -129,13 +131,13 @@ impl Line {
     }
 }
 
-/// What is needed to measure.
+/// Context of the measurement.
 pub(crate) struct Costing<'a> {
     pub(crate) plan: &'a Plan,
     pub(crate) programs: &'a dyn Programs,
     pub(crate) place: &'a Place,
-    /// Of the measuring thread, and of the daemon's cycle.
-    pub(crate) manners: [Manners; 2],
+    /// Settings of the measuring thread, and of the daemon's cycle.
+    pub(crate) thread_settings: [ThreadSettings; 2],
     pub(crate) stop: &'a AtomicBool,
 }
 
@@ -153,14 +155,14 @@ impl Costing<'_> {
         })
     }
 
-    /// The time of one correction with that model.
+    /// The time of one correction with this model.
     fn correction(&self, n: usize, model: &str) -> Result<Point, BenchError> {
         let subject = self.serving(model, 1, Wait::Spin, crate::FLAT_PERIOD_S)?;
         let mut trued = Trued::new(subject.client()?);
-        // In a thread of its own: the next daemon is started by one that is not real-time.
+        // In a separate thread: the next daemon is started by a thread that is not real-time.
         let lowest = std::thread::scope(|scope| {
             let measuring = scope.spawn(|| {
-                self.manners[0].take()?;
+                self.thread_settings[0].take()?;
                 self.batches(&mut trued)
             });
             measuring.join().unwrap_or(Err(BenchError::Thread(Stage::Cost.name())))
@@ -187,7 +189,7 @@ impl Costing<'_> {
         Ok(lowest_ns)
     }
 
-    /// The daemon's processor time in a second, with so many cells at work.
+    /// The daemon's processor time in a second, with `n` cells running.
     fn cells(&self, n: usize, model: &str) -> Result<Point, BenchError> {
         let period_ns = 1_000_000_000 / CELL_RATE_HZ;
         let subject = self.serving(model, n, Wait::Sleep, period_ns as f64 * 1e-9)?;
@@ -197,7 +199,7 @@ impl Costing<'_> {
         let daemon = subject.daemon.as_ref().ok_or(BenchError::Thread(Stage::Cost.name()))?;
         let cycles = (self.seconds() * CELL_RATE_HZ as f64) as u64;
         let mut command_all = |cycles: u64| -> Result<u64, BenchError> {
-            // At the same time within the period whenever it is called.
+            // At the same phase of the period in every call.
             let (start_ns, mut lost) = ((monotonic_ns() / period_ns + 2) * period_ns, 0);
             for cycle in 0..cycles {
                 for (k, trued) in clients.iter_mut().enumerate() {
@@ -208,7 +210,7 @@ impl Costing<'_> {
             }
             Ok(lost)
         };
-        // A quarter before it counts: a sleeping cycle has to learn when commands come.
+        // A quarter of the cycles as warm-up: a sleeping cycle has to learn when commands arrive.
         command_all(cycles / 4)?;
         let pid = daemon.0.id();
         let (before_ns, since_ns) = (processor_ns(pid)?, monotonic_ns());
@@ -225,7 +227,8 @@ impl Costing<'_> {
         period_s: f64,
     ) -> Result<Subject, BenchError> {
         self.go_on()?;
-        let setup = Setup { manners: self.manners[1], wait, period_s, listens: false };
+        let setup =
+            Setup { thread_settings: self.thread_settings[1], wait, period_s, listens: false };
         Subject::start(self.programs, self.place, Served { model, cells }, setup)
     }
 
@@ -253,13 +256,13 @@ fn lowest(
     Ok(Costs::of(points))
 }
 
-/// The time in the daemon of one round trip, ns.
+/// The time of one round trip in the daemon, ns.
 fn made_in_ns(trued: &mut Trued) -> Option<u64> {
     trued.command(ANSWER_WITHIN).1?;
     trued.newest.map(|answer| answer.made_ns.saturating_sub(answer.received_ns))
 }
 
-/// What all threads of a process have had of processors, ns.
+/// Processor time of all threads of a process, ns.
 fn processor_ns(pid: u32) -> Result<u64, BenchError> {
     let dir = format!("/proc/{pid}/task");
     let unread = |path: &Path, e| BenchError::io("read the processor time in", path, e);
@@ -290,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn what_grows_faster_than_a_line_is_told_by_its_worst_figure() {
+    fn nonlinear_growth_shows_in_the_largest_deviation() {
         let line = Line::through(&points(|n| n * n));
         assert!(line.worst > 0.3, "{line:?}");
         let one_off = Line::through(&points(|n| 10.0 + n + if n == 4.0 { 5.0 } else { 0.0 }));

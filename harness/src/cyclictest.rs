@@ -1,38 +1,38 @@
 //! `cyclictest` between the bench's own chunks, if installed: wake-up latency of the kernel, measured by the standard tool.
 //!
-//! Promises: where it is missing that is said, never passed over. Never: a figure of our own in its name.
+//! If it is missing, this is reported.
 
 use std::process::Command;
 
 use crate::error::BenchError;
 use crate::latencies::Latencies;
-use crate::manners::Manners;
 use crate::plan::Policy;
+use crate::thread_settings::ThreadSettings;
 
-/// Wake-ups in a chunk, and the time between them, µs.
+/// Wake-ups per chunk, and the time between them, µs.
 const LOOPS: u32 = 30;
 const INTERVAL_US: u32 = 1000;
-/// What is later counts as the latest of its chunk, µs.
+/// Later wake-ups count as this one, the latest of their chunk, µs.
 const HISTOGRAM_US: u32 = 2000;
 
-/// Whether it runs with these manners; why not, where not.
-pub(crate) fn runs(manners: Manners) -> Result<(), String> {
-    run(manners, 1).map(drop)
+/// Checks whether it runs with these settings; the error says why not.
+pub(crate) fn runs(thread_settings: ThreadSettings) -> Result<(), String> {
+    run(thread_settings, 1).map(drop)
 }
 
-/// One chunk of wake-ups on the core of these manners.
-pub(crate) fn chunk(manners: Manners) -> Result<Latencies, BenchError> {
-    run(manners, LOOPS).map_err(|why| BenchError::part("cyclictest", why))
+/// One chunk of wake-ups on the core of these settings.
+pub(crate) fn chunk(thread_settings: ThreadSettings) -> Result<Latencies, BenchError> {
+    run(thread_settings, LOOPS).map_err(|why| BenchError::part("cyclictest", why))
 }
 
-fn run(manners: Manners, loops: u32) -> Result<Latencies, String> {
+fn run(thread_settings: ThreadSettings, loops: u32) -> Result<Latencies, String> {
     let mut command = Command::new("cyclictest");
     command.args(["--quiet", "--threads=1"]);
     command.arg(format!("--interval={INTERVAL_US}")).arg(format!("--loops={loops}"));
     command.arg(format!("--histogram={HISTOGRAM_US}"));
-    command.arg(format!("--affinity={}", manners.core));
-    if manners.policy == Policy::Fifo {
-        command.arg("--mlockall").arg(format!("--priority={}", manners.priority));
+    command.arg(format!("--affinity={}", thread_settings.core));
+    if thread_settings.policy == Policy::Fifo {
+        command.arg("--mlockall").arg(format!("--priority={}", thread_settings.priority));
     }
     let done = command.output().map_err(|e| match e.kind() {
         std::io::ErrorKind::NotFound => "not installed; on Debian: apt install rt-tests".to_owned(),
@@ -44,7 +44,7 @@ fn run(manners: Manners, loops: u32) -> Result<Latencies, String> {
     })
 }
 
-/// Reads its histogram: lines like `000017 000003` (µs, how often), and what it says of those beyond.
+/// Parses its histogram: lines like `000017 000003` (µs, count), and its summary of later ones.
 fn parse(said: &str) -> Option<Latencies> {
     let mut found = Latencies::default();
     let mut add = |us: u64, times: u64| (0..times).for_each(|_| found.record(1000 * us));

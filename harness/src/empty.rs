@@ -1,7 +1,7 @@
 //! An empty cycle in parallel with the measured one: a thread that wakes half a period after each command is due, and does nothing.
 //!
-//! Promises: it has the same core, the same schedule and a priority that nothing of the measurement can keep it from, so that what it
-//! suffers is the machine's doing. Never: an allocation while it runs.
+//! It has the same core, the same schedule and a priority that nothing of the measurement can
+//! preempt, so that its delays are those of the machine. No allocation while it runs.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
@@ -11,11 +11,12 @@ use serde::Serialize;
 use shm_schema::monotonic_ns;
 
 use crate::latencies::Latencies;
-use crate::manners::Manners;
+use crate::thread_settings::ThreadSettings;
 
-/// Missed cycles that are remembered by number; beyond, they are counted alone.
+/// Limit on missed cycles that are stored by number; further ones are only counted.
 const REMEMBERED_MAX: usize = 1 << 20;
-/// A stall that makes a command a period late makes the empty cycle in its middle at least so late, as a share of the period.
+/// A stall that makes a command a period late delays the empty cycle in its middle by at least this
+/// share of the period.
 const EXCUSES: f64 = 0.45;
 
 /// When cycles are due.
@@ -32,25 +33,26 @@ impl Schedule {
     }
 }
 
-/// What an empty cycle suffered.
+/// Delays of an empty cycle.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Empty {
-    /// How late each wake-up was.
+    /// Delay of each wake-up.
     pub(crate) late: Latencies,
-    /// Cycles that were a period late, by number.
+    /// Numbers of the cycles that were a period late.
     pub(crate) missed: Vec<u64>,
-    /// Cycles so late that a measured one beside them may have been missed for the same reason.
+    /// Numbers of the cycles so late that a measured one at the same time may have been missed for
+    /// the same reason.
     pub(crate) hindered: Vec<u64>,
 }
 
 impl Empty {
     /// Runs through the schedule, half a period after each cycle.
     pub(crate) fn run(
-        manners: Manners,
+        thread_settings: ThreadSettings,
         schedule: Schedule,
         stop: &AtomicBool,
     ) -> Result<Self, Refused> {
-        manners.take()?;
+        thread_settings.take()?;
         let mut empty = Self {
             late: Latencies::default(),
             missed: Vec::with_capacity(1024),
@@ -80,7 +82,8 @@ pub(crate) fn remember<T>(cycles: &mut Vec<T>, cycle: T, is_so: bool) {
     }
 }
 
-/// Those of `missed` that no empty cycle was hindered beside: on either core, in the same cycle or the one before.
+/// The cycles of `missed` during which no empty cycle was delayed: on either core, in the same
+/// cycle or the previous one.
 pub(crate) fn beyond(missed: &[Missed], empties: &[Empty]) -> Vec<Missed> {
     let hindered =
         |cycle: u64| empties.iter().any(|empty| empty.hindered.binary_search(&cycle).is_ok());
@@ -88,23 +91,23 @@ pub(crate) fn beyond(missed: &[Missed], empties: &[Empty]) -> Vec<Missed> {
     missed.iter().filter(|missed| !excused(missed.cycle)).copied().collect()
 }
 
-/// A missed cycle, and where its time went; zeros where no answer came.
+/// A missed cycle, and its time by stages; zeros without an answer.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Missed {
     /// Its number.
     pub cycle: u64,
-    /// From the time it was due to its sending: the client was late, or still busy with those before.
+    /// From its due time to its sending: the client was late, or still busy with previous ones.
     pub late_ns: u64,
-    /// From its sending to its taking.
+    /// From its sending to its reception.
     pub there_ns: u64,
-    /// From its taking to the making of the answer.
+    /// From its reception to the completion of the answer.
     pub correction_ns: u64,
     /// From there to the client.
     pub back_ns: u64,
 }
 
-/// How many cycles were missed on either core.
+/// Number of cycles missed on either core.
 pub(crate) fn missed_by_any(empties: &[Empty]) -> u64 {
     let mut all: Vec<u64> = empties.iter().flat_map(|empty| &empty.missed).copied().collect();
     all.sort_unstable();
@@ -137,9 +140,10 @@ mod tests {
     fn an_empty_cycle_counts_each_wake_up_once_and_none_before_it_is_due() {
         let start_ns = monotonic_ns() + 1_000_000;
         let schedule = Schedule { start_ns, period_ns: 200_000, cycles: 50 };
-        let core = crate::manners::allowed()[0];
-        let manners = Manners { core, policy: crate::plan::Policy::Other, priority: 1 };
-        let empty = Empty::run(manners, schedule, &AtomicBool::new(false)).expect("pinned");
+        let core = crate::thread_settings::allowed()[0];
+        let thread_settings =
+            ThreadSettings { core, policy: crate::plan::Policy::Other, priority: 1 };
+        let empty = Empty::run(thread_settings, schedule, &AtomicBool::new(false)).expect("pinned");
         assert_eq!(empty.late.count(), 50);
         assert!(monotonic_ns() >= schedule.due_ns(49) + 100_000);
     }

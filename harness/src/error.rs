@@ -1,4 +1,4 @@
-//! Errors of a bench: where, what, what was expected, what to do.
+//! Errors of a bench: place, cause, expectation, remedy.
 
 use std::io;
 use std::path::PathBuf;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use daemon::realtime::Refused;
 use trued_client::ConnectError;
 
-/// A bench that was not run, or not to its end.
+/// Why a bench was not run, or not to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
     /// Too few cores.
@@ -14,17 +14,17 @@ pub enum BenchError {
         "{what}: the bench wants two cores of its own, this process may use {allowed:?}; give it two, or name them with --cores"
     )]
     Cores {
-        /// What was asked.
+        /// The option.
         what: String,
         /// Cores that this process may run on.
         allowed: Vec<usize>,
     },
-    /// Scheduling, pinning or memory that was asked for and refused: nothing is measured without.
+    /// Scheduling, pinning or memory locking was refused: nothing is measured without.
     #[error(
         "what was asked for was refused, so nothing is measured: {0}; or ask for --policy other"
     )]
     Refused(#[from] Refused),
-    /// A running cell is not served as was asked.
+    /// The daemon of a running cell does not have the requested policy.
     #[error(
         "the daemon of cell `{cell}` (process {pid}) does not run its cycle under SCHED_FIFO, so nothing is measured; start it with \
          `[realtime] policy = \"fifo\"`, or ask for --policy other"
@@ -40,47 +40,47 @@ pub enum BenchError {
     Daemon {
         /// How it ended.
         status: String,
-        /// Its words.
+        /// Its output.
         said: String,
     },
     /// No connection to the daemon.
     #[error(transparent)]
     Connect(#[from] ConnectError),
-    /// A process beside the bench ended, or does not answer.
+    /// A helper process ended, or does not answer.
     #[error("the bench's own process `{part}` failed: {why}; what it said is above")]
     Part {
-        /// Which.
+        /// Its name.
         part: &'static str,
         /// Why.
         why: String,
     },
-    /// The daemon answers nothing.
+    /// The daemon does not answer.
     #[error(
         "no answer from the daemon within {limit_ms} ms in part `{stage}`; is it stopped, or its core taken by another real-time thread?"
     )]
     Silent {
-        /// Where.
+        /// The part of the bench.
         stage: &'static str,
-        /// How long was waited, ms.
+        /// Time limit, ms.
         limit_ms: u64,
     },
-    /// The transport that is compared with could not be set up.
+    /// A reference transport could not be set up.
     #[error("plain iceoryx2: {0}; is shared memory full?")]
     Transport(String),
-    /// A thread that measures ended.
+    /// A measuring thread ended.
     #[error("a measuring thread of part `{0}` ended early; this is a fault of the bench")]
     Thread(&'static str),
-    /// The system.
+    /// An error of the system.
     #[error("could not {step} {}: {source}", path.display())]
     Io {
-        /// What was tried.
+        /// The operation.
         step: &'static str,
-        /// On what.
+        /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The system's error.
         source: io::Error,
     },
-    /// Someone asked to stop.
+    /// Interrupted on request.
     #[error("interrupted")]
     Interrupted,
 }

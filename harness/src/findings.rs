@@ -1,4 +1,4 @@
-//! Results of a bench, as written to the JSON. Never their presentation.
+//! Results of a bench, as written to the JSON.
 
 use std::collections::BTreeMap;
 
@@ -20,35 +20,35 @@ use crate::swap::Swap;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Skipped {
-    /// What.
+    /// The part.
     pub what: String,
-    /// Why not, and what to do.
+    /// The reason, and the remedy.
     pub why: String,
 }
 
-/// Paced round trips at one rate.
+/// Round trips at one rate.
 #[derive(Debug, Clone)]
 pub struct AtRate {
     /// How the daemon waits.
     pub wait: Wait,
     /// Commands per second.
     pub rate_hz: u32,
-    /// What came out.
+    /// The results.
     pub paced: Paced,
 }
 
-/// What was found under one policy and one load.
+/// Results for one policy and one load.
 #[derive(Debug, Clone)]
 pub struct Setting {
     /// The policy.
     pub policy: Policy,
     /// The load; empty: idle.
     pub load: Vec<Load>,
-    /// Flat out, polled.
+    /// Back-to-back, polled.
     pub flat: Option<Flat>,
-    /// Flat out, woken by the kernel.
+    /// Back-to-back, woken by the kernel.
     pub woken: Option<Flat>,
-    /// At rates.
+    /// At given rates.
     pub paced: Vec<AtRate>,
     /// Force blocks.
     pub force: Option<Force>,
@@ -60,13 +60,13 @@ impl Setting {
         Self { policy, load: load.to_vec(), flat, woken, paced: Vec::new(), force }
     }
 
-    /// The setting in words.
+    /// The setting as text.
     #[must_use]
     pub fn name(&self) -> String {
         format!("{}, {}", self.policy.name(), self.load_name())
     }
 
-    /// The load in words.
+    /// The load as text.
     #[must_use]
     pub fn load_name(&self) -> String {
         let names: Vec<_> = self.load.iter().map(|load| load.name()).collect();
@@ -74,28 +74,28 @@ impl Setting {
     }
 }
 
-/// What a bench found.
+/// Results of a bench.
 #[derive(Debug, Clone)]
 pub struct Findings {
-    /// The machine that it ran on.
+    /// The machine.
     pub machine: Machine,
-    /// How long each part took, s.
+    /// Duration of each part, s.
     pub seconds: f64,
-    /// The cell that was measured, where it was not one of the bench's own.
+    /// The measured cell, if it was not started by the bench.
     pub cell: Option<String>,
-    /// What the model is called; a running cell does not tell.
+    /// Name of the model; unknown for a running cell.
     pub model: Option<&'static str>,
-    /// By policy and load, in the order asked.
+    /// By policy and load, in the order requested.
     pub settings: Vec<Setting>,
     /// Starts of a daemon, to the first corrected target.
     pub starts: Option<Latencies>,
-    /// Swaps of the model.
+    /// Changes of the model.
     pub swap: Option<Swap>,
-    /// What a correction costs.
+    /// Computing time of a correction.
     pub cost: Option<Cost>,
-    /// What was not measured.
+    /// Parts not measured.
     pub skipped: Vec<Skipped>,
-    /// What was asked of the figures.
+    /// Acceptance limits of the figures.
     pub judged: Vec<Judged>,
 }
 
@@ -115,7 +115,8 @@ impl Findings {
         }
     }
 
-    /// Cycles missed at the lowest rate measured under the strictest policy, all loads and waits together.
+    /// Cycles missed at the lowest rate measured under the strictest policy, over all loads and
+    /// waits.
     #[must_use]
     pub fn missed_cycles(&self) -> u64 {
         let strict = || self.settings.iter().filter(|s| s.policy == self.machine.scheduling);
@@ -124,7 +125,7 @@ impl Findings {
         counted.map(|at| at.paced.missed).sum()
     }
 
-    /// The object of the contract `trued.bench/1`, with more beside its fixed keys.
+    /// The object of the schema `trued.bench/1`.
     #[must_use]
     pub fn json(&self) -> Told<'_> {
         let first = |of: fn(&Setting) -> Option<&Flat>| self.settings.iter().find_map(of);
@@ -148,7 +149,7 @@ impl Findings {
         }
     }
 
-    /// Time in the daemon: flat out where that was measured, else paced.
+    /// Time in the daemon: back-to-back if measured, otherwise at a rate.
     fn correction(&self) -> Option<Quantiles> {
         let flat = self.settings.iter().filter_map(|s| s.flat.as_ref()).map(|f| &f.correction);
         let paced = self.settings.iter().flat_map(|s| &s.paced).map(|at| &at.paced.correction);
@@ -177,7 +178,7 @@ pub struct Told<'a> {
     skipped_count: usize,
 }
 
-/// Round trips to one of those compared.
+/// Round trips of one transport.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Trips {
@@ -186,7 +187,7 @@ struct Trips {
     near: Quantiles,
     far: Quantiles,
     lost: u64,
-    /// Near, far, mixed.
+    /// Number of chunks: near, far, mixed.
     chunks: [u64; 3],
 }
 
@@ -216,7 +217,7 @@ struct ToldPaced<'a> {
     unanswered: u64,
     empty_missed: u64,
     missed_beyond_empty: u64,
-    /// The first of them, with where their time went.
+    /// The first of them, with their time by stages.
     beyond: &'a [Missed],
     correction_ns: Quantiles,
 }

@@ -1,8 +1,9 @@
 //! Back-to-back round trips of trued and of all reference transports, in alternating short chunks.
 //!
-//! Promises: every chunk has a reference of bare atomics before and after it, between the same two cores; while others are measured the
-//! daemon is at rest, as its cycle would take their core; chunks are short and leave both cores to others in between, so that the
-//! kernel's fair server does not stall what spins. Never: a mean.
+//! Every chunk has a reference of bare atomics before and after it, between the same two cores;
+//! while others are measured the daemon is stopped, because its cycle would take their core; chunks
+//! are short and leave both cores to other processes in between, so that the kernel's fair server
+//! does not stall spinning threads. Results are quantiles, not means.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
@@ -13,7 +14,6 @@ use crate::chunks::{Chunk, Chunks, Flat};
 use crate::cyclictest;
 use crate::error::BenchError;
 use crate::latencies::Latencies;
-use crate::manners::Manners;
 use crate::peers::atomics::Atomics;
 use crate::peers::echo::Echo;
 use crate::peers::trued::Trued;
@@ -21,31 +21,32 @@ use crate::peers::{ANSWER_WITHIN, Kind, Peer, Way};
 use crate::place::Place;
 use crate::plan::{Programs, Stage};
 use crate::subject::Subject;
+use crate::thread_settings::ThreadSettings;
 
-/// How long a chunk lasts, ns: about as long as a placement does.
+/// Duration of a chunk, ns: about that of a placement.
 const CHUNK_NS: u64 = 5_000_000;
-/// The same where each trip wakes somebody.
+/// The same if each trip includes a wake-up.
 const WOKEN_CHUNK_NS: u64 = 20_000_000;
-/// Trips before a chunk that are not counted.
+/// Warm-up trips before a chunk.
 const WARM_UP: usize = 64;
-/// How long the daemon may take until it corrects: it ramps in, and a wrench more slowly than that.
+/// Time limit until the daemon corrects: it ramps in, with a wrench more slowly.
 const SETTLES_WITHIN: Duration = Duration::from_secs(5);
-/// The same before each of its chunks, after the arm has stood for those of others.
+/// The same before each of its chunks, after the arm was at rest during the other ones.
 const RESUMES_WITHIN: Duration = Duration::from_millis(300);
-/// Chunks of trued in a row: to have it correct takes longer than a chunk.
+/// Chunks of trued in a row: resuming corrections takes longer than a chunk.
 const TRUED_ROW: u32 = 4;
-/// Trips of a reference.
+/// Number of trips of a reference.
 const REFERENCE: usize = 1000;
-/// How long both cores are left to others between two chunks.
+/// Time between two chunks in which both cores are left to other processes.
 const GIVE_WAY: Duration = Duration::from_micros(500);
 
-/// What is needed to measure.
+/// Context of the measurement.
 pub(crate) struct Flats<'a> {
     pub(crate) subject: &'a Subject,
     pub(crate) programs: &'a dyn Programs,
     pub(crate) place: &'a Place,
-    /// Of the measuring thread, and of the daemon's cycle.
-    pub(crate) manners: [Manners; 2],
+    /// Settings of the measuring thread, and of the daemon's cycle.
+    pub(crate) thread_settings: [ThreadSettings; 2],
     pub(crate) way: Way,
     pub(crate) has_cyclictest: bool,
     pub(crate) seconds: f64,
@@ -53,20 +54,23 @@ pub(crate) struct Flats<'a> {
 }
 
 impl Flats<'_> {
-    /// Measures in a thread with the manners asked for.
+    /// Measures in a thread with the requested settings.
     pub(crate) fn run(&self) -> Result<Flat, BenchError> {
         let client = self.subject.client()?;
         std::thread::scope(|scope| {
             let measuring = scope.spawn(|| {
-                // What answers takes the core and the priority of the daemon's cycle, which may spin there. It stands until its own
-                // chunks, and at the end: the others leave the core first.
+                // The answering side uses the core and the priority of the daemon's cycle, which
+                // may spin there. The daemon is stopped until its own chunks, and at the end: the
+                // other side releases the core first.
                 self.stand()?;
-                // The process is started before this thread is real-time: it would inherit that.
+                // The process is started before this thread is real-time, which it would inherit.
                 let echo = match &self.subject.daemon {
-                    Some(_) => Some(Echo::start(self.programs, self.place, self.manners[1])?),
+                    Some(_) => {
+                        Some(Echo::start(self.programs, self.place, self.thread_settings[1])?)
+                    }
                     None => None,
                 };
-                self.manners[0].take()?;
+                self.thread_settings[0].take()?;
                 let mut trued = Trued::new(client);
                 self.settle(&mut trued, SETTLES_WITHIN)?;
                 self.measure(trued, echo)
@@ -81,7 +85,7 @@ impl Flats<'_> {
 
     fn kinds(&self) -> Vec<Kind> {
         let is_measured = |kind: &Kind| match (&self.subject.daemon, self.way) {
-            // Of a running cell the core is not ours.
+            // The core of a running cell is not available.
             (None, _) => *kind == Kind::Trued,
             (Some(_), Way::Poll) => *kind != Kind::Cyclictest,
             (Some(_), Way::Wake) => {
@@ -94,7 +98,7 @@ impl Flats<'_> {
 
     fn measure(&self, mut trued: Trued, mut echo: Option<Echo>) -> Result<Flat, BenchError> {
         let mut atomics = match &self.subject.daemon {
-            Some(_) => Some(Atomics::start(self.manners[1])?),
+            Some(_) => Some(Atomics::start(self.thread_settings[1])?),
             None => None,
         };
         let mut chunks = Chunks::default();
@@ -138,7 +142,9 @@ impl Flats<'_> {
                 self.stand()?;
                 Ok(counted)
             }
-            (Kind::Cyclictest, ..) => cyclictest::chunk(self.manners[1]).map(|trips| (trips, 0)),
+            (Kind::Cyclictest, ..) => {
+                cyclictest::chunk(self.thread_settings[1]).map(|trips| (trips, 0))
+            }
             (Kind::Bare, Some(atomics), _) => Ok(self.trips(&mut atomics.bare())),
             (Kind::Atomics, Some(atomics), _) => Ok(self.trips(&mut atomics.copying(self.way))),
             (kind, _, Some(echo)) => {
@@ -151,7 +157,7 @@ impl Flats<'_> {
         .and_then(|counted| self.answered(counted))
     }
 
-    /// Nothing at all is no measurement.
+    /// A measurement without any answer is an error.
     fn answered(&self, counted: (Latencies, u64)) -> Result<(Latencies, u64), BenchError> {
         if counted.0.count() == 0 && counted.1 > 0 {
             let limit_ms = ANSWER_WITHIN.as_millis() as u64;
@@ -185,7 +191,7 @@ impl Flats<'_> {
         (trips, lost)
     }
 
-    /// Has the daemon correct a moving arm before it stands for a reference.
+    /// Lets the daemon correct a moving arm, before it is stopped for a reference.
     fn settle(&self, trued: &mut Trued, within: Duration) -> Result<(), BenchError> {
         self.go_on();
         trued.settle(within);

@@ -1,8 +1,9 @@
-//! Force blocks in, verdicts on vibration out.
+//! Latency from force blocks to vibration verdicts.
 //!
-//! The bench plays a sensor: noise, and a tone that comes and goes. A verdict says the time of the newest sample that it rests on, so the
-//! block that brought it about is known, and with it when that block was due and when it was sent. Promises: a verdict is
-//! counted once, blocks sent and blocks taken are compared at the end. Never: a wait of the sender for the daemon.
+//! The bench simulates a sensor: noise, and an intermittent tone. A verdict contains the time of
+//! its newest sample, which identifies the block that caused it, when that block was due and when
+//! it was sent. A verdict is counted once; blocks sent and blocks received are compared at the end.
+//! The sender never waits for the daemon.
 
 use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -16,47 +17,47 @@ use trued_client::{ForceSamples, ForceSource, Monitor, Samples, Verdict, WrenchF
 
 use crate::error::BenchError;
 use crate::latencies::Latencies;
-use crate::manners::Manners;
 use crate::plan::Stage;
 use crate::subject::{FORCE_RATE_HZ, Subject};
+use crate::thread_settings::ThreadSettings;
 
 /// Blocks per second.
 pub(crate) const BLOCKS_PER_S: u64 = 1000;
 const SAMPLES: usize = (FORCE_RATE_HZ as u64 / BLOCKS_PER_S) as usize;
 const CHANNELS: usize = 3;
 const BLOCK_NS: u64 = 1_000_000_000 / BLOCKS_PER_S;
-/// How long there is noise alone at the start, for the watch to learn its floor, s.
+/// Duration of pure noise at the start, in which the monitor learns the noise floor, s.
 const LEARN_S: f64 = 1.5;
-/// How long a tone lasts, and the silence after it, s.
+/// Duration of a tone, and of the pause after it, s.
 const TONE_S: f64 = 0.2;
-/// The tones, Hz, in turn: each starts lines of its own.
+/// The tones, Hz, in turn: each causes separate lines.
 const TONES_HZ: [f64; 3] = [83.0, 137.0, 211.0];
 const TONE_N: f64 = 20.0;
 const NOISE_N: f64 = 1.0;
-/// How long the last blocks may take to be counted.
+/// Time limit until the last blocks are counted.
 const SETTLE_WITHIN: Duration = Duration::from_secs(5);
 
-/// What came out of it.
+/// Results.
 #[derive(Debug, Clone, Default)]
 pub struct Force {
-    /// From the time at which a block was due to the verdict that it brought about, at the client.
+    /// From the due time of a block to the verdict that it caused, at the client.
     pub scheduled: Latencies,
     /// From its actual sending.
     pub actual: Latencies,
-    /// From its sending to the making of the verdict in the daemon.
+    /// From its sending to the completion of the verdict in the daemon.
     pub one_way: Latencies,
-    /// Blocks played.
+    /// Blocks simulated.
     pub blocks: u64,
-    /// Blocks that the daemon has taken.
+    /// Blocks received by the daemon.
     pub taken: u64,
-    /// Blocks that could not be handed over.
+    /// Blocks that could not be sent.
     pub lost: u64,
 }
 
-/// What is needed to measure.
+/// Context of the measurement.
 pub(crate) struct Forces<'a> {
     pub(crate) subject: &'a Subject,
-    pub(crate) manners: Manners,
+    pub(crate) thread_settings: ThreadSettings,
     pub(crate) seconds: f64,
     pub(crate) stop: &'a AtomicBool,
 }
@@ -66,7 +67,7 @@ impl Forces<'_> {
         let (source, monitor) = (self.subject.force()?, self.subject.monitor()?);
         std::thread::scope(|scope| {
             let measuring = scope.spawn(|| {
-                self.manners.take()?;
+                self.thread_settings.take()?;
                 self.play(source, monitor)
             });
             measuring.join().unwrap_or(Err(BenchError::Thread(Stage::Force.name())))
@@ -109,7 +110,7 @@ impl Forces<'_> {
         Ok(force)
     }
 
-    /// Looks for verdicts until the next block is due.
+    /// Polls for verdicts until the next block is due.
     fn look_until(
         &self,
         due_ns: u64,
@@ -122,16 +123,16 @@ impl Forces<'_> {
             while let Some(verdict) = monitor.vibration() {
                 count(&verdict, monotonic_ns(), start_ns, sent_ns, force);
             }
-            // Short sleeps: a core that is never left to others is stalled by the kernel in the end.
+            // Short sleeps: a core that is never released is eventually stalled by the kernel.
             sleep_until((monotonic_ns() + LOOK_EVERY_NS).min(due_ns));
         }
     }
 }
 
-/// How often the bench looks for verdicts, ns: what its own waiting may add.
+/// Polling interval of the bench, ns: the largest delay that it adds.
 const LOOK_EVERY_NS: u64 = 20_000;
 
-/// Counts a verdict by the block that brought it about.
+/// Counts a verdict for the block that caused it.
 fn count(verdict: &Verdict, here_ns: u64, start_ns: u64, sent_ns: &[u64], force: &mut Force) {
     let Some(block) = verdict.t_ns.checked_sub(start_ns).map(|t_ns| t_ns / BLOCK_NS) else {
         return;
@@ -147,7 +148,7 @@ fn taken(monitor: &mut Monitor) -> u64 {
     monitor.status().map_or(0, |status| status.force_blocks)
 }
 
-/// The sensor that is played.
+/// The simulated sensor.
 struct Sensor<R: Rng>(R);
 
 impl<R: Rng> Sensor<R> {
@@ -156,7 +157,8 @@ impl<R: Rng> Sensor<R> {
         for (i, frame) in samples.chunks_exact_mut(CHANNELS).enumerate() {
             let t_s = (first + i as u64) as f64 / FORCE_RATE_HZ;
             for (channel, value) in frame.iter_mut().enumerate() {
-                // Uniform noise has an rms of its half width over the root of three.
+                // Uniform noise has a root mean square of its half width over the square root of
+                // three.
                 let noise = self.0.random_range(-1.0..1.0) * NOISE_N * 3_f64.sqrt();
                 *value = noise + if channel == 1 { tone(t_s) } else { 0.0 };
             }
@@ -164,7 +166,7 @@ impl<R: Rng> Sensor<R> {
     }
 }
 
-/// The tone at that time, N; zero between two tones and while the watch learns.
+/// The tone at this time, N; zero between two tones and while the monitor learns.
 fn tone(t_s: f64) -> f64 {
     let since_s = t_s - LEARN_S;
     let turn = (since_s / TONE_S).floor();

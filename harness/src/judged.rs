@@ -1,7 +1,8 @@
 //! Acceptance limits of the figures: ratios of medians in one run, and counts.
 //!
-//! Promises: a figure that was not measured is not judged, nor are trips without a correction; near is held against near, far against far. Never: an absolute tail, which on
-//! most machines says more of the machine.
+//! Parts that were not measured are not judged, nor are trips without a correction; near is
+//! compared with near, far with far. Absolute tails are not judged, because on most machines they
+//! depend mainly on the machine.
 
 use serde::Serialize;
 
@@ -10,37 +11,37 @@ use crate::findings::{Findings, Setting};
 use crate::latencies::Latencies;
 use crate::peers::Kind;
 
-/// Fewer trips than that are no median.
+/// Least number of trips for a median.
 const TRIPS_MIN: u64 = 100;
-/// Fewer are no quantile of 99.9 %.
+/// Least number of trips for a quantile of 99.9 %.
 const TRIPS_MIN_FOR_P999: u64 = 10_000;
-/// The rate that cycles are counted at, Hz.
+/// The rate at which missed cycles are counted, Hz.
 const RATE_HZ: u32 = 1000;
 
-/// One figure beside its bar.
+/// One figure with its limit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Judged {
-    /// What.
+    /// The figure.
     pub what: String,
-    /// What was measured.
+    /// The measured value.
     pub measured: f64,
-    /// The most that it may be.
+    /// The largest accepted value.
     pub bar: f64,
-    /// In what; empty for a ratio or a count.
+    /// Unit; empty for a ratio or a count.
     pub unit: &'static str,
-    /// Whether it is within.
+    /// Whether it is within the limit.
     pub ok: bool,
 }
 
 impl Judged {
     fn new(what: impl Into<String>, measured: f64, bar: f64, unit: &'static str) -> Self {
-        // What is no number is not within.
+        // False for NaN.
         Self { what: what.into(), measured, bar, unit, ok: measured <= bar }
     }
 }
 
-/// Judges all that was measured.
+/// Compares all measured figures with their limits.
 #[must_use]
 pub fn judge(findings: &Findings) -> Vec<Judged> {
     let strict = || findings.settings.iter().filter(|s| s.policy == findings.machine.scheduling);
@@ -83,7 +84,7 @@ fn round_trips(flat: &Flat) -> Vec<Judged> {
     type Placed = fn(&Counted) -> &Latencies;
     let placements: [(&str, Placed, f64); 2] =
         [("near", |c| &c.near, 0.5), ("far", |c| &c.far, 0.7)];
-    // Where there is one placement nothing tells which it is; the stricter bars hold.
+    // With a single placement it is unknown which it is; the stricter limits apply.
     let parted = flat.sorter.threshold_ns.is_some();
     for (name, placed, unix_bar) in placements {
         let name = if parted { name } else { "one placement" };
@@ -158,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn near_is_held_against_near_and_far_against_far() {
+    fn near_is_compared_with_near_and_far_with_far() {
         let judged = round_trips(&flat(20_000));
         assert_eq!(judged.len(), 6);
         let said = |what: &str| judged.iter().find(|j| j.what.contains(what)).expect("judged");
@@ -174,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_not_within_its_bar() {
+    fn nan_is_not_within_its_bar() {
         assert!(!Judged::new("nothing", f64::NAN, 1.0, "").ok);
     }
 }

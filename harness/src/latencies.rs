@@ -1,26 +1,26 @@
 //! Histograms of durations, and their summary.
 //!
-//! Promises: three significant digits from 1 ns to 100 s; what is longer counts as 100 s, and the worst says so. Never: a quantile
-//! shown that fewer than ten values stand beyond.
+//! Three significant digits from 1 ns to 100 s; longer durations count as 100 s, and the maximum
+//! shows it. A quantile is only shown if at least ten values are beyond it.
 
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
 const LONGEST_NS: u64 = 100_000_000_000;
-/// Values beyond a quantile from which on it is worth showing.
+/// Least number of values beyond a quantile that is shown.
 const BEYOND: f64 = 10.0;
-/// The quantiles that are told.
+/// The quantiles shown.
 pub(crate) const SHARES: [f64; 6] = [0.5, 0.9, 0.99, 0.999, 0.9999, 0.99999];
 
-/// Durations, counted.
+/// A histogram of durations.
 #[derive(Debug, Clone)]
 pub struct Latencies(Histogram<u64>);
 
-/// Quantiles of a count of durations, ns; all zero where nothing was counted.
+/// Quantiles, ns; all zero without data.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Quantiles {
-    /// The middle.
+    /// The median.
     pub p50: u64,
     /// 90 %.
     pub p90: u64,
@@ -32,33 +32,33 @@ pub struct Quantiles {
     pub p9999: u64,
     /// 99.999 %.
     pub p99999: u64,
-    /// The worst.
+    /// The maximum.
     pub max: u64,
-    /// How many were counted.
+    /// Number of durations.
     pub n: u64,
 }
 
 impl Default for Latencies {
     fn default() -> Self {
         let made = Histogram::new_with_bounds(1, LONGEST_NS, 3).or_else(|_| Histogram::new(3));
-        // Both forms are valid for any version of the library: the last resort grows by itself.
+        // Both constructors are valid for these arguments.
         Self(made.unwrap_or_else(|_| unreachable!("three digits are allowed")))
     }
 }
 
 impl Latencies {
-    /// Counts one. Never allocates.
+    /// Counts one duration. Never allocates.
     pub fn record(&mut self, duration_ns: u64) {
         self.0.saturating_record(duration_ns);
     }
 
-    /// Takes over what another has counted.
+    /// Adds the counts of another histogram.
     pub fn add(&mut self, other: &Self) {
-        // Both have the same bounds: nothing is refused.
+        // Both have the same bounds, so that this cannot fail.
         let _ = self.0.add(&other.0);
     }
 
-    /// How many were counted.
+    /// Number of durations.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.0.len()
@@ -70,14 +70,14 @@ impl Latencies {
         self.0.value_at_quantile(share).min(self.0.max())
     }
 
-    /// What is told of them.
+    /// Summary.
     #[must_use]
     pub fn quantiles(&self) -> Quantiles {
         let [p50, p90, p99, p999, p9999, p99999] = SHARES.map(|share| self.at(share));
         Quantiles { p50, p90, p99, p999, p9999, p99999, max: self.0.max(), n: self.count() }
     }
 
-    /// Points of the curve of quantiles: one over the share beyond, and the value in µs.
+    /// Points of the curve of quantiles: the inverse of the share beyond, and the value in µs.
     #[must_use]
     pub fn curve(&self) -> Vec<(f64, f64)> {
         let last = self.count() as f64 / BEYOND;
@@ -90,13 +90,13 @@ impl Latencies {
 }
 
 impl Quantiles {
-    /// Each quantile below the worst, where ten values stand beyond it.
+    /// Each quantile below the maximum, if at least ten values are beyond it.
     #[must_use]
     pub fn sure(&self) -> [Option<u64>; 6] {
         let values = [self.p50, self.p90, self.p99, self.p999, self.p9999, self.p99999];
         let mut sure = values.map(Some);
         for (value, share) in sure.iter_mut().zip(SHARES) {
-            // The share is a decimal fraction: a hair less than ten is ten.
+            // The share is a decimal fraction: slightly less than ten, by rounding, counts as ten.
             if self.n as f64 * (1.0 - share) < BEYOND - 1e-6 {
                 *value = None;
             }
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_counted_is_told_as_nothing() {
+    fn nothing_counted_is_reported_as_nothing() {
         assert_eq!(Latencies::default().quantiles(), Quantiles::default());
         assert!(Latencies::default().curve().is_empty());
     }

@@ -1,10 +1,12 @@
 //! `trued bench` and `trued doctor`: latency and suitability of a machine.
 //!
-//! Promises: what was asked for and refused (policy, pinning, locked memory) ends the bench; all that is compared is measured in the
-//! same run, by turns, on the same two cores; what could not be measured is said and counted. Never: a correction of its own.
+//! If a requested setting (policy, pinning, locked memory) is refused, the bench ends; everything
+//! that is compared is measured in the same run, alternately, on the same two cores; parts that
+//! could not be measured are reported and counted.
 //!
-//! In what order to read: [`plan`] (what is asked); `flat.rs`, `paced.rs`, `force.rs`, `start.rs`, `swap.rs`, [`cost`] (what is measured);
-//! [`judged`] (what that is held against); [`findings`], [`tables`], [`page`] (what is told).
+//! Reading order: [`plan`] (the request); `flat.rs`, `paced.rs`, `force.rs`, `start.rs`, `swap.rs`,
+//! [`cost`] (measurements); [`judged`] (acceptance limits); [`findings`], [`tables`], [`page`]
+//! (results).
 
 mod arms;
 mod child;
@@ -21,7 +23,6 @@ pub mod judged;
 mod latencies;
 mod load;
 mod machine;
-mod manners;
 mod paced;
 pub mod page;
 mod peers;
@@ -32,6 +33,7 @@ mod start;
 mod subject;
 mod swap;
 pub mod tables;
+mod thread_settings;
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
@@ -41,36 +43,36 @@ pub use error::BenchError;
 pub use force::Force;
 pub use latencies::{Latencies, Quantiles};
 pub use machine::Machine;
-pub use manners::fifo_is_granted;
 pub use paced::Paced;
 pub use peers::Kind;
 pub use placement::{Placement, Sorter};
 pub use subject::runs_fifo;
 pub use swap::Swap;
+pub use thread_settings::fifo_is_granted;
 
 use crate::cost::Costing;
 use crate::doctor::Texts;
 use crate::findings::{AtRate, Findings, Setting, Skipped};
 use crate::flat::Flats;
 use crate::force::Forces;
-use crate::manners::Manners;
 use crate::paced::Pacing;
 use crate::peers::Way;
 use crate::place::Place;
 use crate::plan::{Load, Plan, Policy, Programs, Stage, Wait};
 use crate::subject::{Setup, Subject};
+use crate::thread_settings::ThreadSettings;
 
-/// Time between commands of a daemon that is measured flat out, s: the shortest that there is.
+/// Period of a daemon that is measured back-to-back, s: the shortest possible.
 const FLAT_PERIOD_S: f64 = 1e-4;
 /// The rate at which models are swapped and starts are measured, Hz.
 const SWAP_RATE_HZ: u32 = 1000;
-/// Stands between the words that a part is given: paths have spaces.
+/// Separator of the arguments of a part: paths may contain spaces.
 pub(crate) const BETWEEN_WORDS: &str = "\t";
 
-/// A part of the bench in a process of its own: what [`Programs::part`] was given.
+/// Runs a part of the bench in a separate process, with the arguments of [`Programs::part`].
 ///
 /// # Errors
-/// Where it cannot do its part.
+/// An error of the part.
 pub fn part(words: &str) -> Result<(), BenchError> {
     let words: Vec<&str> = words.split(BETWEEN_WORDS).collect();
     match words.split_first() {
@@ -80,7 +82,7 @@ pub fn part(words: &str) -> Result<(), BenchError> {
     }
 }
 
-/// Runs a bench; tells `say` what it is about to do.
+/// Runs a bench; reports each step to `say`.
 ///
 /// # Errors
 /// See [`BenchError`]; nothing is left behind then.
@@ -90,7 +92,8 @@ pub fn run(
     stop: &AtomicBool,
     say: &mut dyn FnMut(&str),
 ) -> Result<Findings, BenchError> {
-    // A signal from the terminal goes to the bench's other processes too: that they are gone is then no fault of theirs.
+    // A signal from the terminal also reaches the bench's other processes: their end is then not an
+    // error.
     let interrupted = |e| if stop.load(Relaxed) { BenchError::Interrupted } else { e };
     all(plan, programs, stop, say).map_err(interrupted)
 }
@@ -102,12 +105,12 @@ fn all(
     say: &mut dyn FnMut(&str),
 ) -> Result<Findings, BenchError> {
     let texts = Texts::read(std::path::Path::new("/"));
-    let cores = manners::two_cores(plan.cores, &machine::isolated(&texts))?;
+    let cores = thread_settings::two_cores(plan.cores, &machine::isolated(&texts))?;
     let strictest =
         if plan.policies.contains(&Policy::Fifo) { Policy::Fifo } else { Policy::Other };
     if strictest == Policy::Fifo {
         daemon::realtime::lock_memory()?;
-        manners::ask_fifo(plan.priority)?;
+        thread_settings::ask_fifo(plan.priority)?;
         if let Some(cell) = &plan.cell {
             subject::wants_fifo(cell, subject::JOIN_WITHIN)?;
         }
@@ -190,7 +193,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// The parts that need to be measured once.
+    /// The parts that are measured once.
     fn once(&mut self, policy: Policy, say: &mut dyn FnMut(&str)) -> Result<(), BenchError> {
         if self.plan.cell.is_some() {
             for stage in [Stage::Start, Stage::Swap, Stage::Cost] {
@@ -199,7 +202,7 @@ impl Bench<'_> {
             return Ok(());
         }
         let setup = Setup {
-            manners: self.manners(policy)[1],
+            thread_settings: self.thread_settings(policy)[1],
             wait: Wait::Sleep,
             period_s: 1.0 / f64::from(SWAP_RATE_HZ),
             listens: false,
@@ -214,7 +217,7 @@ impl Bench<'_> {
             let subject = Subject::new(self.plan, self.programs, &self.place, setup)?;
             let pacing = Pacing {
                 subject: &subject,
-                manners: self.manners(policy),
+                thread_settings: self.thread_settings(policy),
                 rate_hz: SWAP_RATE_HZ,
                 seconds: self.plan.seconds,
                 stop: self.stop,
@@ -224,22 +227,26 @@ impl Bench<'_> {
         if self.plan.has(Stage::Cost) {
             say("cost of joints, effects, cells");
             let Self { plan, programs, stop, .. } = *self;
-            let manners = self.manners(policy);
-            let costing = Costing { plan, programs, place: &self.place, manners, stop };
+            let thread_settings = self.thread_settings(policy);
+            let costing = Costing { plan, programs, place: &self.place, thread_settings, stop };
             self.findings.cost = Some(costing.run()?);
         }
         Ok(())
     }
 
     fn flat(&mut self, policy: Policy, way: Way) -> Result<Flat, BenchError> {
-        let may = if way == Way::Wake { cyclictest::runs(self.manners(policy)[1]) } else { Ok(()) };
+        let may = if way == Way::Wake {
+            cyclictest::runs(self.thread_settings(policy)[1])
+        } else {
+            Ok(())
+        };
         let has_cyclictest = may.map_err(|why| self.skip("cyclictest", &why)).is_ok();
         let subject = self.subject(policy, Wait::Spin, FLAT_PERIOD_S, false)?;
         let flats = Flats {
             subject: &subject,
             programs: self.programs,
             place: &self.place,
-            manners: self.manners(policy),
+            thread_settings: self.thread_settings(policy),
             way,
             has_cyclictest,
             seconds: self.plan.seconds,
@@ -252,7 +259,7 @@ impl Bench<'_> {
         let subject = self.subject(policy, wait, 1.0 / f64::from(rate_hz), false)?;
         let pacing = Pacing {
             subject: &subject,
-            manners: self.manners(policy),
+            thread_settings: self.thread_settings(policy),
             rate_hz,
             seconds: self.plan.seconds,
             stop: self.stop,
@@ -266,9 +273,13 @@ impl Bench<'_> {
             return Ok(None);
         }
         let subject = self.subject(policy, Wait::Sleep, 1e-3, true)?;
-        let manners = self.manners(policy)[0];
-        let forces =
-            Forces { subject: &subject, manners, seconds: self.plan.seconds, stop: self.stop };
+        let thread_settings = self.thread_settings(policy)[0];
+        let forces = Forces {
+            subject: &subject,
+            thread_settings,
+            seconds: self.plan.seconds,
+            stop: self.stop,
+        };
         Ok(Some(forces.run()?))
     }
 
@@ -282,14 +293,15 @@ impl Bench<'_> {
         if self.stop.load(Relaxed) {
             return Err(BenchError::Interrupted);
         }
-        let setup = Setup { manners: self.manners(policy)[1], wait, period_s, listens };
+        let setup =
+            Setup { thread_settings: self.thread_settings(policy)[1], wait, period_s, listens };
         Subject::new(self.plan, self.programs, &self.place, setup)
     }
 
-    /// Of the client's thread, and of the daemon's cycle and what stands in its place.
-    fn manners(&self, policy: Policy) -> [Manners; 2] {
+    /// Settings of the client's thread, and of the daemon's cycle or a reference in its place.
+    fn thread_settings(&self, policy: Policy) -> [ThreadSettings; 2] {
         let priority = self.plan.priority;
-        self.cores.map(|core| Manners { core, policy, priority })
+        self.cores.map(|core| ThreadSettings { core, policy, priority })
     }
 
     fn skip(&mut self, what: &str, why: &str) {

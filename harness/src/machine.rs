@@ -1,6 +1,7 @@
 //! Description of the machine of a bench run, and its implications for the figures.
 //!
-//! Promises: what the machine does not tell is said to be unknown. Never: a figure corrected for it.
+//! Values that the machine does not provide are reported as unknown. Figures are not corrected for
+//! the machine.
 
 use serde::Serialize;
 
@@ -15,14 +16,14 @@ pub struct Machine {
     pub kernel: String,
     /// Whether it is `PREEMPT_RT`.
     pub preempt_rt: bool,
-    /// Whether a hypervisor is beneath.
+    /// Whether there is a hypervisor.
     #[serde(rename = "virtual")]
     pub is_virtual: bool,
     /// Cores that are online.
     pub cpus: usize,
-    /// The strictest policy that was measured under.
+    /// The strictest policy measured.
     pub scheduling: Policy,
-    /// What the processor is called.
+    /// Name of the processor.
     pub processor: String,
     /// The frequency governor of the daemon's core.
     pub governor: String,
@@ -32,18 +33,19 @@ pub struct Machine {
     pub clock_source: String,
     /// The client's core and the daemon's.
     pub cores: [usize; 2],
-    /// Processor time that the hypervisor kept for others while the bench ran, in hundredths of a second; all cores.
+    /// Processor time taken by the hypervisor while the bench ran, in hundredths of a second; all
+    /// cores.
     pub stolen_ticks: u64,
-    /// What all that means for the figures.
+    /// Implications for the figures.
     pub means: Vec<String>,
 }
 
-/// The cores that the kernel keeps others off.
+/// The isolated cores.
 pub(crate) fn isolated(texts: &Texts) -> Vec<usize> {
     texts.isolated.as_deref().and_then(parse::list).unwrap_or_default()
 }
 
-/// Hundredths of a second stolen so far, by `/proc/stat`.
+/// Hundredths of a second taken so far, from `/proc/stat`.
 pub(crate) fn stolen_ticks() -> u64 {
     std::fs::read_to_string("/proc/stat").ok().and_then(|stat| steal(&stat)).unwrap_or(0)
 }
@@ -54,7 +56,7 @@ fn steal(stat: &str) -> Option<u64> {
 }
 
 impl Machine {
-    /// From what the kernel says.
+    /// From the kernel's texts.
     pub(crate) fn of(texts: &Texts, scheduling: Policy, cores: [usize; 2]) -> Self {
         let unknown = || "unknown".to_owned();
         let version = texts.version.as_deref();

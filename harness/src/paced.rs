@@ -1,7 +1,8 @@
 //! Round trips at a given rate, as in a robot controller.
 //!
-//! Promises: every cycle of the schedule is counted, from the time at which it was due as well as from its actual sending: what a stall
-//! holds up is as late as the robot would have found it (no coordinated omission). Never: a cycle left out because it was late.
+//! Every cycle of the schedule is counted, from its due time as well as from its actual sending:
+//! commands delayed by a stall count as late as the robot would have experienced them (no
+//! coordinated omission).
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::ScopedJoinHandle;
@@ -14,59 +15,60 @@ use trued_client::Corrected;
 use crate::empty::{Empty, Missed, Schedule, beyond, missed_by_any, remember};
 use crate::error::BenchError;
 use crate::latencies::Latencies;
-use crate::manners::Manners;
 use crate::peers::trued::{Answers, Trued};
 use crate::plan::Stage;
 use crate::subject::Subject;
+use crate::thread_settings::ThreadSettings;
 
-/// How long before a command is due the client begins to look at the clock without sleeping, ns; at most this share of a period.
+/// Time before a command is due at which the client starts to spin, ns; at most this share of a
+/// period.
 const SPIN_BEFORE_NS: u64 = 120_000;
 const SPIN_SHARE: f64 = 0.3;
-/// How long an answer is waited for; what is lost is late by so much.
+/// Time limit of an answer; lost ones count as late by this time.
 const GIVE_UP: Duration = Duration::from_millis(200);
 /// Time from the set-up to the first command.
 const HEAD_START_NS: u64 = 120_000_000;
-/// Missed cycles whose parts are kept.
+/// Limit on missed cycles stored with their stages.
 const BEYOND_SHOWN: usize = 200;
-/// Commands before the count begins, so that nothing counts as late that starts.
+/// Warm-up before counting starts, so that the start does not count as late.
 const WARM_UP_S: f64 = 0.1;
 
-/// What came out of it.
+/// Results.
 #[derive(Debug, Clone, Default)]
 pub struct Paced {
     /// From the scheduled time to the answer.
     pub scheduled: Latencies,
     /// From the actual sending to the answer.
     pub actual: Latencies,
-    /// How late the empty cycle's wake-ups were, on both cores.
+    /// Delays of the empty cycle's wake-ups, on both cores.
     pub empty: Latencies,
     /// Cycles of the schedule.
     pub cycles: u64,
-    /// Cycles whose answer came later than the next command was due, lost ones included.
+    /// Cycles answered after the next command was due, including lost ones.
     pub missed: u64,
     /// Cycles without an answer.
     pub unanswered: u64,
     /// Empty cycles missed, on either core.
     pub empty_missed: u64,
-    /// Missed cycles beside which no empty cycle was hindered.
+    /// Missed cycles during which no empty cycle was delayed.
     pub missed_beyond_empty: u64,
-    /// Where the time of the first of these went.
+    /// Stages of the first of these.
     pub beyond: Vec<Missed>,
     /// Time in the daemon.
     pub correction: Latencies,
 }
 
-/// What is needed to measure.
+/// Context of the measurement.
 pub(crate) struct Pacing<'a> {
     pub(crate) subject: &'a Subject,
-    pub(crate) manners: [Manners; 2],
+    pub(crate) thread_settings: [ThreadSettings; 2],
     pub(crate) rate_hz: u32,
     pub(crate) seconds: f64,
     pub(crate) stop: &'a AtomicBool,
 }
 
 impl Pacing<'_> {
-    /// Measures, and shows each answer to `watch`.
+    /// Measures, and passes each answer to `watch`.
     pub(crate) fn run(
         &self,
         mut watch: impl FnMut(&Corrected) + Send,
@@ -78,12 +80,12 @@ impl Pacing<'_> {
         let over = AtomicBool::new(false);
         let ended = BenchError::Thread(Stage::Paced.name());
         let (measured, empties) = std::thread::scope(|scope| {
-            let empties = self.manners.map(|manners| {
+            let empties = self.thread_settings.map(|thread_settings| {
                 let over = &over;
-                scope.spawn(move || Empty::run(manners.above(), schedule, over))
+                scope.spawn(move || Empty::run(thread_settings.above(), schedule, over))
             });
             let measuring = scope.spawn(|| {
-                self.manners[0].take()?;
+                self.thread_settings[0].take()?;
                 self.measure(&mut trued, schedule, &mut watch)
             });
             let measured = measuring.join();
@@ -143,7 +145,7 @@ impl Pacing<'_> {
         Ok((paced, missed))
     }
 
-    /// Commands until the schedule begins; all of it counts nowhere.
+    /// Sends commands until the schedule begins, without counting.
     fn warm_up(&self, trued: &mut Trued, schedule: Schedule) -> Result<(), BenchError> {
         let first_ns = schedule.start_ns.saturating_sub((WARM_UP_S * 1e9) as u64);
         let mut due_ns = first_ns.max(monotonic_ns());
@@ -157,7 +159,7 @@ impl Pacing<'_> {
     }
 }
 
-/// Where the time of a cycle went.
+/// Stages of a cycle.
 fn parts(cycle: u64, due_ns: u64, sent_ns: u64, answer: Option<&Corrected>, end_ns: u64) -> Missed {
     let late_ns = sent_ns.saturating_sub(due_ns);
     let Some(answer) = answer else { return Missed { cycle, late_ns, ..Missed::default() } };
@@ -170,7 +172,7 @@ fn parts(cycle: u64, due_ns: u64, sent_ns: u64, answer: Option<&Corrected>, end_
     }
 }
 
-/// Sleeps, and looks at the clock for the last `spin_ns`.
+/// Sleeps, and spins for the last `spin_ns`.
 fn wait_until(due_ns: u64, spin_ns: u64) {
     let wake_ns = due_ns.saturating_sub(spin_ns);
     if monotonic_ns() < wake_ns {

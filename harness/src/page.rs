@@ -1,4 +1,4 @@
-//! A bench as one HTML page, and its plots as SVG. Shows only figures of the findings.
+//! A bench as one HTML page, and its plots as SVG.
 
 use report::{Axis, Number, Page, Plot, Role, Series, Svg, Table, Tone, quantity};
 
@@ -9,7 +9,7 @@ use crate::latencies::Quantiles;
 use crate::peers::Kind;
 use crate::tables::{self, Words};
 
-/// The plots, by the name of their file.
+/// The plots, with their file names.
 #[must_use]
 pub fn plots(findings: &Findings) -> Vec<(String, String, Svg)> {
     let mut plots = Vec::new();
@@ -97,7 +97,7 @@ pub fn render(findings: &Findings) -> Page {
         .verdict(tone, &word, &sentence(findings))
         .numbers(numbers(findings));
     let mut all = plots(findings);
-    // At a rate, with the time since each command was due: what a cell gets.
+    // At a rate, from the due time of each command: the latency of a cell.
     all.sort_by_key(|(name, ..)| !name.starts_with("paced"));
     let mut all = all.into_iter();
     if let Some((_, caption, plot)) = all.next() {
@@ -164,7 +164,7 @@ fn sentence(findings: &Findings) -> String {
     format!("{latency}Measured on {on} with {kernel}.{skipped}")
 }
 
-/// The round trip through the daemon: at a rate where that was measured, else flat out.
+/// The round trip through the daemon: at a rate if measured, otherwise back-to-back.
 fn trued_latency(findings: &Findings) -> Option<(String, Quantiles)> {
     let settings = || findings.settings.iter();
     let paced = settings().flat_map(|setting| &setting.paced).next();

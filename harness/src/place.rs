@@ -9,7 +9,7 @@ use crate::cost::CELLS;
 use crate::error::BenchError;
 
 const SHARED_MEMORY: &str = "/dev/shm";
-/// What the names of a bench's cells begin with; its process' number follows.
+/// Prefix of the names of a bench's cells, followed by the process number.
 const CELL_PREFIX: &str = "bench-";
 
 /// The directory, and the names that belong to it.
@@ -23,7 +23,8 @@ impl Place {
     pub(crate) fn new() -> Result<Self, BenchError> {
         let root = std::env::var_os(RUNTIME_DIR_ENV).unwrap_or_else(|| SHARED_MEMORY.into());
         sweep_dead(Path::new(&root));
-        // Short: the transport bounds its paths. One of that name is of a process that is dead.
+        // Short, because the transport limits its paths. An existing one belongs to a process that
+        // has ended.
         let cell = cell(std::process::id());
         let dir = Path::new(&root).join(&cell);
         let _ = fs::remove_dir_all(&dir);
@@ -39,12 +40,12 @@ impl Place {
         &self.dir
     }
 
-    /// The name of a cell that the bench serves itself, from 0 on.
+    /// The name of the `k`-th cell served by the bench.
     pub(crate) fn cell(&self, k: usize) -> String {
         numbered(&self.cell, k)
     }
 
-    /// How all names of the plain transport start.
+    /// Prefix of all names of the plain transport.
     pub(crate) fn prefix(dir: &Path) -> String {
         let name = dir.file_name().map(|name| name.to_string_lossy().into_owned());
         format!("{}.", name.unwrap_or_default())
@@ -57,7 +58,8 @@ impl Place {
     }
 }
 
-/// Removes what a bench of that process has made: its cells' memory, its directory, files of the plain transport.
+/// Removes everything made by the bench of a process: its cells' memory, its directory, files of
+/// the plain transport.
 fn remove(root: &Path, pid: u32) {
     let (cell, dir) = (cell(pid), root.join(cell(pid)));
     for cell in (0..CELLS).flat_map(|k| Cell::new(&numbered(&cell, k))) {
@@ -73,7 +75,7 @@ fn remove(root: &Path, pid: u32) {
     }
 }
 
-/// Removes what benches have left that were killed.
+/// Removes the remains of killed benches.
 fn sweep_dead(root: &Path) {
     let names = entries(root).map(|entry| entry.file_name().to_string_lossy().into_owned());
     let mut pids: Vec<u32> = names.filter_map(|name| pid_in(&name)).collect();
@@ -88,7 +90,7 @@ fn entries(dir: &Path) -> impl Iterator<Item = fs::DirEntry> + use<> {
     fs::read_dir(dir).into_iter().flatten().flatten()
 }
 
-/// The process whose bench made a file or directory of that name.
+/// The process that made a file or directory of this name.
 fn pid_in(name: &str) -> Option<u32> {
     let name = name.strip_prefix("trued-").unwrap_or(name).strip_prefix(CELL_PREFIX)?;
     u32::from_str_radix(name.split(['-', '.']).next()?, 16).ok()
@@ -117,7 +119,7 @@ mod tests {
     #[test]
     fn what_a_killed_bench_has_left_is_gone_with_the_next_and_others_stay() {
         let root = std::env::temp_dir().join(format!("trued-place-{}", std::process::id()));
-        // No process has a number beyond the kernel's largest, 2²².
+        // No process number exceeds the kernel's largest, 2²².
         let (dead, living) = (root.join(cell(u32::MAX)), root.join(cell(std::process::id())));
         for dir in [&dead, &living, &root.join("cell-7")] {
             fs::create_dir_all(dir).expect("a directory");

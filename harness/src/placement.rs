@@ -1,17 +1,18 @@
-//! Near or far: a hypervisor moves virtual cores between the real ones, and a cache line's way between two of them changes by a
-//! factor of five with that. Chunks are sorted by a reference taken before and after each.
+//! Classification of chunks as near or far: a hypervisor moves virtual cores between the real ones,
+//! which changes the latency of a cache line between two of them by a factor of five. Chunks are
+//! classified by a reference measured before and after each.
 //!
-//! Promises: where the references do not part into two groups there is one placement; a chunk whose two references disagree belongs to
-//! none. Never: use of what is being compared.
+//! If the references do not form two groups there is one placement; a chunk whose two references
+//! disagree belongs to none. The compared measurements are not used.
 
 use serde::Serialize;
 
-/// How the two cores stand to each other.
+/// Relative placement of the two cores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Placement {
-    /// The only one there was, or the nearer of two.
+    /// The only one, or the nearer of two.
     Near,
     /// The farther of two.
     Far,
@@ -19,15 +20,15 @@ pub enum Placement {
     Mixed,
 }
 
-/// By how much the references must part to be two groups.
+/// Least ratio of the references between two groups.
 const TWO_GROUPS: f64 = 2.0;
-/// What share of the references may lie outside, at either end.
+/// Share of the references that is ignored at either end.
 const STRAY: f64 = 0.05;
 
-/// Where near ends.
+/// The threshold.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sorter {
-    /// References above are far, ns; none where there is one placement.
+    /// References above are far, ns; `None` if there is one placement.
     pub threshold_ns: Option<f64>,
 }
 
@@ -43,7 +44,7 @@ impl Sorter {
         Self { threshold_ns: parted.map(|(low, high)| (low * high).sqrt()) }
     }
 
-    /// Where a chunk belongs, by the references before and after it, ns.
+    /// Classifies a chunk by the references before and after it, ns.
     #[must_use]
     pub fn place(&self, before_ns: f64, after_ns: f64) -> Placement {
         let Some(threshold_ns) = self.threshold_ns else { return Placement::Near };

@@ -1,7 +1,8 @@
 //! Time from the start of a daemon to its first corrected target, as seen by a cell.
 //!
-//! Promises: the clock starts before the process does; the client is there already, as a cell is whose daemon starts again; only an
-//! answer to its own command that the model had a part in counts.
+//! The clock starts before the process does; the client is already running, as in a cell whose
+//! daemon restarts; only an answer to its own command that includes a correction by the model
+//! counts.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
@@ -16,12 +17,12 @@ use crate::place::Place;
 use crate::plan::{Plan, Programs, Stage};
 use crate::subject::{Served, Setup, launch, ready};
 
-/// How long one start may take.
+/// Time limit of one start.
 const WITHIN: Duration = Duration::from_secs(10);
 /// Time between two commands while waiting.
 const TICK: Duration = Duration::from_millis(1);
 
-/// Starts measured, ns from the start of the process to the first corrected target.
+/// Times from the start of the process to the first corrected target, ns.
 pub(crate) fn run(
     plan: &Plan,
     programs: &dyn Programs,
@@ -32,7 +33,7 @@ pub(crate) fn run(
     let served = Served { model: &plan.models[0], cells: 1 };
     let mut starts = Latencies::default();
     let mut trued: Option<Trued> = None;
-    // The first start gives the client what it has to know of the robot; it is not counted.
+    // The first start informs the client of the robot; it is not counted.
     for start in 0..=plan.repeats {
         let since_ns = monotonic_ns();
         let daemon = ready(launch(programs, place, served, setup)?)?;
@@ -51,7 +52,7 @@ pub(crate) fn run(
     Ok(starts)
 }
 
-/// When the first corrected target for a command of ours was there.
+/// Time of the first corrected target for a command of this client.
 fn first_corrected(trued: &mut Trued, since_ns: u64, stop: &AtomicBool) -> Result<u64, BenchError> {
     let by_model =
         [CorrectionStatus::Corrected, CorrectionStatus::Ramping].map(CorrectionStatus::code);
@@ -64,13 +65,13 @@ fn first_corrected(trued: &mut Trued, since_ns: u64, stop: &AtomicBool) -> Resul
         if stop.load(Relaxed) {
             return Err(BenchError::Interrupted);
         }
-        // Without a daemon a command is refused at once: then a moment passes here.
+        // Without a daemon a command is refused at once: a short pause.
         std::thread::sleep(Duration::from_micros(200));
     }
     Err(BenchError::Silent { stage: Stage::Start.name(), limit_ms: WITHIN.as_millis() as u64 })
 }
 
-/// Waits until the client knows that the daemon has gone.
+/// Waits until the client notices that the daemon has ended.
 fn gone(trued: &mut Trued, stop: &AtomicBool) -> Result<(), BenchError> {
     let since_ns = monotonic_ns();
     while matches!(trued.client.connection(), Connection::Connected { .. }) {

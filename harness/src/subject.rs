@@ -1,6 +1,6 @@
 //! The measured daemon: the bench's own, or that of a running cell.
 //!
-//! Promises: the daemon has the manners that were asked for or does not start; it ends with the bench. Never: a correction of its own.
+//! The daemon has the requested settings or does not start; it ends with the bench.
 
 use std::fs::DirEntry;
 use std::io::{BufRead, BufReader, Read};
@@ -11,51 +11,51 @@ use trued_client::{Client, Connection, ForceSource, Monitor};
 
 use crate::child::Guarded;
 use crate::error::BenchError;
-use crate::manners::Manners;
 use crate::place::Place;
 use crate::plan::{Plan, Policy, Programs, Wait};
+use crate::thread_settings::ThreadSettings;
 
-/// What the daemon calls the thread of a cell's cycle, and the kernel its policy.
+/// The daemon's name for the thread of a cell's cycle, and the kernel's number of the policy.
 const CYCLE_THREAD: &str = "cycle";
 const SCHED_FIFO: u32 = 1;
-/// How long joining may take.
+/// Time limit for joining.
 pub(crate) const JOIN_WITHIN: Duration = Duration::from_secs(10);
-/// How long a look at a cell may take.
+/// Time limit for reading a cell's status.
 const LOOK_WITHIN: Duration = Duration::from_secs(1);
-/// Sampling rate of the force stream that the bench plays, Hz.
+/// Sampling rate of the simulated force stream, Hz.
 pub(crate) const FORCE_RATE_HZ: f64 = 10_000.0;
 
-/// How the daemon is to run.
+/// Settings of the daemon.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Setup {
-    /// Of its cycle.
-    pub(crate) manners: Manners,
+    /// Settings of its cycle.
+    pub(crate) thread_settings: ThreadSettings,
     pub(crate) wait: Wait,
     /// Time between commands, s.
     pub(crate) period_s: f64,
-    /// Whether it listens to force blocks.
+    /// Whether it receives force blocks.
     pub(crate) listens: bool,
 }
 
-/// What a daemon is to serve.
+/// What a daemon serves.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Served<'a> {
     /// The text of its model.
     pub(crate) model: &'a str,
-    /// Cells, all of that model.
+    /// Number of cells, all with that model.
     pub(crate) cells: usize,
 }
 
 /// A cell that can be joined.
 #[derive(Debug)]
 pub(crate) struct Subject {
-    /// The daemon, where it is the bench's own.
+    /// The daemon, if started by the bench.
     pub(crate) daemon: Option<Guarded>,
     cell: String,
 }
 
 impl Subject {
-    /// The running cell that was named, or a daemon of the bench's own.
+    /// The named running cell, or a daemon started by the bench.
     pub(crate) fn new(
         plan: &Plan,
         programs: &dyn Programs,
@@ -70,7 +70,7 @@ impl Subject {
         }
     }
 
-    /// A daemon of the bench's own; where it serves several cells, this is the first.
+    /// A daemon started by the bench; with several cells, the first.
     pub(crate) fn start(
         programs: &dyn Programs,
         place: &Place,
@@ -96,10 +96,10 @@ impl Subject {
     }
 }
 
-/// Holds a running cell to the real-time policy that was asked for: its daemon took its own.
+/// Checks that a running cell has the requested real-time policy.
 ///
 /// # Errors
-/// Where its cycle has another policy, or it cannot be joined.
+/// Its cycle has another policy, or it cannot be joined.
 pub(crate) fn wants_fifo(cell: &str, within: Duration) -> Result<(), BenchError> {
     let mut monitor = Monitor::connect(cell, within)?;
     let Connection::Connected { pid, .. } = monitor.connection() else { return Ok(()) };
@@ -114,18 +114,19 @@ pub(crate) fn wants_fifo(cell: &str, within: Duration) -> Result<(), BenchError>
     Ok(())
 }
 
-/// Whether the daemon of a running cell has the real-time policy; false where none answers.
+/// Whether the daemon of a running cell has the real-time policy; false without an answer.
 #[must_use]
 pub fn runs_fifo(cell: &str) -> bool {
     wants_fifo(cell, LOOK_WITHIN).is_ok()
 }
 
-/// The policy in `/proc/PID/task/TID/stat`: the 41st field (proc(5)), the 39th behind the name's bracket.
+/// The policy in `/proc/PID/task/TID/stat`: the 41st field (proc(5)), the 39th after the closing
+/// bracket of the name.
 fn policy_in(stat: &str) -> Option<u32> {
     stat.rsplit(')').next()?.split_whitespace().nth(38)?.parse().ok()
 }
 
-/// Starts a daemon; it has said nothing yet.
+/// Starts a daemon, without waiting until it is ready.
 pub(crate) fn launch(
     programs: &dyn Programs,
     place: &Place,
@@ -141,11 +142,11 @@ pub(crate) fn launch(
     Guarded::spawn(command).map_err(failed)
 }
 
-/// Waits until a daemon has said that it is ready.
+/// Waits until a daemon is ready.
 pub(crate) fn ready(mut daemon: Guarded) -> Result<Guarded, BenchError> {
     let mut line = String::new();
     if let Some(out) = daemon.0.stdout.take() {
-        // A daemon that ends closes its output, so this ends too.
+        // A daemon that ends closes its output, which ends this wait too.
         let _ = BufReader::new(out).read_line(&mut line);
     }
     if line.trim() == "ready" {
@@ -164,16 +165,17 @@ pub(crate) fn ready(mut daemon: Guarded) -> Result<Guarded, BenchError> {
     Err(BenchError::Daemon { status, said: said.trim().to_owned() })
 }
 
-/// Its log is read and dropped: a full pipe would hold it up.
+/// Reads and discards its log: a full pipe would block it.
 fn drain(daemon: &mut Guarded) {
     if let Some(mut words) = daemon.0.stderr.take() {
         std::thread::spawn(move || std::io::copy(&mut words, &mut std::io::sink()));
     }
 }
 
-/// A cell that corrects all that its model knows: every effect, gravity, the wrench that comes with the command.
+/// A cell that compensates everything in its model: every effect, gravity, the wrench sent with the
+/// command.
 fn cell_toml(name: &str, setup: Setup) -> String {
-    let Manners { core, policy, priority } = setup.manners;
+    let ThreadSettings { core, policy, priority } = setup.thread_settings;
     let period_ms = setup.period_s * 1e3;
     let policy = match policy {
         Policy::Fifo => format!("policy = \"fifo\"\npriority = {priority}\nlock_memory = true\n"),

@@ -1,6 +1,7 @@
-//! Change of the model during a path: no cycle missed, the correction continuous.
+//! Change of the model during a path: no missed cycle, continuous correction.
 //!
-//! Promises: the models differ, so that there is something to ramp; a step is judged by the daemon's own bound on the rate.
+//! The models differ, so that there is a difference to be ramped; steps are compared with the
+//! daemon's own rate limit.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
@@ -12,29 +13,31 @@ use crate::paced::{Paced, Pacing};
 use crate::place::Place;
 use crate::plan::Plan;
 
-/// Time between two swaps: the correction moves meanwhile.
+/// Time between two changes, in which the correction moves.
 const BETWEEN: Duration = Duration::from_millis(400);
-/// How long the daemon may take to answer a request.
+/// Time limit of the daemon's answer to a request.
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
-/// What rounding may add to a step, rad or m.
+/// Allowance for rounding in a step, rad or m.
 const ROUNDING: f64 = 1e-9;
 
-/// What came out of it.
+/// Results.
 #[derive(Debug, Clone, Default)]
 pub struct Swap {
-    /// Models swapped in.
+    /// Models activated.
     pub swaps: u64,
-    /// Models that answered during the path, as the answers tell.
+    /// Number of models seen in the answers during the path.
     pub epochs_seen: u64,
-    /// The path meanwhile.
+    /// The round trips of that path.
     pub paced: Paced,
-    /// Largest step of a joint's correction from one answer to the next, over what its rate allows in that time.
+    /// Largest step of a joint's correction from one answer to the next, relative to its rate limit
+    /// over that time.
     pub step_over_bound: f64,
-    /// Largest change of what the model asks for from one answer to the next, rad or m: what was ramped instead.
+    /// Largest change of the requested correction from one answer to the next, rad or m, which was
+    /// ramped.
     pub jump_wanted: f64,
 }
 
-/// Swaps models while the path runs.
+/// Changes models while the path runs.
 pub(crate) fn run(plan: &Plan, place: &Place, pacing: &Pacing<'_>) -> Result<Swap, BenchError> {
     let rate = pacing.subject.client()?.status().map_or([f64::NAN; JOINTS_MAX], |s| s.bounds.rate);
     let mut monitor = pacing.subject.monitor()?;
@@ -61,7 +64,7 @@ pub(crate) fn run(plan: &Plan, place: &Place, pacing: &Pacing<'_>) -> Result<Swa
     })
 }
 
-/// Waits for the next swap; false where there is none.
+/// Waits for the next change; false if there is none.
 fn wait(over: &AtomicBool) -> bool {
     std::thread::sleep(BETWEEN);
     !over.load(Relaxed)
@@ -71,7 +74,7 @@ fn swap(monitor: &mut Monitor, path: &std::path::Path) -> bool {
     monitor.reload(Some(path), ANSWER_WITHIN).is_ok_and(|said| said.answer() == Ok(Answer::Done))
 }
 
-/// How the correction moves from answer to answer.
+/// Steps of the correction from answer to answer.
 struct Steps {
     rate: [f64; JOINTS_MAX],
     last: Option<Corrected>,
@@ -83,7 +86,7 @@ struct Steps {
 impl Steps {
     fn take(&mut self, answer: &Corrected) {
         if let Some(last) = self.last {
-            // The daemon moves by the commands' time or by its own, whichever went further.
+            // The daemon moves by the commands' time or by its own, whichever is longer.
             let dt_ns = answer.made_ns.saturating_sub(last.made_ns);
             let dt_s = dt_ns.max(answer.t_ns.saturating_sub(last.t_ns)) as f64 * 1e-9;
             for i in 0..(answer.joints as usize).min(JOINTS_MAX) {

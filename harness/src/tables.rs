@@ -1,4 +1,4 @@
-//! Results as tables of text. Never their layout.
+//! Results as text tables.
 
 use crate::chunks::Flat;
 use crate::cost::{Cost, Costs};
@@ -6,10 +6,10 @@ use crate::findings::{Findings, Setting};
 use crate::latencies::Quantiles;
 use crate::peers::Kind;
 
-/// A table: what it shows, heads, rows.
+/// A table: title, column heads, rows.
 #[derive(Debug, Clone, Default)]
 pub struct Words {
-    /// What it shows.
+    /// Title.
     pub title: String,
     /// Heads of the columns.
     pub heads: Vec<String>,
@@ -59,7 +59,7 @@ fn with_quantiles(title: String, first: &[&str]) -> Words {
     Words { title, heads, rows: Vec::new() }
 }
 
-/// A duration in µs, with digits as it is worth them.
+/// A duration in µs, with meaningful digits.
 #[must_use]
 pub fn microseconds(ns: u64) -> String {
     let us = ns as f64 * 1e-3;
@@ -81,7 +81,7 @@ fn cells(first: &[&str], quantiles: &Quantiles) -> Vec<String> {
     cells
 }
 
-/// How much of what the daemon answered was solved for.
+/// Share of the daemon's answers with a solved correction.
 fn solved(flat: &Flat) -> String {
     let share = flat.solved_share();
     share.map_or_else(String::new, |share| {
@@ -206,7 +206,7 @@ fn once(findings: &Findings) -> Vec<Words> {
     tables
 }
 
-/// Each kind of cost: its name, what it is, what stands beside it, its figures.
+/// For each kind of cost: its name, description, additional column, figures.
 pub(crate) fn kinds(cost: &Cost) -> [(&'static str, String, &'static str, &Costs); 3] {
     let correction = "Time of one correction, µs (lowest median of batches)".to_owned();
     let of_six = format!("{correction}, six joints");

@@ -2,17 +2,19 @@
 
 use std::net::IpAddr;
 
-/// Who may look at a cell.
+/// Who may view a cell.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Every program of this machine that reaches the address, and calls it by a name of the loopback interface: a web page whose server claims to be
-    /// 127.0.0.1 (DNS rebinding) calls it by its own name.
+    /// Every program of this machine that uses a name of the loopback interface in the header
+    /// `Host`: a web page whose server claims to be 127.0.0.1 (DNS rebinding) uses its own name
+    /// there.
     ThisMachine,
-    /// Who knows this token: in the header `Authorization: Bearer TOKEN`, or as `?token=TOKEN` of the address.
+    /// Clients with this token: in the header `Authorization: Bearer TOKEN`, or as `?token=TOKEN`
+    /// of the address.
     Token(String),
 }
 
-/// What a request says of whom it is for and who asks.
+/// Parts of a request that determine access.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Asked<'a> {
     /// Path and query.
@@ -45,7 +47,7 @@ fn is_loopback(host: &str) -> bool {
         || name.parse().is_ok_and(|address: IpAddr| address.is_loopback())
 }
 
-/// Compares in a time that does not tell how much of a guess was right.
+/// Compares in constant time, so that timing reveals nothing about the token.
 fn is_same(given: &str, token: &str) -> bool {
     let differ = given.bytes().zip(token.bytes()).fold(0, |differ, (a, b)| differ | (a ^ b));
     given.len() == token.len() && differ == 0

@@ -24,15 +24,15 @@ use crate::access::Asked;
 use crate::watch::{Reader, Watch};
 use crate::{Access, LiveError};
 
-/// The protocol's names, the present one first.
+/// The protocol's names, the current one first.
 const PROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 /// How often `stop` and the messages of a client are polled.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// A client that takes nothing for so long is let go.
+/// A client that receives nothing for this long is disconnected.
 const STALLED_AFTER: Duration = Duration::from_secs(2);
-/// Clients at once; each takes a thread.
+/// Limit on clients; each takes a thread.
 const CLIENTS_MAX: usize = 16;
-/// Most bytes that a client may say at once: a list of subscriptions.
+/// Limit on the size of a client's message, bytes: a list of subscriptions.
 const SAID_BYTES_MAX: usize = 64 * 1024;
 /// Opcode of a message of a channel.
 const MESSAGE_DATA: u8 = 1;
@@ -46,7 +46,7 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    /// Takes the address.
+    /// Binds the address.
     pub(crate) fn listen(
         address: SocketAddr,
         cell: &str,
@@ -59,7 +59,7 @@ impl Server {
         Ok(Self { listener, address, cell: cell.to_owned(), access })
     }
 
-    /// Where it listens.
+    /// The address bound.
     pub(crate) fn address(&self) -> SocketAddr {
         self.address
     }
@@ -80,7 +80,7 @@ impl Server {
             let (cell, access) = (self.cell.clone(), self.access.clone());
             let thread = thread::Builder::new().name("foxglove client".to_owned());
             let spawned = thread.spawn(move || {
-                // An error means that the client has left, or is none of this protocol.
+                // On an error the client has left, or uses another protocol.
                 let _ = serve(stream, &cell, &access, &watch, &stop);
                 count.fetch_sub(1, Relaxed);
             });
@@ -91,7 +91,7 @@ impl Server {
     }
 }
 
-/// A client, and the numbers under which it wants the channels.
+/// A client, and the subscription numbers of its channels.
 struct Client {
     socket: WebSocket<TcpStream>,
     subscriptions: Vec<Subscription>,
@@ -145,7 +145,7 @@ fn serve(
     client.socket.close(None)
 }
 
-/// Takes the protocol that both sides know.
+/// Negotiates the protocol.
 fn greet(
     request: &Request,
     mut response: Response,
@@ -192,11 +192,11 @@ fn advertised() -> Value {
 }
 
 impl Client {
-    /// Takes what the client says, for up to [`LOOK_EVERY`].
+    /// Receives messages of the client, for up to [`LOOK_EVERY`].
     fn listen(&mut self) -> Result<(), Error> {
         match self.socket.read() {
             Ok(Message::Text(text)) => {
-                // What is no request of this protocol is left aside, as the protocol asks for.
+                // Unknown messages are ignored, as the protocol requires.
                 if let Ok(request) = serde_json::from_str::<Value>(&text) {
                     self.heed(&request);
                 }
@@ -235,7 +235,7 @@ impl Client {
         }
     }
 
-    /// Sends a message of a channel where the client wants it.
+    /// Sends a message of a channel if the client has subscribed to it.
     fn tell(&mut self, channel: u32, payload: &[u8]) -> Result<(), Error> {
         let wanted = self.subscriptions.iter().find(|one| one.channel == channel);
         let Some(Subscription { id, .. }) = wanted.copied() else { return Ok(()) };

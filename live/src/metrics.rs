@@ -16,10 +16,10 @@ use shm_schema::{FeedState, LeadState, TrimState};
 
 use crate::report::Report;
 
-/// The metrics of a cell as text; `report`: none where no status has come yet.
+/// The metrics of a cell as text; `report`: `None` before the first status.
 ///
 /// # Errors
-/// None in practice: writing to a text does not fail.
+/// None in practice: writing to a string cannot fail.
 pub fn text(cell: &str, report: Option<&Report>) -> Result<String, fmt::Error> {
     let mut registry = Registry::with_prefix("trued");
     let cell = Cell { name: escaped(cell), report: report.cloned() };
@@ -29,7 +29,7 @@ pub fn text(cell: &str, report: Option<&Report>) -> Result<String, fmt::Error> {
     Ok(text)
 }
 
-/// A label's value as the format has it; the library writes it as it comes.
+/// The value of a label with the escapes of the format, which the library does not add.
 fn escaped(value: &str) -> String {
     value.replace('\\', r"\\").replace('"', "\\\"").replace('\n', r"\n")
 }
@@ -64,10 +64,10 @@ struct Metrics<'a, 'e> {
     encoder: DescriptorEncoder<'e>,
 }
 
-/// A label's name and its value.
+/// Name and value of a label.
 type Label<'a> = (&'static str, &'a str);
 
-/// The words of a state, of which one holds.
+/// Names of the states, one of which applies.
 const HEALTH: [&str; 6] = ["starting", "idle", "running", "degraded", "fault", "stopping"];
 const MODES: [&str; 3] = ["shadow", "limited", "full"];
 const RECORDER: [&str; 5] = ["off", "recording", "dropping", "failed", "stopped"];
@@ -94,7 +94,7 @@ impl Metrics<'_, '_> {
         counter.encode(metric.encode_family(&[("cell", self.cell)])?)
     }
 
-    /// One value for each word: 1 where it holds.
+    /// One value for each name: 1 for the state that applies.
     fn words(&mut self, name: &str, help: &str, words: &[&str], now: &str) -> fmt::Result {
         let value = |word: &&str| f64::from(u8::from(*word == now));
         let label = |word| Some(("state", word));

@@ -7,51 +7,51 @@ use trued_client::{
     VibrationState, WatchState, monotonic_ns,
 };
 
-/// How a cell is.
+/// Status of a cell.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// Its name.
     pub cell: String,
-    /// Why the daemon does not answer now; none where it does.
+    /// Why the daemon does not respond; `null` if it does.
     pub away: Option<String>,
-    /// Age of all that follows.
+    /// Age of all following values.
     pub age_s: f64,
     /// The daemon's process.
     pub pid: u32,
     /// Time since the daemon's start.
     pub uptime_s: f64,
-    /// The word of [`Health`].
+    /// State of the daemon, a name of [`Health`].
     pub health: &'static str,
-    /// What a person should know.
+    /// Summary for users.
     pub message: String,
-    /// The word of [`Mode`].
+    /// Name of the [`Mode`].
     pub mode: &'static str,
-    /// Whether the correction was taken out on request.
+    /// Whether the correction is bypassed on request.
     pub bypassed: bool,
     /// The robot as the model states it.
     pub robot: Robot,
     /// The last command and its correction, joint by joint.
     pub joints: Vec<Joint>,
-    /// The model in use.
+    /// The active model.
     pub model: Model,
-    /// What was counted since the start.
+    /// Counters since the start.
     pub counts: Counts,
-    /// From a command's sending to its answer.
+    /// Time from the sending of a command to its answer.
     pub latency_us: Latency,
     /// The force stream.
     pub force: Force,
     /// The vibration monitor.
     pub vibration: Vibration,
-    /// The word of [`RecorderState`].
+    /// Name of the [`RecorderState`].
     pub recorder: &'static str,
-    /// Records that it has dropped.
+    /// Records dropped by the recorder.
     pub recorder_dropped: u64,
     /// 0: ambient, n: joint n.
     pub stale_temperatures: Vec<u32>,
     /// The trim by measurements of the tool.
     pub trim: Trim,
-    /// How the feed is adapted to the force.
+    /// Adaptation of the feed to the force.
     pub feed: Feed,
     /// What joints in motion lead their commands by.
     pub lead: Lead,
@@ -71,22 +71,22 @@ pub struct Lead {
     pub horizons_refused: u32,
 }
 
-/// How the feed is adapted to the force. Forces and speed are `null` where unknown.
+/// Adaptation of the feed to the force. Forces and speed are `null` where unknown.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Feed {
-    /// The word of [`FeedState`].
+    /// Name of the [`FeedState`].
     pub state: &'static str,
-    /// The word of [`FeedReason`].
+    /// Name of the [`FeedReason`].
     pub reason: &'static str,
-    /// What goes out, percent of the programmed feed.
+    /// The override in use, percent of the programmed feed.
     pub override_percent: f64,
-    /// The override that keeps the force at its limit, likewise.
+    /// The override that would keep the force at its limit, likewise.
     pub wanted_percent: f64,
     /// The process force, low-passed.
     #[serde(rename = "force_N")]
     pub force_n: f64,
-    /// What it would be at the programmed feed.
+    /// The force at the programmed feed.
     #[serde(rename = "programmed_force_N")]
     pub programmed_force_n: f64,
     /// The limit as a force.
@@ -94,7 +94,7 @@ pub struct Feed {
     pub limit_n: f64,
     /// Speed of the commanded tool.
     pub speed_mm_s: f64,
-    /// Wrenches that were refused: no numbers.
+    /// Refused wrenches: values that are not finite.
     pub refused: u64,
 }
 
@@ -102,32 +102,32 @@ pub struct Feed {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Trim {
-    /// The word of [`TrimState`].
+    /// Name of the [`TrimState`].
     pub state: &'static str,
-    /// The word of [`TrimReason`].
+    /// Name of the [`TrimReason`].
     pub reason: &'static str,
-    /// What the tool's target is displaced by, base frame.
+    /// Displacement of the tool's target, base frame.
     pub trim_mm: [f64; 3],
-    /// What is found of the model's error, base frame: real minus predicted.
+    /// Estimate of the model's error, base frame: real minus predicted.
     pub found_mm: [f64; 3],
-    /// Measurements that came.
+    /// Measurements received.
     pub measurements: u64,
-    /// Those of them that were refused.
+    /// Measurements refused.
     pub refused: u64,
 }
 
-/// The robot; texts are empty where the model does not state them.
+/// The robot; texts are empty if the model does not state them.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Robot {
-    /// Its maker.
+    /// Manufacturer.
     pub maker: String,
-    /// Its type.
+    /// Type.
     #[serde(rename = "type")]
     pub kind: String,
-    /// Its serial number.
+    /// Serial number.
     pub serial: String,
-    /// How many joints it has.
+    /// Number of joints.
     pub joints: u32,
 }
 
@@ -135,9 +135,9 @@ pub struct Robot {
 #[derive(Clone, Copy, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Joint {
-    /// Where it was commanded to, rad or m.
+    /// Commanded position, rad or m.
     pub command: f64,
-    /// The correction that the daemon allowed, rad or m.
+    /// The limited correction, rad or m.
     pub correction: f64,
     /// The largest correction in this mode, rad or m.
     pub correction_max: f64,
@@ -145,51 +145,51 @@ pub struct Joint {
     pub share: f64,
 }
 
-/// The model in use.
+/// The active model.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Model {
-    /// Counts the models since the start.
+    /// Number of the model since the start.
     pub epoch: u64,
     /// Hash of its text.
     pub hash: String,
     /// Hash of the nominal geometry.
     pub geometry_hash: String,
-    /// Effects that the cycle does not correct.
+    /// Effects that the real-time cycle does not compensate.
     pub uncompensated_effects: u32,
-    /// Whether measurements of the tool agree with it.
+    /// Whether measurements of the tool agree with the model.
     pub holds: bool,
-    /// How many there were.
+    /// Number of measurements.
     pub measurements: u64,
-    /// How far the last of them were from the model, root mean square.
+    /// Root mean square distance of recent measurements from the model.
     pub residual_mm: f64,
 }
 
-/// What was counted since the start.
+/// Counters since the start.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Counts {
     /// Cycles run.
     pub cycles: u64,
-    /// Cycles that came too late.
+    /// Late cycles.
     pub missed_cycles: u64,
-    /// Commands taken.
+    /// Commands received.
     pub commands: u64,
-    /// Commands that never came, by their numbers.
+    /// Missing commands, by their numbers.
     pub commands_lost: u64,
     /// Commands refused.
     pub rejected: u64,
     /// Targets with the last correction held.
     pub held: u64,
-    /// Times that the commands fell silent.
+    /// Times that commands became stale.
     pub stale: u64,
-    /// Targets that could not be handed over.
+    /// Targets that could not be sent.
     pub corrected_lost: u64,
     /// Messages that could not be read.
     pub malformed: u64,
 }
 
-/// From a command's sending to its answer, µs.
+/// Time from the sending of a command to its answer, µs.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Latency {
@@ -203,17 +203,17 @@ pub struct Latency {
     pub max: f64,
     /// The mean; 0 before the first.
     pub mean: f64,
-    /// How many there were since the start, by their size.
+    /// Counts since the start by size.
     pub histogram: Vec<LatencyBucket>,
 }
 
-/// One bucket of the latency histogram. It begins where the one before it ends.
+/// One bucket of the latency histogram. It begins at the end of the previous one.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct LatencyBucket {
     /// Its upper bound, µs; `null` for the last one.
     pub below: Option<f64>,
-    /// How many it holds.
+    /// Count.
     pub count: u64,
 }
 
@@ -221,17 +221,17 @@ pub struct LatencyBucket {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Force {
-    /// The word of [`WrenchGate`].
+    /// Name of the [`WrenchGate`].
     pub wrench_gate: &'static str,
     /// Loop gain of the wrench correction, dimensionless.
     pub loop_gain: f64,
-    /// Blocks taken.
+    /// Blocks received.
     pub blocks: u64,
-    /// Blocks that never came.
+    /// Missing blocks.
     pub gaps: u64,
     /// Blocks refused.
     pub refused: u64,
-    /// In words.
+    /// Descriptions of the faults.
     pub faults: Vec<String>,
 }
 
@@ -239,25 +239,25 @@ pub struct Force {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Vibration {
-    /// The word of [`WatchState`].
+    /// Name of the [`WatchState`].
     pub watch: &'static str,
-    /// The line that matters most, in words; none where there is none.
+    /// The most important line, as text; `null` if there is none.
     pub line: Option<String>,
-    /// The word of [`InCut`].
+    /// Name of the [`InCut`].
     pub in_cut: &'static str,
-    /// Spindle speed that it goes by; NaN where unknown.
+    /// Spindle speed used; NaN if unknown.
     pub spindle_rpm: f64,
-    /// Feed that it goes by; NaN where unknown.
+    /// Feed used; NaN if unknown.
     pub feed_mm_s: f64,
 }
 
-/// The word of a code; of a later version's, that it is not known here.
+/// The name of a code, or `unknown` for a code of a later version.
 fn word<T, E>(code: Result<T, E>, name: impl Fn(T) -> &'static str) -> &'static str {
     code.map_or("unknown", name)
 }
 
 impl Report {
-    /// The status of `cell`; `away`: why its daemon does not answer.
+    /// The status of `cell`; `away`: why its daemon does not respond.
     #[must_use]
     pub fn of(cell: &str, status: &Status, away: Option<String>) -> Self {
         let seconds = |from_ns: u64, to_ns: u64| to_ns.saturating_sub(from_ns) as f64 * 1e-9;
@@ -310,13 +310,13 @@ impl Report {
 }
 
 impl Trim {
-    /// How far the tool's target is displaced, mm.
+    /// Length of the trim, mm.
     #[must_use]
     pub fn length_mm(&self) -> f64 {
         length(self.trim_mm)
     }
 
-    /// How large the model's error is found to be, mm.
+    /// Length of the estimated error of the model, mm.
     #[must_use]
     pub fn found_length_mm(&self) -> f64 {
         length(self.found_mm)

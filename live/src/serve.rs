@@ -11,51 +11,51 @@ use crate::access::Access;
 use crate::watch::{self, Watch};
 use crate::{foxglove, web};
 
-/// Where it is served.
+/// Addresses and access.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// The address of page, status and metrics. Port 0: a free one.
+    /// The address of page, status and metrics. Port 0: a free port.
     pub http: SocketAddr,
-    /// The address of the stream for Foxglove; none: no stream.
+    /// The address of the stream for Foxglove; `None`: no stream.
     pub foxglove: Option<SocketAddr>,
-    /// Who may look.
+    /// Who may view the cell.
     pub access: Access,
 }
 
-/// Why nothing is served.
+/// Why the view cannot be served.
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
-    /// The address is taken or not of this machine.
+    /// The address is in use or does not belong to this machine.
     #[error("cannot listen on {address}: {why}; choose another address or port")]
     Listen {
         /// The address.
         address: SocketAddr,
-        /// What the system said.
+        /// The system's error.
         why: String,
     },
-    /// Anybody in the network could look.
+    /// Other machines could view the cell without a token.
     #[error(
         "{0} can be reached from other machines: give a token (TRUED_LIVE_TOKEN), or listen on 127.0.0.1"
     )]
     Open(SocketAddr),
-    /// The system refuses a thread.
+    /// The system refused a thread.
     #[error("cannot start a thread: {0}")]
     Thread(std::io::Error),
 }
 
-/// A live view that is served.
+/// A running live view.
 #[derive(Debug)]
 pub struct Live {
-    /// Where page, status and metrics are.
+    /// Address of page, status and metrics.
     pub http: SocketAddr,
-    /// Where the stream is.
+    /// Address of the stream.
     pub foxglove: Option<SocketAddr>,
     stop: Arc<AtomicBool>,
     threads: Vec<thread::JoinHandle<()>>,
 }
 
 impl Live {
-    /// Begins to serve what `monitor` sees of the cell.
+    /// Starts serving the state of the cell from `monitor`.
     ///
     /// # Errors
     /// See [`LiveError`].
@@ -101,7 +101,7 @@ impl Drop for Live {
     fn drop(&mut self) {
         self.stop.store(true, Relaxed);
         for thread in self.threads.drain(..) {
-            // A thread that panicked has said so.
+            // A thread that panicked has already reported it.
             let _ = thread.join();
         }
     }

@@ -20,9 +20,9 @@ use crate::LiveError;
 use crate::watch::{self, Reader, Watch};
 use screen::{Effect, Screen};
 
-/// How long keys are waited for before the cell is looked at.
+/// Time to wait for a key before the cell is polled.
 const KEYS_WITHIN: Duration = Duration::from_millis(50);
-/// How often the screen is drawn where no key was pressed: as often as a person reads figures.
+/// Interval between redraws without a key: as often as a person can read numbers.
 const DRAWN_EVERY: Duration = Duration::from_millis(250);
 
 /// Why the display ended.
@@ -33,15 +33,16 @@ pub enum TopError {
         "the terminal cannot be used: {0}; is this a terminal? `trued status --watch` needs none"
     )]
     Terminal(#[from] io::Error),
-    /// The system refuses a thread.
+    /// The system refused a thread.
     #[error(transparent)]
     Thread(#[from] LiveError),
 }
 
-/// Shows `cell` until the user quits or `stop` is set. `looking` and `asking` are two connections to it.
+/// Shows `cell` until the user quits or `stop` is set. `looking` and `asking` are two connections
+/// to it.
 ///
 /// # Errors
-/// See [`TopError`]. The terminal is given back as it was, on a panic too.
+/// See [`TopError`]. The terminal is restored, also on a panic.
 pub fn run(
     cell: &str,
     looking: Monitor,
@@ -56,7 +57,7 @@ pub fn run(
         let (name, watch, ended) = (cell.to_owned(), Arc::clone(&watch), Arc::clone(&ended));
         spawn("watch", move || watch::run(&name, looking, &watch, &ended))?
     };
-    // It ends when `ask` is dropped; nobody waits for a daemon that does not answer.
+    // It ends when `ask` is dropped; a daemon that does not respond is not waited for.
     spawn("ask", move || ask::run(asking, &asked, &answer))?;
     let mut terminal = ratatui::try_init()?;
     let shown = show(cell, &mut terminal, &Channels { watch: &watch, ask, answers }, stop);
@@ -68,7 +69,7 @@ pub fn run(
     Ok(())
 }
 
-/// What the display hears, and whom it asks.
+/// Connections of the display to the cell's state and to the thread for requests.
 struct Channels<'a> {
     watch: &'a Watch,
     ask: mpsc::Sender<ask::Request>,
@@ -94,7 +95,8 @@ fn show(
                 Event::Key(key) if key.kind != KeyEventKind::Release => match screen.key(key) {
                     Effect::None => {}
                     Effect::Quit => return Ok(()),
-                    // Where the thread is gone, the screen goes on saying that no answer came.
+                    // If the thread has ended, the screen continues to show that no answer was
+                    // received.
                     Effect::Ask(request) => drop(channels.ask.send(request)),
                 },
                 _ => {}

@@ -9,52 +9,52 @@ use trued_client::Monitor;
 
 use crate::report::Report;
 
-/// How often the daemon is looked at: it publishes a status every 40 ms.
+/// Polling interval; the daemon publishes a status every 40 ms.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// Without a new status the last one is sent again after this time, with its age.
+/// Without a new status the last one is sent again after this time, with its present age.
 const AGAIN_AFTER: Duration = Duration::from_secs(1);
-/// Verdicts on vibration that are kept for those who look slowly.
+/// Number of vibration verdicts kept for slow readers.
 const VERDICTS_KEPT: usize = 256;
 
-/// The cell at one moment.
+/// State of the cell at one time.
 #[derive(Debug)]
 pub(crate) struct Seen {
-    /// The status, with its codes as words.
+    /// The status, with names instead of codes.
     pub(crate) report: Report,
-    /// The status as it came.
+    /// The status as received.
     pub(crate) status: Status,
 }
 
-/// A verdict on vibration by its number, from 0.
+/// A vibration verdict and its number, from 0.
 type Numbered = (u64, Verdict);
 
 #[derive(Debug, Default)]
 struct Known {
-    /// Counts the moments.
+    /// Number of the state.
     number: u64,
     seen: Option<Arc<Seen>>,
     verdicts: Vec<Numbered>,
     verdict_number: u64,
 }
 
-/// What is known of the cell; waits for news.
+/// Shared state of the cell; readers wait for changes.
 #[derive(Debug, Default)]
 pub(crate) struct Watch {
     known: Mutex<Known>,
     news: Condvar,
 }
 
-/// Where somebody stands who looks.
+/// Position of a reader.
 #[derive(Debug, Default)]
 pub(crate) struct Reader {
     number: u64,
     verdict_number: u64,
 }
 
-/// What is new to somebody.
+/// Changes for a reader.
 #[derive(Debug, Default)]
 pub(crate) struct News {
-    /// The cell now, where it changed.
+    /// The present state of the cell, if it changed.
     pub(crate) seen: Option<Arc<Seen>>,
     /// Verdicts since.
     pub(crate) verdicts: Vec<Verdict>,
@@ -65,12 +65,12 @@ impl Watch {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The cell now; none before the first status.
+    /// The present state of the cell; `None` before the first status.
     pub(crate) fn now(&self) -> Option<Arc<Seen>> {
         self.known().seen.clone()
     }
 
-    /// What is new to `reader`, waited for up to `limit`.
+    /// Changes for `reader`, waiting up to `limit`.
     pub(crate) fn news(&self, reader: &mut Reader, limit: Duration) -> News {
         let known = self.known();
         let nothing = |known: &mut Known| {
@@ -116,7 +116,8 @@ pub(crate) fn run(cell: &str, mut monitor: Monitor, watch: &Watch, stop: &Atomic
         if let Some(status) = monitor.status() {
             let away = monitor.away().map(|away| away.to_string());
             let key = (status.t_ns, away);
-            // A daemon that has just started has not published a status yet: this one is of its predecessor.
+            // A daemon that has just started has not published a status yet: this one is from its
+            // predecessor.
             let is_former = key.1.is_none()
                 && last.as_ref().is_some_and(|(t_ns, away)| *t_ns == key.0 && away.is_some());
             if is_former {

@@ -14,16 +14,17 @@ use crate::report::Report;
 use crate::watch::{Reader, Watch};
 use crate::{Access, LiveError, metrics};
 
-/// The page: no other file, no other host.
+/// The page: no other file, no other server.
 const PAGE: &str = include_str!("page.html");
 /// How often `stop` is polled.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
-/// Browsers that may follow at once; each takes a thread.
+/// Limit on browsers that receive events; each takes a thread.
 const FOLLOWERS_MAX: usize = 32;
-/// After so long without news a comment is sent, so that a browser that left is noticed.
+/// Interval at which a comment is sent if there are no events, so that a closed connection is
+/// detected.
 const BEAT_AFTER: Duration = Duration::from_secs(2);
 
-/// To whom may not look.
+/// Answer to a request without access.
 const REFUSED: &str =
     "a token is needed (?token=TOKEN); without one: call this machine 127.0.0.1 or localhost\n";
 
@@ -42,7 +43,7 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    /// Takes the address.
+    /// Binds the address.
     pub(crate) fn listen(address: SocketAddr, access: Access) -> Result<Self, LiveError> {
         let http = tiny_http::Server::http(address)
             .map_err(|why| LiveError::Listen { address, why: why.to_string() })?;
@@ -50,7 +51,7 @@ impl Server {
         Ok(Self { http, address, access })
     }
 
-    /// Where it listens.
+    /// The address bound.
     pub(crate) fn address(&self) -> SocketAddr {
         self.address
     }
@@ -59,7 +60,7 @@ impl Server {
     pub(crate) fn run(self, watch: &Arc<Watch>, stop: &Arc<AtomicBool>) {
         let followers = Arc::new(AtomicUsize::new(0));
         while !stop.load(Relaxed) {
-            // An error here is of one connection.
+            // An error here concerns one connection only.
             if let Ok(Some(request)) = self.http.recv_timeout(LOOK_EVERY) {
                 self.answer(request, watch, &followers, stop);
             }
@@ -129,11 +130,11 @@ fn respond(request: Request, code: u16, kind: &str, text: String) {
     ];
     let mut response = Response::from_string(text).with_status_code(StatusCode(code));
     headers.into_iter().flatten().for_each(|header| response.add_header(header));
-    // Who asked and left needs no answer.
+    // A client that has left needs no answer.
     let _ = request.respond(response);
 }
 
-/// Sends each change of the status, in a thread of its own, until the browser leaves.
+/// Sends each change of the status, in a separate thread, until the browser disconnects.
 fn follow(
     request: Request,
     watch: &Arc<Watch>,
@@ -149,7 +150,7 @@ fn follow(
     let thread = thread::Builder::new().name("events".to_owned());
     let spawned = thread.spawn(move || {
         let mut to = request.into_writer();
-        // An error means that the browser has left.
+        // On an error the browser has disconnected.
         let _ = send_events(&mut to, &watch, &stop);
         count.fetch_sub(1, Relaxed);
     });

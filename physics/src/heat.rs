@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lag_goes_on_over_settled_poses_and_begins_anew_where_time_does() {
+    fn a_lag_continues_over_settled_poses_and_restarts_where_time_does() {
         let scene = scene();
         let model = drifting(scene.arm, &[("drift", &[1e-5]), ("lag", &[600.0])]);
         let mut inputs = Inputs { ambient_celsius: 20.0, dt_s: 0.0, ..scene.inputs };

@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_number_is_not_the_larger() {
+    fn nan_is_never_the_larger() {
         let mut rows = [[1.0; WIDTH]; WIDTH];
         rows[0][2] = f64::NAN;
         assert_eq!(widest(1, Looked(rows)).1, [1.0; WIDTH]);

@@ -1,7 +1,7 @@
 //! The file of a cut for stability prediction, `trued.cut/1`: the modes at the tool tip, the cutter, the feed.
 //!
-//! Contract: docs/stability.md. A [`CutFile`] that exists has every number in range, in SI; all errors of a file are reported.
-//! Never: the modes of a referenced tap test; these are in that file.
+//! Format: docs/stability.md. A valid [`CutFile`] has every number in range, in SI; all errors of a
+//! file are reported. The modes of a referenced tap test stay in that file.
 
 use std::ops::Bound;
 use std::path::{Path, PathBuf};
@@ -16,9 +16,9 @@ pub const SCHEMA: &str = "trued.cut/1";
 
 /// Least and largest spindle speed, rev/min.
 const SPINDLE_RPM: (Bound<f64>, Bound<f64>) = (Bound::Included(1.0), Bound::Included(1e6));
-/// Speeds of the chart, unless asked otherwise: these parts of the present one.
+/// Default range of speeds in the chart, relative to the present one.
 const CHART: [f64; 2] = [0.5, 1.5];
-/// Largest depth that is looked at, unless asked otherwise: so many times the present one.
+/// Default of the largest depth evaluated, as a multiple of the present one.
 const DEEPEST: f64 = 10.0;
 
 /// A cut and the structure under it.
@@ -34,7 +34,7 @@ pub struct CutFile {
     pub cut: Cut,
     /// Modes typed by hand.
     pub modes: Vec<CutMode>,
-    /// Results of `trued tap` whose modes belong to it; a relative path counts from the file's folder.
+    /// Results of `trued tap` with further modes; relative paths refer to the file's folder.
     pub taps: Vec<PathBuf>,
     /// A proposed cut stays below its limit by this part of its depth.
     pub margin: f64,
@@ -60,7 +60,7 @@ pub struct CutMode {
 pub struct ChartRange {
     /// Lowest and highest spindle speed, rev/min.
     pub spindle_rpm: [f64; 2],
-    /// Largest depth that is looked at, m.
+    /// Largest depth evaluated, m.
     pub depth_max_m: f64,
     /// Spindle speeds of the chart.
     pub points: usize,
@@ -147,7 +147,7 @@ fn mode(table: &Table<'_, '_>) -> Option<CutMode> {
     })
 }
 
-/// The chart's range; what is not given follows from the present cut, where that was read.
+/// The chart's range; missing values follow from the present cut, if that was read.
 fn chart(
     table: Option<&Table<'_, '_>>,
     spindle_rpm: Option<f64>,
@@ -210,7 +210,7 @@ direction = [0.0, 2.0, 0.0]
     }
 
     #[test]
-    fn every_fault_is_told_at_once() {
+    fn every_fault_is_reported_at_once() {
         let text = SHORT.replace("12000", "0").replace("[0.0, 2.0, 0.0]", "[0, 0, 0]")
             + "stiffness_N_per_mm = 2\n[chart]\nspindle_from_rpm = 9e3\nspindle_to_rpm = 8e3\ndepth_max_mm = 0.1\n";
         let faults = CutFile::parse("cut.toml", &text).unwrap_err();

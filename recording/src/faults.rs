@@ -14,7 +14,7 @@ pub const FAULTS_MAX: usize = 50;
 /// At most this many characters of a line are kept and shown.
 const LINE_MAX: usize = 400;
 
-/// One fault: where it is, what is wrong, what was expected, what to do.
+/// One fault: place, message, expectation, remedy.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
     /// Place in the file, where one can be named.
@@ -66,7 +66,7 @@ impl Place {
     }
 }
 
-/// The largest character boundary of `text` that is not beyond `at`.
+/// The largest character boundary of `text` not after `at`.
 fn floor_boundary(text: &str, at: usize) -> usize {
     let mut at = at.min(text.len());
     while !text.is_char_boundary(at) {
@@ -95,14 +95,14 @@ impl Fault {
         self
     }
 
-    /// The same fault, saying what was expected.
+    /// The same fault with an expectation.
     #[must_use]
     pub fn expected(mut self, expected: impl Into<String>) -> Self {
         self.expected = expected.into();
         self
     }
 
-    /// The same fault, saying what to do.
+    /// The same fault with a remedy.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = help.into();
@@ -171,7 +171,7 @@ impl Faults {
         }
     }
 
-    /// `value` where there are no faults, else all of them, sorted by line.
+    /// `value` if there are no faults, otherwise all of them, sorted by line.
     ///
     /// # Errors
     /// The faults themselves.
@@ -201,13 +201,13 @@ impl Faults {
         &self.list
     }
 
-    /// Whether nothing is wrong.
+    /// Whether there are no faults.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
 
-    /// Number of faults, those left out included.
+    /// Number of faults, including those omitted.
     #[must_use]
     pub fn len(&self) -> usize {
         self.list.len() + self.left_out
@@ -225,7 +225,7 @@ impl Faults {
         self.render(&Renderer::plain())
     }
 
-    /// Asserts that these words stand in them.
+    /// Asserts that the text contains these words.
     #[cfg(test)]
     #[track_caller]
     pub(crate) fn assert_say(&self, words: &str) {
@@ -251,7 +251,7 @@ impl fmt::Display for Faults {
 
 impl std::error::Error for Faults {}
 
-/// The nearest of `known` to `name`, if it is near enough to be meant.
+/// The nearest of `known` to `name`, if it is near enough for a misspelling.
 #[must_use]
 pub fn nearest<'k>(name: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
     let near = |k: &'k str| (distance(name, k), k);

@@ -1,6 +1,6 @@
 //! Reads files, and writes them atomically.
 //!
-//! Contract: a file under its final name is never partially written, whatever fails.
+//! A file under its final name is never partially written, whatever fails.
 
 use std::fs::{self, File};
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -70,16 +70,17 @@ pub fn text_of(name: &str, bytes: Vec<u8>) -> Result<String, Faults> {
     }
 }
 
-/// Writes a file whole: into a temporary file beside it, synced, then renamed over `path`.
+/// Writes a file as a whole: into a temporary file in the same folder, synced, then renamed to
+/// `path`.
 ///
 /// # Errors
-/// The system refused; nothing then stands under `path` that did not stand there before.
+/// The system refused; then `path` is unchanged.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let error = FileError::io("write", path);
     let name = path.file_name().ok_or_else(|| error(io::ErrorKind::InvalidFilename.into()))?;
     let mut hidden = std::ffi::OsString::from(".");
     hidden.push(name);
-    // Processes of several machines or containers may share the folder: their numbers may be alike.
+    // Processes of several machines or containers may share the folder, with equal process numbers.
     let chance = RandomState::new().build_hasher().finish();
     hidden.push(format!(".{}-{chance:016x}.part", std::process::id()));
     let part = path.with_file_name(hidden);
@@ -87,13 +88,13 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
         .and_then(|()| fs::rename(&part, path));
     written.map_err(|source| {
-        // The first error is the one to tell; a temporary file that stays is only litter.
+        // The first error is reported; a temporary file that remains is harmless.
         let _ = fs::remove_file(&part);
         error(source)
     })
 }
 
-/// A hash of content (FNV-1a, 64 bit): tells versions apart, and is no proof against forgery.
+/// A hash of content (FNV-1a, 64 bit): distinguishes versions, but does not prove authenticity.
 #[must_use]
 pub fn content_hash(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
@@ -137,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn text_that_is_not_utf8_is_told_with_its_line() {
+    fn text_that_is_not_utf8_is_reported_with_its_line() {
         let faults = text_of("x.csv", b"t_s,q1_deg\n1,\xff\n".to_vec()).unwrap_err();
         assert_eq!(faults.list()[0].place.as_ref().unwrap().line, 2);
         assert_eq!(text_of("x", b"\xef\xbb\xbfa".to_vec()).unwrap(), "a");

@@ -1,9 +1,9 @@
 //! File formats: models, recordings, mappings, configurations, manifests, MCAP recordings,
 //! waveforms of instruments.
 //!
-//! Contains all parsers of foreign input. Promise: no input causes a panic; all errors of a
-//! file are reported at once, with file, line, key or column, what was expected and what
-//! to do; files are written atomically. Inside the code all values are SI.
+//! Contains all parsers of foreign input. No input causes a panic; all errors of a file are
+//! reported at once, with file, line, key or column, expectation and remedy; files are written
+//! atomically. Inside the code all values are SI.
 
 pub mod blackbox;
 pub mod bridge;

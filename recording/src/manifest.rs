@@ -1,7 +1,9 @@
 //! The manifest of a batch, `trued.manifest/1`: recordings of many robots to be diagnosed, with models and settings.
 //!
-//! Contract: docs/reference/batch.md. In a [`Manifest`] that exists every recording has a robot, and no file appears twice for one robot; all errors
-//! of a file are reported. All settings that affect a result are here, so that the shards of a batch use the same ones. Never: the recordings themselves.
+//! Format: docs/reference/batch.md. In a valid [`Manifest`] every recording has a robot, and no
+//! file appears twice for one robot; all errors of a file are reported. All settings that affect a
+//! result are here, so that the shards of a batch use the same ones. The recordings are separate
+//! files.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -32,11 +34,11 @@ pub struct Manifest {
 pub struct Robot {
     /// What the plant calls it.
     pub name: String,
-    /// The maker's serial number, where known.
+    /// The manufacturer's serial number, if known.
     pub serial: Option<String>,
     /// Its model: a file, or the name of a preset; a relative path counts from the manifest's folder.
     pub model: PathBuf,
-    /// How tables of another program become recordings; likewise.
+    /// Mapping for tables of other programs; likewise.
     pub mapping: Option<PathBuf>,
 }
 
@@ -200,7 +202,7 @@ files = ["a.csv"]
     }
 
     #[test]
-    fn every_fault_is_told_at_once_with_the_nearest_name() {
+    fn every_fault_is_reported_at_once_with_the_nearest_name() {
         let text = SHORT
             .replace("robot = \"R08\"", "robot = \"R8\"")
             .replace(

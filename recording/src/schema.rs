@@ -26,7 +26,7 @@ use serde_json::{Map, Value};
 /// A schema of a file.
 #[derive(Debug, Clone)]
 pub struct FileSchema {
-    /// Name of the schema's own file, without `.schema.json`.
+    /// Name of the schema's file, without `.schema.json`.
     pub file: &'static str,
     /// The schema.
     pub schema: Value,
@@ -53,10 +53,11 @@ fn of<T: JsonSchema>(file: &'static str) -> FileSchema {
     FileSchema { file, schema: schema.to_value() }
 }
 
-/// What a number from 1 to 32 in a key looks like: targets, distances, planes, spheres.
+/// Pattern of a number from 1 to 32 in a key: targets, distances, planes, spheres.
 const NUMBER: &str = "([1-9]|[12][0-9]|3[0-2])";
 
-/// TOML has no null: an optional key is left out. A key with `#` stands for those with a number in its place.
+/// TOML has no null: an optional key is omitted. A key with `#` represents those with a number in
+/// its place.
 #[derive(Clone)]
 struct AsToml;
 
@@ -79,7 +80,7 @@ impl Transform for AsToml {
         if object.get("default").is_some_and(Value::is_null) {
             object.remove("default");
         }
-        // Rust's own names of number formats say nothing to an editor, which warns of them.
+        // Names of Rust's number formats are unknown to editors, which warn about them.
         object.remove("format");
     }
 }

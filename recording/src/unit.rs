@@ -1,7 +1,7 @@
-//! Units in names: which suffix means what, and how to bring a value to SI.
+//! Units in names: meaning of each suffix, and conversion to SI.
 //!
-//! Contract: one table for columns, models and configurations. SI inside: m, rad, N, N m, s, K
-//! (temperatures stay in °C), A, Hz.
+//! One table for columns, models and configurations. SI inside: m, rad, N, N m, s, K (temperatures
+//! stay in °C), A, Hz.
 
 /// What a unit measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,7 +40,7 @@ pub enum Quantity {
     Other,
 }
 
-/// A unit: its spelling in names, what it measures, and its size in SI.
+/// A unit: its spelling in names, its quantity, and its size in SI.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unit {
     /// As written after the underscore.
@@ -104,7 +104,7 @@ pub const UNITS: &[Unit] = &[
     unit("N_per_um", Quantity::Other, 1.0),
 ];
 
-/// Ten to the number of decimals that files have at most.
+/// Ten to the largest number of decimals in files.
 const DECIMALS: f64 = 1e9;
 
 impl Unit {
@@ -132,8 +132,8 @@ impl Unit {
         value * self.si
     }
 
-    /// The value in this unit that [`Self::to_si`] brings to `si`, exactly where there is one; else the nearest. Of several the one with at most
-    /// nine decimals, as a file has it.
+    /// The value in this unit that [`Self::to_si`] converts to `si`, exactly if there is one;
+    /// otherwise the nearest. Of several, one with at most nine decimals, as in files.
     #[must_use]
     pub fn from_si(self, si: f64) -> f64 {
         let near = si / self.si;

@@ -1,8 +1,8 @@
-//! XML as programs of the field write it: any declared encoding, and the liberties that their own readers (`TinyXML`)
-//! allow.
+//! XML as written in practice: any declared encoding, and the deviations that `TinyXML` accepts.
 //!
-//! Promises: what the XML specification accepts keeps its meaning; [`relaxed`] keeps every byte position, so that faults
-//! point into the original text; time and memory are linear in the length. Entities of a DOCTYPE are not expanded.
+//! Valid XML keeps its meaning; [`relaxed`] keeps every byte position, so that faults point into
+//! the original text; time and memory are linear in the length. Entities of a DOCTYPE are not
+//! expanded.
 
 use std::path::Path;
 
@@ -11,9 +11,9 @@ use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 use crate::faults::{Fault, Faults};
 use crate::files::FileError;
 
-/// An XML declaration stands within this many bytes.
+/// An XML declaration is within this number of bytes.
 const DECLARATION_MAX: usize = 256;
-/// Stands for the colon of a prefix in the names of [`relaxed`]: a byte that a name may hold.
+/// Replaces the colon of a prefix in the names of [`relaxed`]: a character that is valid in a name.
 pub(crate) const PREFIX_END: char = '.';
 
 /// A text that was decoded.
@@ -21,7 +21,7 @@ pub(crate) const PREFIX_END: char = '.';
 pub(crate) struct Decoded {
     /// The text, without a byte-order mark.
     pub text: String,
-    /// The encoding that was assumed, where the file does not follow its declaration or has none.
+    /// The assumed encoding, if the file has no declaration or does not follow it.
     pub assumed: Option<&'static str>,
 }
 
@@ -34,10 +34,11 @@ pub(crate) fn read(path: &Path) -> Result<Decoded, FileError> {
     Ok(decode(&path.display().to_string(), &bytes)?)
 }
 
-/// Bytes as text: by the byte-order mark, else by the declaration, else UTF-8, else Windows-1252.
+/// Bytes as text: by the byte-order mark, otherwise by the declaration, otherwise UTF-8, otherwise
+/// Windows-1252.
 ///
 /// # Errors
-/// An encoding that is unknown, or that the bytes do not follow.
+/// An unknown encoding, or bytes that are not valid in it.
 pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Decoded, Faults> {
     let refuse = |message: String, help: &str| {
         let mut faults = Faults::of(name);
@@ -55,7 +56,7 @@ pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Decoded, Faults> {
         (Some(encoding), _) => encoding,
         (None, None) => UTF_8,
         (None, Some(label)) => match Encoding::for_label(label.as_bytes()) {
-            // A declaration that could be read byte by byte is not in UTF-16, whatever it says.
+            // A declaration that can be read byte by byte is not in UTF-16, whatever it says.
             Some(encoding) if encoding == UTF_16LE || encoding == UTF_16BE => UTF_8,
             Some(encoding) => encoding,
             None => {
@@ -121,7 +122,7 @@ fn extent(text: &str) -> (usize, Kept) {
     };
     let whole = text.len();
     if text.starts_with("<!--") {
-        // What is not closed is left for the parser to refuse.
+        // Unclosed parts are refused by the parser.
         upto("-->", 4).map_or((whole, Kept::Whole), |length| (length, Kept::Nothing))
     } else if text.starts_with("<![CDATA[") {
         (upto("]]>", 9).unwrap_or(whole), Kept::Whole)
@@ -134,7 +135,7 @@ fn extent(text: &str) -> (usize, Kept) {
     }
 }
 
-/// The length up to the `>` that stands outside quotes and brackets.
+/// The length up to the `>` outside quotes and brackets.
 fn closed(text: &str) -> Option<usize> {
     let mut quote = None;
     let mut depth = 0_usize;

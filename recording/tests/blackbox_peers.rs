@@ -1,4 +1,5 @@
-//! Black boxes as the public Python package `mcap` reads them: it opens, seeks and counts by the index.
+//! MCAP recordings read by the public Python package `mcap`, which opens, seeks and counts by the
+//! index.
 //!
 //! Needs `python3` with `venv` and the package registry; where that cannot be had, it is SKIPPED.
 #![expect(clippy::expect_used, clippy::print_stderr, reason = "a test says what failed")]
@@ -17,7 +18,7 @@ use python::{answer, environment, scratch};
 /// Noon of 2026-01-02.
 const NOW: Clocks = Clocks { monotonic_ns: 1_000_000_000, wall_ns: 1_767_355_200_000_000_000 };
 
-/// What the peer finds in these files; none, loudly, where it cannot be had.
+/// Results of the Python package for these files; `None`, with a message, if it is not available.
 fn peer(files: &[PathBuf]) -> Option<Vec<Value>> {
     let python = match environment("mcap", &["mcap>=1.2,<2"]) {
         Ok(python) => python,

@@ -1,4 +1,4 @@
-//! A long table in a process of its own, whose peak memory the kernel reports.
+//! A long table read in a separate process, whose peak memory the kernel reports.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -7,7 +7,7 @@ use recording::series::{Channel, Need, read};
 
 const ROWS: usize = 1_000_000;
 
-/// The most memory that this process ever held, MB; none where the kernel does not tell.
+/// Peak memory of this process, MB; `None` if the kernel does not report it.
 fn most_mb() -> Option<u64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -1,7 +1,7 @@
-//! Waveforms of real instruments: what is read of them is what their notes say.
+//! Waveforms of real instruments, compared with their documentation.
 //!
-//! The recordings are not part of the tree: they are looked for beside the workspace or in `TRUED_DATA`, and a test says
-//! SKIPPED where they are absent.
+//! The recordings are not part of the tree: they are searched next to the workspace or in
+//! `TRUED_DATA`; without them a test prints SKIPPED.
 
 #![expect(
     clippy::print_stderr,

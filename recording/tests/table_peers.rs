@@ -1,7 +1,8 @@
-//! Tables in many forms beside pandas, and orientations beside scipy.
+//! Comparison of tables in many formats with pandas, and of orientations with scipy.
 //!
-//! The forms are made here: every pair of separator and decimal mark, thousands, quotes, line ends, lines above and below the header, clocks. Needs
-//! `python3` with `venv` and the package registry; where that cannot be had, it is SKIPPED.
+//! The formats are generated here: every pair of separator and decimal mark, thousands, quotes,
+//! line ends, lines above and below the header, clocks. Needs `python3` with `venv` and the package
+//! registry; otherwise the test is SKIPPED.
 #![expect(clippy::expect_used, clippy::print_stderr, reason = "a test says what failed")]
 
 mod python;
@@ -19,7 +20,7 @@ const ROWS: u32 = 40;
 /// Most that a component of a rotation may differ.
 const AGREES: f64 = 1e-12;
 
-/// What pandas or scipy makes of these jobs; none, loudly, where they cannot be had.
+/// Results of pandas or scipy for these jobs; `None`, with a message, if they are not available.
 fn peers(jobs: &[Value]) -> Option<Vec<Value>> {
     let python = match environment("tables", &["pandas>=2.2,<4", "scipy>=1.11,<2"]) {
         Ok(python) => python,
@@ -49,7 +50,7 @@ struct Form {
     thousands: Option<char>,
     quoted: bool,
     end: &'static str,
-    /// Lines above the header, and whether units stand below it.
+    /// Lines above the header, and whether units are below it.
     above: usize,
     units: bool,
     clock: Option<&'static str>,

@@ -1,5 +1,6 @@
-//! URDF in and out against references of others: Pinocchio's kinematics and dynamics, urdf-rs as a reader, and frames
-//! multiplied out here. `recording/tests/urdf/make.py` writes Pinocchio's numbers.
+//! Import and export of URDF compared with references: Pinocchio's kinematics and dynamics, urdf-rs
+//! as a reader, and frames multiplied here. `recording/tests/urdf/make.py` writes Pinocchio's
+//! numbers.
 #![expect(clippy::expect_used, reason = "a test says what failed")]
 
 use std::path::{Path, PathBuf};
@@ -26,7 +27,7 @@ fn import(name: &str, ends: &Ends<'_>) -> Import {
     urdf::read(&file(&format!("{name}.urdf")), ends).expect("imports")
 }
 
-/// Lines of a name and its numbers, four to a pose.
+/// Lines of a name and its numbers, four per pose.
 fn reference(name: &str) -> Vec<[Vec<f64>; 4]> {
     let text = std::fs::read_to_string(file(&format!("{name}.txt"))).expect("reference");
     let lines: Vec<Vec<f64>> = text
@@ -92,7 +93,7 @@ fn kinematics_and_masses_of_an_import_are_those_of_pinocchio() {
             let off = most_apart(&rows(&chain), &tip);
             assert!(off < 1e-12, "{name}: placement off by {off}");
             let loads = physics::Loads::on(arm, &chain, Wrench::ZERO);
-            // The reference gives what holds the arm, ours is what gravity exerts.
+            // The reference gives the torque that holds the arm, ours is that exerted by gravity.
             let held: Vec<f64> = loads.gravity_torque[..q.len()].iter().map(|t| -t).collect();
             let off = most_apart(&held, &gravity);
             assert!(off < 1e-10, "{name}: gravity off by {off} Nm");
@@ -127,7 +128,8 @@ fn a_robot_that_went_out_and_in_again_is_the_same_robot() {
             });
             assert!(most_apart(&a.0, &b.0) < 1e-12, "{name}");
             assert!(most_apart(&a.1, &b.1) < 1e-11, "{name}");
-            // On the wall of `seven` gravity comes from elsewhere: a URDF has no place for it.
+            // `seven` is mounted on a wall, with another direction of gravity, which a URDF cannot
+            // represent.
             assert!(name == "seven" || most_apart(&a.2, &b.2) < 1e-11, "{name}");
         }
     }
@@ -139,7 +141,7 @@ fn rpy(angles: DVec3) -> DMat4 {
         * DMat4::from_rotation_x(angles.x)
 }
 
-/// Forward kinematics from what urdf-rs reads of a text whose joints stand in the order of the chain.
+/// Forward kinematics from urdf-rs for a text whose joints are in the order of the chain.
 fn by_urdf_rs(text: &str, q: &[f64]) -> Vec<f64> {
     composed_by(&urdf_rs::read_from_string(text).expect("urdf-rs reads it").joints, q)
 }
@@ -162,7 +164,7 @@ fn composed_by(chain: &[urdf_rs::Joint], q: &[f64]) -> Vec<f64> {
     (0..3).flat_map(|row| place.row(row).to_array()).collect()
 }
 
-/// An effect with one list, or one number, of one key.
+/// An effect with one list, or one number, for one key.
 fn effect(kind: &str, joint: Option<usize>, key: &str, values: &[f64]) -> EffectEntry {
     let value = match values {
         [one] => Numbers::One(*one),
@@ -192,7 +194,7 @@ fn calibrated(name: &str) -> RobotModel {
     RobotModel::of_file(name, file).expect("a model")
 }
 
-/// The real placement with the fixed deviations alone, by the physics.
+/// The actual pose with the constant deviations alone, by `physics`.
 fn real(model: &RobotModel, q: &[f64]) -> Vec<f64> {
     let mut fixed = physics::Model::nominal(model.physics.arm);
     for effect in model.physics.effects() {
@@ -228,7 +230,7 @@ fn what_is_fixed_stands_in_the_frames_and_the_rest_is_named() {
             assert!(off < 1e-12, "{name}: off by {off}");
             let off = most_apart(&wanted, &by_urdf_rs(&export.text, &q));
             assert!(off < 1e-12, "{name}: urdf-rs sees it off by {off}");
-            // The deviations are no trifle: without them the test would show nothing.
+            // The deviations are significant: otherwise the test would show nothing.
             let nominal = rows(&Chain::nominal(&model.physics.arm, &joints(&q)));
             assert!(most_apart(&wanted, &nominal) > 1e-3);
         }
@@ -275,7 +277,7 @@ fn an_offset_of_any_size_takes_frames_and_masses_along() {
     assert!(most_apart(&wanted.2, &found.2) < 1e-10);
 }
 
-/// One joint of a made-up arm.
+/// One joint of an artificial arm.
 #[derive(Debug, Clone)]
 struct Made {
     kind: &'static str,
@@ -352,7 +354,7 @@ proptest! {
         let again = urdf::parse("out", &out, &ends).map_err(|faults| TestCaseError::fail(faults.plain()))?;
         let found = rows(&Chain::nominal(&again.model.physics.arm, &joints(&q)));
         prop_assert!(most_apart(&wanted, &found) < 1e-12);
-        // What is written is a model file that loads, to the same numbers.
+        // The written model file loads, with the same numbers.
         let toml = first.model.file.to_toml();
         prop_assert_eq!(&RobotModel::parse("toml", &toml).expect("loads"), &first.model);
     }

@@ -1,7 +1,8 @@
-//! Every link frame of many descriptions beside Pinocchio, which reads them by urdfdom: made-up trees in the forms that
-//! real files have, and a folder of one's own where `TRUED_URDF` names one.
+//! Comparison of every link frame of many descriptions with Pinocchio, which reads them by urdfdom:
+//! generated trees in the forms of real files, and the folder named by `TRUED_URDF`, if set.
 //!
-//! Needs `python3` with `venv` and the package `pin` from the package registry; where that cannot be had, it is SKIPPED.
+//! Needs `python3` with `venv` and the package `pin` from the package registry; otherwise the test
+//! is SKIPPED.
 #![expect(clippy::expect_used, clippy::panic, reason = "a test says what failed")]
 
 mod python;
@@ -18,7 +19,7 @@ use python::{answer, environment, scratch};
 const AGREES: f64 = 1e-9;
 const CASES: usize = 40;
 
-/// The interpreter of an environment with Pinocchio; in words, what this machine lacks.
+/// The interpreter of an environment with Pinocchio, or what this machine lacks.
 fn pinocchio() -> Result<PathBuf, String> {
     environment("pinocchio-urdf", &["pin>=4.1,<5"])
 }
@@ -35,7 +36,7 @@ fn frame(words: &[&str]) -> Frame {
     Frame::new(rotation, glam::DVec3::new(n[3], n[7], n[11]))
 }
 
-/// What Pinocchio makes of these files; nothing for one that it refuses.
+/// Results of Pinocchio for these files; `None` for one that it refuses.
 fn frames(python: &Path, files: &[PathBuf]) -> Vec<(PathBuf, Option<Vec<Pose>>)> {
     let names: String = files.iter().map(|file| format!("{}\n", file.display())).collect();
     let mut found: Vec<(PathBuf, Option<Vec<Pose>>)> = Vec::new();
@@ -113,7 +114,7 @@ fn compare(file: &Path, poses: &[Pose], account: &mut Account) {
     }
 }
 
-/// Numbers that look random and are the same in every run.
+/// Reproducible pseudo-random numbers.
 struct Chance(u64);
 
 impl Chance {
@@ -200,7 +201,7 @@ fn every_link_frame_of_every_form_of_file_is_that_of_pinocchio() {
         loaded += 1;
     }
     eprintln!("{loaded} made files, {} chains, at most {:.1e} apart", account.chains, account.most);
-    // Only what has no moving joint between its ends is refused.
+    // Only files without a moving joint between the ends are refused.
     let wrong = account.refused.keys().find(|told| !told.contains("has 0 moving joints"));
     assert_eq!(wrong, None);
     assert!(account.chains > 10 * CASES, "{}", account.chains);

@@ -1,7 +1,7 @@
 //! Waveforms in WAV and UFF 58 files as soundfile and pyuff write and read them.
 //!
-//! The files are made by these libraries, in every form that they can write and that holds plain samples. Needs `python3` with `venv` and
-//! the package registry; where that cannot be had, it is SKIPPED.
+//! The files are written by these libraries, in every format that they can write with plain
+//! samples. Needs `python3` with `venv` and the package registry; otherwise the test is SKIPPED.
 #![expect(
     clippy::expect_used,
     clippy::panic,
@@ -22,7 +22,7 @@ const SAMPLES: usize = 97;
 /// A rate whose reciprocal is no short decimal number.
 const RATE_HZ: f64 = 44_100.0;
 
-/// What a peer found in the file that it made.
+/// Content of a file by the library that wrote it.
 #[derive(serde::Deserialize)]
 struct Found {
     rate_hz: f64,
@@ -30,7 +30,7 @@ struct Found {
     channels: Vec<Vec<String>>,
 }
 
-/// What the peers make of these jobs; none, loudly, where they cannot be had.
+/// Results of the libraries for these jobs; `None`, with a message, if they are not available.
 fn peers(jobs: &[Value]) -> Option<Vec<Found>> {
     let packages = ["soundfile>=0.12,<1", "pyuff==2.5.8", "numpy>=2,<3"];
     let python = match environment("waves", &packages) {
@@ -56,7 +56,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// Holds what is read of each file against what the peer read.
+/// Compares what is read of each file with the library's result.
 fn compare(jobs: &[Value], found: Vec<Found>) {
     for (job, found) in jobs.iter().zip(found) {
         let file = PathBuf::from(job["file"].as_str().expect("a path"));
@@ -103,7 +103,7 @@ fn every_form_of_wav_is_read_as_soundfile_reads_it() {
 fn every_form_of_universal_file_is_read_as_pyuff_reads_it() {
     let folder = folder("uff-peers");
     let mut jobs = Vec::new();
-    // Binary numbers of four bytes are left out: pyuff writes eight and cannot read them back.
+    // Four-byte binary numbers are left out: pyuff writes eight and cannot read them back.
     for (binary, double) in [(0, true), (0, false), (1, true)] {
         for channels in [1, 2, 5] {
             let at = jobs.len();

@@ -1,7 +1,8 @@
 //! Side and top view of an arm: links, relevant joints, and tool errors as vectors.
 //!
-//! Takes points in the base frame, m, and names; knows no model. The side view looks at the upright plane through the base in which most of the tool's
-//! places lie. Errors are drawn longer than they are, by a round factor that is said; one factor and one scale of colours for all panels of a drawing.
+//! Takes points in the base frame, m, and names; independent of a model. The side view shows the
+//! vertical plane through the base in which most of the tool positions lie. Errors are exaggerated
+//! by a round factor, which is shown; one factor and one colour scale for all panels of a drawing.
 
 use crate::axis::Axis;
 use crate::canvas::{Anchor, Area, Canvas, Px, Svg, text_width};
@@ -11,7 +12,7 @@ use crate::number::{quantity, significant};
 use crate::plot::equalised;
 use crate::scale::{Scale, Span, ticks};
 
-/// Errors drawn at most; of more, every so many-th.
+/// Limit on the errors drawn; of more, every n-th.
 const VECTORS_MAX: usize = 300;
 /// The longest of the errors as they were, drawn, as a share of a panel's width.
 const LONGEST: f64 = 0.12;
@@ -121,7 +122,7 @@ impl ArmPicture {
         Self { title: title.into(), joints: Vec::new(), tool, errors: Vec::new() }
     }
 
-    /// Adds the next joint from the base on; a lit one is where the error comes from.
+    /// Adds the next joint from the base on; a highlighted one is the cause of the error.
     #[must_use]
     pub fn joint(mut self, name: impl Into<String>, at: Point, is_lit: bool) -> Self {
         self.joints.push(Joint { name: name.into(), at, is_lit });
@@ -176,7 +177,7 @@ impl ArmPicture {
         });
         let columns = if canvas.is_narrow() { 1 } else { 2 };
         let width = (whole_px - GAP_PX * (columns - 1) as f64) / columns as f64;
-        // So flat that it stands on the first sheet of paper with all that comes before it.
+        // Flat enough to fit on the first sheet of paper with everything before it.
         let height = 0.42 * width + 62.0;
         self.draw_key(&mut canvas, scale);
         let mut bottom = KEY_PX;
@@ -209,7 +210,7 @@ impl ArmPicture {
         let line: Vec<(f64, f64)> =
             [[0.0; 3]].into_iter().chain(places).chain([self.tool]).map(px).collect();
         canvas.path("link", &polyline(&line));
-        // Lit ones last: in a place that several share, the one that matters is seen.
+        // Highlighted ones last, so that they are visible where several share a place.
         let (lit, plain): (Vec<&Joint>, Vec<&Joint>) = self.joints.iter().partition(|j| j.is_lit);
         plain.iter().for_each(|joint| canvas.circle("joint", px(joint.at), 4.5));
         lit.iter().for_each(|joint| canvas.circle("joint lit", px(joint.at), 4.5));
@@ -233,7 +234,7 @@ impl ArmPicture {
         }
     }
 
-    /// The scale of colours, and by how much errors are drawn longer.
+    /// The colour scale, and the exaggeration of the errors.
     fn draw_key(&self, canvas: &mut Canvas, scale: Scaled<'_>) {
         let (left, width, top) = (0.0, (0.55 * canvas.width_px()).min(300.0), 18.0);
         canvas.text("axis", (left, 11.0), Anchor::Start, "Error at the tool (mm)");
@@ -352,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_drawn_longer_by_a_round_factor_that_is_said() {
+    fn errors_are_exaggerated_by_a_round_factor_that_is_shown() {
         let picture = picture();
         let factor = picture.magnified();
         let digits = factor / 10f64.powf(factor.log10().floor());

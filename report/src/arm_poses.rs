@@ -1,12 +1,12 @@
 //! Poses of an arm as small multiples: side and top view of each, on one scale.
 //!
-//! Takes points in the base frame, m, and names; knows no model.
+//! Takes points in the base frame, m, and names; independent of a model.
 
 use crate::arm::{Point, View, polyline};
 use crate::canvas::{Anchor, Canvas, Svg, shortened};
 use crate::scale::{Scale, Span};
 
-/// Poses beside each other, on a wide screen and on a phone.
+/// Number of poses per row, on a wide screen and on a phone.
 const COLUMNS: [usize; 2] = [4, 2];
 const GAP_PX: f64 = 14.0;
 const HEADING_PX: f64 = 22.0;
@@ -44,7 +44,7 @@ impl ArmPoses {
         self
     }
 
-    /// Draws those poses alone, on the scale of all: where they go onto several sheets.
+    /// Draws only these poses, on the scale of all, to distribute them over several sheets.
     #[must_use]
     pub fn render_part(&self, poses: std::ops::Range<usize>) -> Svg {
         let part: Vec<&ArmPose> = self.poses.iter().take(poses.end).skip(poses.start).collect();
@@ -62,7 +62,7 @@ impl ArmPoses {
         let columns = COLUMNS[usize::from(canvas.is_narrow())];
         let width = (whole_px - GAP_PX * (columns - 1) as f64) / columns as f64;
         let boxes = self.boxes();
-        // Both views on one scale, beside each other.
+        // Both views on one scale, next to each other.
         let across = (boxes[0].width() + boxes[1].width()).max(0.1);
         let px_per_m = (width - 6.0) / across;
         let height = px_per_m * boxes[0].height().max(boxes[1].height());
@@ -134,7 +134,7 @@ impl Extent {
         self.high.1 - self.low.1 + 2.0 * MARGIN_M
     }
 
-    /// Over pixels from the lower left corner on.
+    /// The scale, from the lower left corner on.
     fn scale(&self, corner: (f64, f64), px_per_m: f64) -> [Scale; 2] {
         let span =
             |low: f64, high: f64| Span { low: low - MARGIN_M, high: high + MARGIN_M, log: false };

@@ -1,8 +1,8 @@
-//! Label, unit and spacing of an axis. Never data.
+//! Label, unit and spacing of an axis.
 
 use crate::scale::Span;
 
-/// A labelled axis; linear and as wide as the data, unless said otherwise.
+/// A labelled axis; linear and covering the data by default.
 #[derive(Debug, Clone)]
 pub struct Axis {
     pub(crate) label: String,
@@ -13,21 +13,21 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis by label and unit; an empty unit for what has none.
+    /// An axis by label and unit; an empty unit for a dimensionless one.
     #[must_use]
     pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
         Self { label: label.into(), unit: unit.into(), log: false, range: None, captioned: true }
     }
 
-    /// Logarithmic spacing; values of zero and below are then left out.
+    /// Logarithmic spacing; values of zero and below are then omitted.
     #[must_use]
     pub fn log(mut self) -> Self {
         self.log = true;
         self
     }
 
-    /// A fixed range, in the axis' unit; what lies outside is cut off. A range that is empty, not finite, or not
-    /// above zero on a logarithmic axis, is as if not given.
+    /// A fixed range, in the axis' unit; data outside are clipped. A range that is empty, not
+    /// finite, or not above zero on a logarithmic axis, is ignored.
     #[must_use]
     pub fn range(mut self, from: f64, to: f64) -> Self {
         self.range = Some((from, to));
@@ -45,7 +45,8 @@ impl Axis {
         self.label == other.label && self.unit == other.unit
     }
 
-    /// Label and unit as they stand beside the axis, e.g. `Time (s)`; ticks that share a power of ten name it here.
+    /// Label and unit as shown at the axis, e.g. `Time (s)`; includes the common power of ten of
+    /// the ticks.
     pub(crate) fn caption(&self, power: &str) -> String {
         if !self.captioned {
             return String::new();

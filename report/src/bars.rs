@@ -68,14 +68,14 @@ impl Bars {
         Self { title: title.into(), axis, groups: Vec::new(), roles: Vec::new(), rows: Vec::new() }
     }
 
-    /// Names what the bars of each row stand for, in their order.
+    /// Names of the bars in each row, in their order.
     #[must_use]
     pub fn groups<T: Into<String>>(mut self, names: impl IntoIterator<Item = T>) -> Self {
         self.groups = names.into_iter().map(Into::into).collect();
         self
     }
 
-    /// What the bars of each row stand for, in the order of the groups.
+    /// Roles of the bars in each row, in the order of the groups.
     #[must_use]
     pub fn roles(mut self, roles: impl IntoIterator<Item = Role>) -> Self {
         self.roles = roles.into_iter().collect();
@@ -99,7 +99,7 @@ impl Bars {
         Svg::laid_out(|width| self.laid_out(width))
     }
 
-    /// Names stand beside their bars; on a phone, over them.
+    /// Names are next to their bars; on a phone, above them.
     fn laid_out(&self, width: f64) -> String {
         let mut canvas = Canvas::new(width);
         let looks = self.looks();
@@ -137,7 +137,7 @@ impl Bars {
         canvas.finish(inner.bottom() + BELOW_PX, &self.title, &self.describe())
     }
 
-    /// How the bars of a row look: by the roles that were given, else by their place.
+    /// Appearance of the bars in a row: by their roles, otherwise by their order.
     fn looks(&self) -> Vec<Look> {
         let most = self.rows.iter().map(|row| row.1.len()).max().unwrap_or(0);
         let role = |place: usize| self.roles.get(place).copied().unwrap_or_default();

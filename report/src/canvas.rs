@@ -8,9 +8,10 @@ use crate::MADE_BY;
 use crate::escape::escape;
 use crate::page::STYLE;
 
-/// The width of a drawing on a wide screen and in print, in its own pixels: the width of a page's text.
+/// The width of a drawing on a wide screen and in print, in its own pixels: the width of a page's
+/// text.
 const WIDE_PX: f64 = 832.0;
-/// The width of a drawing on a phone, in its own pixels: what a screen of 375 px leaves beside its margins.
+/// The width of a drawing on a phone, in its own pixels: a screen of 375 px less its margins.
 const NARROW_PX: f64 = 336.0;
 /// What a character of small text takes, generously.
 pub(crate) const CHARACTER_PX: f64 = 7.3;
@@ -46,7 +47,8 @@ impl Svg {
         format!("<div class=\"on-wide\">{wide}</div><div class=\"on-narrow\">{narrow}</div>")
     }
 
-    /// The drawing of a rendered [`crate::Page`] whose caption begins so (markup escaped); none where the page has no such figure.
+    /// The drawing of a rendered [`crate::Page`] whose caption starts with this (escaped) text;
+    /// `None` if the page has no such figure.
     #[must_use]
     pub fn of_page(page: &str, caption: &str) -> Option<Self> {
         let caption = escape(caption);
@@ -59,7 +61,7 @@ impl Svg {
         })
     }
 
-    /// A file of its own: the drawing with the page's stylesheet inside, on paper of its own colour.
+    /// A separate file: the drawing with the page's stylesheet and background.
     #[must_use]
     pub fn file(&self) -> String {
         let paper = "svg { background: var(--paper); font-family: system-ui, sans-serif; }";
@@ -68,7 +70,7 @@ impl Svg {
     }
 }
 
-/// A coordinate: to a tenth of a pixel, and finite whatever comes in.
+/// A coordinate: rounded to a tenth of a pixel, and always finite.
 pub(crate) struct Px(pub(crate) f64);
 
 impl fmt::Display for Px {
@@ -103,7 +105,7 @@ impl Area {
     }
 }
 
-/// Which end of a text stands at its point.
+/// Which end of a text is at its point.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Anchor {
     Start,
@@ -169,7 +171,7 @@ impl Canvas {
         ));
     }
 
-    /// A path; `data` is written with [`Px`] alone.
+    /// A path; `data` contains only numbers written with [`Px`].
     pub(crate) fn path(&mut self, class: &str, data: &str) {
         if !data.is_empty() {
             self.body.push_str(&format!("<path class=\"{class}\" d=\"{data}\"/>"));
@@ -182,7 +184,7 @@ impl Canvas {
             .push_str(&format!("<circle class=\"{class}\" cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"/>"));
     }
 
-    /// A dot of one given colour.
+    /// A dot with a given colour.
     pub(crate) fn spot(&mut self, colour: &str, at: (f64, f64), radius_px: f64) {
         let (x, y, radius) = (Px(at.0), Px(at.1), Px(radius_px));
         self.body.push_str(&format!(
@@ -190,19 +192,19 @@ impl Canvas {
         ));
     }
 
-    /// A line of one given colour.
+    /// A line with a given colour.
     pub(crate) fn coloured(&mut self, class: &str, colour: &str, data: &str) {
         self.body.push_str(&format!("<path class=\"{class}\" stroke=\"{colour}\" d=\"{data}\"/>"));
     }
 
-    /// A path of one given colour, without soft edges.
+    /// A path with a given colour, without antialiasing.
     pub(crate) fn cells(&mut self, colour: &str, data: &str) {
         if !data.is_empty() {
             self.body.push_str(&format!("<path class=\"cell\" fill=\"{colour}\" d=\"{data}\"/>"));
         }
     }
 
-    /// Draws with what lies outside the area cut off. Coordinates stay those of the whole drawing.
+    /// Draws with clipping to the area. Coordinates stay those of the whole drawing.
     pub(crate) fn clipped(&mut self, area: Area, draw: impl FnOnce(&mut Self)) {
         let (x, y, width, height) = (Px(area.left), Px(area.top), Px(area.width), Px(area.height));
         self.body.push_str(&format!(
@@ -212,7 +214,7 @@ impl Canvas {
         self.body.push_str("</svg>");
     }
 
-    /// The whole element, with its name and its description in words.
+    /// The whole element, with its title and its description.
     pub(crate) fn finish(self, height: f64, title: &str, description: &str) -> String {
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" role=\"img\" viewBox=\"0 0 {} {}\">\
@@ -226,12 +228,12 @@ impl Canvas {
     }
 }
 
-/// About how wide a small text is.
+/// Approximate width of a small text.
 pub(crate) fn text_width(text: &str) -> f64 {
     text.chars().count() as f64 * CHARACTER_PX
 }
 
-/// The text, shortened with an ellipsis to fit so many pixels.
+/// The text, shortened with an ellipsis to fit into a width.
 pub(crate) fn shortened(text: &str, width_px: f64) -> String {
     let room = (width_px / CHARACTER_PX).max(1.0) as usize;
     if text.chars().count() <= room {

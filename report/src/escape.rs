@@ -1,7 +1,7 @@
-//! Escapes arbitrary text for HTML, XML and attributes. Never interprets it.
+//! Escapes arbitrary text for HTML, XML and attributes.
 
-/// The text with the five reserved characters as references, and what XML forbids (control characters,
-/// non-characters) as U+FFFD.
+/// The text with the five reserved characters as references, and characters that XML forbids
+/// (control characters, non-characters) as U+FFFD.
 pub(crate) fn escape(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for character in text.chars() {
@@ -33,7 +33,7 @@ mod tests {
     }
 
     #[test]
-    fn what_xml_forbids_is_replaced() {
+    fn characters_that_xml_forbids_are_replaced() {
         assert_eq!(escape("a\u{0}b\u{1b}c\u{ffff}"), "a\u{fffd}b\u{fffd}c\u{fffd}");
     }
 }

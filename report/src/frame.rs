@@ -4,7 +4,7 @@ use crate::axis::Axis;
 use crate::canvas::{Anchor, Area, Canvas, shortened, text_width};
 use crate::scale::{Scale, Span, Ticks, ticks};
 
-/// What a frame leaves for the data, and how values lie on it.
+/// The area of a frame for the data, and the scales of its axes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Frame {
     pub(crate) inner: Area,
@@ -12,7 +12,7 @@ pub(crate) struct Frame {
     pub(crate) y: Scale,
 }
 
-/// A value worth a line across the plot.
+/// A value marked by a line across the plot.
 #[derive(Debug, Clone)]
 pub(crate) struct Mark {
     pub(crate) value: f64,
@@ -26,14 +26,15 @@ const RIGHT_PX: f64 = 14.0;
 /// An axis with the range it shows.
 pub(crate) type Ranged<'a> = (&'a Axis, Span);
 
-/// Where a frame goes: the area it takes, and how much of it the labels of y take.
+/// Position of a frame: its area, and the width of the labels of y.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Place {
     pub(crate) outer: Area,
     pub(crate) left: f64,
 }
 
-/// Draws grid, ticks and captions into `place`, and says where the data belongs. The range of y grows to whole ticks, unless the axis fixes it.
+/// Draws grid, ticks and captions into `place`, and returns the area of the data. The range of y is
+/// extended to whole ticks, unless the axis fixes it.
 pub(crate) fn draw(canvas: &mut Canvas, place: Place, x: Ranged<'_>, y: Ranged<'_>) -> Frame {
     let outer = place.outer;
     let inner = inside(outer, place.left);
@@ -55,17 +56,17 @@ pub(crate) fn draw(canvas: &mut Canvas, place: Place, x: Ranged<'_>, y: Ranged<'
     frame
 }
 
-/// What the labels of y take beside the data inside `outer`.
+/// Width of the labels of y for a frame in `outer`.
 pub(crate) fn label_px(outer: Area, y: Span) -> f64 {
     let height = inner_height(outer);
-    // With and without the growth to whole ticks, which is not known here.
+    // With and without the extension to whole ticks, which is not known here.
     let labels =
         y_ticks(y, height).marks.into_iter().chain(y_ticks(whole(y, height), height).marks);
     let widest = labels.map(|(_, label)| text_width(&label)).fold(0.0, f64::max);
     (widest + 10.0).clamp(28.0, outer.width / 2.0)
 }
 
-/// The area of data that the frame leaves inside `outer`, where labels take `left` of it.
+/// The area of the data in `outer`, with labels of width `left`.
 pub(crate) fn inside(outer: Area, left: f64) -> Area {
     Area {
         left: outer.left + left,
@@ -105,7 +106,7 @@ fn x_axis(canvas: &mut Canvas, frame: &Frame, axis: &Axis) {
     canvas.text("axis", (inner.right(), inner.bottom() + 36.0), Anchor::End, &caption);
 }
 
-/// As many ticks as have room beside each other.
+/// As many ticks as fit next to each other.
 fn spaced(span: Span, width: f64) -> Ticks {
     let mut wanted = ((width / 72.0) as usize).clamp(4, 10);
     loop {

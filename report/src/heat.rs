@@ -1,7 +1,8 @@
 //! Values over a plane by colour: waterfall spectra, error maps.
 //!
-//! Promises: bounded size. A grid finer than 208 × 104 is pooled, each cell then shows the LARGEST of its values, so
-//! that a narrow line stays visible. Colours are of even lightness steps (viridis), readable without colour vision.
+//! Bounded size: a grid finer than 208 × 104 is pooled, each cell then shows the LARGEST of its
+//! values, so that a narrow line stays visible. Colours have even lightness steps (viridis),
+//! readable without colour vision.
 
 use crate::axis::Axis;
 use crate::canvas::{Anchor, Area, Canvas, Px, Svg};
@@ -61,15 +62,16 @@ impl HeatMap {
         self
     }
 
-    /// A level line at `value`, in the unit of y, e.g. a known frequency; not drawn outside the range.
+    /// A level line at `value`, in the unit of y, e.g. a known frequency; omitted outside the
+    /// range.
     #[must_use]
     pub fn mark_y(mut self, value: f64, label: impl Into<String>) -> Self {
         self.marks_y.push(Mark { value, label: label.into() });
         self
     }
 
-    /// The cells, row by row from the lowest y, each row from the lowest x. A row that is not whole is left out; a
-    /// value that cannot be drawn leaves its cell empty.
+    /// The cells, row by row from the lowest y, each row from the lowest x. An incomplete row is
+    /// omitted; a value that cannot be drawn leaves its cell empty.
     #[must_use]
     pub fn cells(mut self, columns: usize, values: Vec<f64>) -> Self {
         self.columns = columns;
@@ -133,7 +135,7 @@ impl HeatMap {
         }
     }
 
-    /// The largest value that falls into one drawn cell, given as (place, of how many).
+    /// The largest value of one drawn cell, given as (index, number of cells).
     fn pooled(&self, column: (usize, usize), row: (usize, usize), log: bool) -> Option<f64> {
         let reach = |(place, of): (usize, usize), all: usize| {
             let first = place * all / of;

@@ -37,13 +37,13 @@ impl Histogram {
         Self { title: title.into(), x, samples, marks, bins: 64, log_share: false }
     }
 
-    /// Adds values; those that are not finite are left out.
+    /// Adds values; those that are not finite are ignored.
     #[must_use]
     pub fn values(self, name: impl Into<String>, values: impl IntoIterator<Item = f64>) -> Self {
         self.counted(name, values.into_iter().map(|value| (value, 1)))
     }
 
-    /// Adds values that were counted already: `(value, how often)`.
+    /// Adds counted values: `(value, count)`.
     #[must_use]
     pub fn counted(
         mut self,
@@ -60,7 +60,7 @@ impl Histogram {
         self
     }
 
-    /// What the sample that was added last stands for.
+    /// The role of the sample added last.
     #[must_use]
     pub fn role(mut self, role: Role) -> Self {
         if let Some(sample) = self.samples.last_mut() {
@@ -76,14 +76,14 @@ impl Histogram {
         self
     }
 
-    /// So many bins (held within 2 to 400).
+    /// The number of bins (limited to 2 to 400).
     #[must_use]
     pub fn bins(mut self, bins: usize) -> Self {
         self.bins = bins.clamp(2, 400);
         self
     }
 
-    /// Shares on a logarithmic axis, where the rare tail is what matters.
+    /// A logarithmic axis for the shares, for distributions with rare tails.
     #[must_use]
     pub fn log_share(mut self) -> Self {
         self.log_share = true;
@@ -130,7 +130,7 @@ impl Histogram {
         breathing(Span { low: 0.0, ..span })
     }
 
-    /// The share of each bin, in %; what lies outside a fixed range counts, but has no bin.
+    /// The share of each bin, in %; values outside a fixed range count, but have no bin.
     fn shares(&self, sample: &[(f64, u64)], x: Span) -> Vec<f64> {
         let scale = Scale { span: x, from_px: 0.0, to_px: self.bins as f64 };
         let total = sample.iter().map(|pair| pair.1 as f64).sum::<f64>().max(1.0);

@@ -15,7 +15,7 @@ pub(crate) enum Swatch {
     Block,
 }
 
-/// One entry: how it looks, its sample, its name.
+/// One entry: its appearance, its sample, its name.
 #[derive(Debug, Clone)]
 pub(crate) struct Entry {
     pub(crate) look: Look,
@@ -23,7 +23,7 @@ pub(crate) struct Entry {
     pub(crate) name: String,
 }
 
-/// Draws the entries that have a name from the top left, and returns the height taken.
+/// Draws the named entries from the top left, and returns the height used.
 pub(crate) fn draw(canvas: &mut Canvas, entries: &[Entry]) -> f64 {
     let whole = canvas.width_px();
     let mut at = (0.0, 0.0);

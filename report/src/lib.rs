@@ -1,8 +1,8 @@
 //! Uniform HTML pages, SVG plots and tables of text.
 //!
-//! Promises: the same input gives the same bytes; every text is escaped; no value that is not finite reaches a
-//! drawing; a page is one file that asks nothing of the network; long series are thinned to a bounded size.
-//! Never: physics, files, clocks, or knowledge of who asks.
+//! The same input gives the same bytes; every text is escaped; drawings contain finite values only;
+//! a page is one file without network access; long series are decimated to a bounded size. No
+//! physics, no files, no clock.
 //!
 //! ```
 //! use report::{Axis, Number, Page, Plot, Series};
@@ -40,7 +40,7 @@ mod table;
 mod text_table;
 mod thin;
 
-/// The comment in the head of every page and every plot of a file of its own.
+/// The comment in the head of every page and every separate plot.
 pub const MADE_BY: &str = "<!-- made by trued -->";
 
 pub use arm::{ArmPicture, Point, ToolError};

@@ -20,7 +20,7 @@ pub struct Multiples {
 }
 
 impl Multiples {
-    /// An empty grid of so many columns (held within 1 to 4).
+    /// An empty grid with a number of columns (limited to 1 to 4).
     #[must_use]
     pub fn new(title: impl Into<String>, columns: usize) -> Self {
         Self { title: title.into(), columns: columns.clamp(1, 4), plots: Vec::new(), own_y: false }
@@ -33,7 +33,7 @@ impl Multiples {
         self
     }
 
-    /// Gives each plot a y range of its own; without, all share one and can be compared.
+    /// Gives each plot its own y range; otherwise all share one and can be compared.
     #[must_use]
     pub fn own_y(mut self) -> Self {
         self.own_y = true;
@@ -67,7 +67,7 @@ impl Multiples {
             let cell_top = top + row as f64 * (height + HEADING_PX + GAP_PX) + HEADING_PX;
             Area { left: column as f64 * (width + GAP_PX), top: cell_top, width, height }
         };
-        // What stands under each other begins and ends under each other.
+        // Plots below each other are aligned.
         let left = |column: usize| {
             let cells = (column..self.plots.len()).step_by(columns);
             cells.map(|i| frame::label_px(cell(i), spans[i].1)).fold(0.0, f64::max)
@@ -87,7 +87,7 @@ impl Multiples {
         canvas.finish(total.max(20.0), &self.title, description.trim_end())
     }
 
-    /// The axes of a plot without the captions that a neighbour to its left or below it repeats.
+    /// The axes of a plot without the captions that its left or lower neighbour has.
     fn captioned_once(&self, i: usize, columns: usize) -> (Axis, Axis) {
         let (mut x, mut y) = (self.plots[i].x.clone(), self.plots[i].y.clone());
         let left = (!i.is_multiple_of(columns)).then(|| &self.plots[i - 1]);
@@ -101,7 +101,7 @@ impl Multiples {
         (x, y)
     }
 
-    /// The ranges that hold all plots, where their axes are spaced alike.
+    /// The ranges that cover all plots, if their axes have the same spacing.
     fn shared(&self) -> Option<(Span, Span)> {
         let first = self.plots.first()?;
         let alike = |plot: &Plot| plot.x.log == first.x.log && plot.y.log == first.y.log;

@@ -1,12 +1,12 @@
 //! Number formatting: sensible digits, a true minus, grouped thousands, powers of ten.
 //!
-//! What is not finite reads `–`; nothing here fails.
+//! Values that are not finite are written as `–`; nothing here fails.
 
-/// What stands where there is no number.
+/// Placeholder for a missing number.
 const NONE: &str = "–";
 const THIN_SPACE: char = '\u{202f}';
 
-/// The value with `digits` significant digits; whole numbers keep all theirs up to a million.
+/// The value with `digits` significant digits; integers keep all of theirs up to a million.
 ///
 /// Below 1e-4 and from 1e6 on it is written with a power of ten.
 ///
@@ -111,8 +111,8 @@ pub(crate) fn power_of_ten(exponent: i32) -> String {
     format!("10{}", raised.collect::<String>())
 }
 
-/// Decimals that give the largest of these values `digits` significant digits; `None` where the values spread over
-/// so many decades that each must speak for itself.
+/// Number of decimals that gives the largest of these values `digits` significant digits; `None` if
+/// the values spread over so many decades that each needs its own.
 pub(crate) fn common_decimals(values: &[f64], digits: usize) -> Option<usize> {
     let sizes = || values.iter().map(|v| v.abs()).filter(|v| v.is_finite() && *v > 0.0);
     let (largest, smallest) = (sizes().fold(0.0, f64::max), sizes().fold(f64::INFINITY, f64::min));
@@ -126,7 +126,7 @@ pub(crate) fn common_decimals(values: &[f64], digits: usize) -> Option<usize> {
     Some((digits as f64 - 1.0 - exponent).max(0.0) as usize)
 }
 
-/// A number of things: `1 fault`, `2 faults`.
+/// A count with its noun: `1 fault`, `2 faults`.
 #[must_use]
 pub fn count(number: usize, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_a_dash_without_unit() {
+    fn nan_is_a_dash_without_unit() {
         assert_eq!(quantity(f64::NAN, "mm"), "–");
         assert_eq!(significant(f64::NEG_INFINITY, 3), "–");
         assert_eq!(duration(f64::INFINITY), "–");

@@ -8,7 +8,7 @@ use crate::strip::{self, Provenance};
 use crate::table::Table;
 
 pub(crate) const STYLE: &str = include_str!("style.css");
-/// Key numbers at most.
+/// Limit on key numbers.
 const NUMBERS: usize = 4;
 /// Sections from which on a page has a list of contents.
 const CONTENTS_LEAST: usize = 3;
@@ -21,7 +21,7 @@ pub enum Tone {
     Plain,
     /// As it should be.
     Good,
-    /// To be looked at.
+    /// Needs attention.
     Caution,
     /// A fault.
     Bad,
@@ -37,7 +37,7 @@ impl Tone {
         }
     }
 
-    /// What says the same without colour.
+    /// The equivalent sign, independent of colour.
     fn sign(self) -> &'static str {
         match self {
             Self::Plain => "",
@@ -72,14 +72,14 @@ impl Number {
         Self { label: label.into(), value: value.into(), unit, note, tone: Tone::Plain }
     }
 
-    /// A short remark beneath, e.g. what it was before.
+    /// A short remark below, e.g. the previous value.
     #[must_use]
     pub fn note(mut self, note: impl Into<String>) -> Self {
         self.note = note.into();
         self
     }
 
-    /// How the number is to be taken.
+    /// The tone of the number.
     #[must_use]
     pub fn tone(mut self, tone: Tone) -> Self {
         self.tone = tone;
@@ -105,7 +105,8 @@ impl Number {
     }
 }
 
-/// A page in the making; what is added stands in the order of adding. What stands before the first section is the first screen, and the first sheet of paper.
+/// A page; elements appear in the order of addition. Elements before the first section form the
+/// first screen, and the first sheet of paper.
 #[derive(Debug, Clone)]
 pub struct Page {
     title: String,
@@ -120,7 +121,7 @@ pub struct Page {
     figures: usize,
 }
 
-/// A part of a page that can be gone to.
+/// A section of a page, with a link target.
 #[derive(Debug, Clone)]
 struct Section {
     heading: String,
@@ -144,28 +145,28 @@ impl Page {
         }
     }
 
-    /// A short line above the title: what kind of page this is.
+    /// A short line above the title: the kind of the page.
     #[must_use]
     pub fn kicker(mut self, text: impl Into<String>) -> Self {
         self.kicker = text.into();
         self
     }
 
-    /// Whose page this is: robot and serial number, as far as they are known.
+    /// The robot and its serial number, as far as known.
     #[must_use]
     pub fn robot(mut self, robot: impl Into<String>) -> Self {
         self.robot = robot.into();
         self
     }
 
-    /// Of what, when and by what the page was made: the strip under the title.
+    /// Inputs, time and program of the page: the strip below the title.
     #[must_use]
     pub fn provenance(mut self, provenance: Provenance) -> Self {
         self.provenance = Some(provenance);
         self
     }
 
-    /// The result: a word, and a sentence that says it whole.
+    /// The result: a word, and a complete sentence.
     #[must_use]
     pub fn verdict(self, tone: Tone, word: &str, sentence: &str) -> Self {
         let (word, sentence) = (escape(word), escape(sentence));
@@ -175,7 +176,7 @@ impl Page {
         ))
     }
 
-    /// What the page says, in a sentence or two, larger than the rest.
+    /// The main statement of the page, in a sentence or two, larger than the rest.
     #[must_use]
     pub fn lead(self, text: &str) -> Self {
         self.with(&format!("<p class=\"lead\">{}</p>\n", escape(text)))
@@ -211,7 +212,7 @@ impl Page {
         self.with(&section)
     }
 
-    /// What is too long for everybody, behind its summary; print shows it whole.
+    /// Long content, collapsed below its summary; shown completely in print.
     #[must_use]
     pub fn folded(self, summary: &str, inside: impl FnOnce(Self) -> Self) -> Self {
         let open = format!("<details><summary>{}</summary>\n", escape(summary));
@@ -231,7 +232,7 @@ impl Page {
         self.with(&format!("<ul>{}</ul>\n", points.collect::<String>()))
     }
 
-    /// A statement set apart: a verdict, a warning, what remains open.
+    /// A highlighted statement: a verdict, a warning, an open point.
     #[must_use]
     pub fn note(self, tone: Tone, heading: &str, text: &str) -> Self {
         let (heading, text) = (escape(heading), escape(text));
@@ -279,7 +280,7 @@ impl Page {
         self.with(&format!("<pre>{}</pre>\n", escape(text)))
     }
 
-    /// The foot of the page: what else is to be known of it.
+    /// The footer of the page: further information.
     #[must_use]
     pub fn footer(mut self, text: impl Into<String>) -> Self {
         self.footer = text.into();
@@ -320,7 +321,7 @@ impl Page {
         }
     }
 
-    /// Every input file with its whole hash, where the strip has no room for all.
+    /// Every input file with its complete hash, if the strip has no room for all.
     fn files(&self) -> String {
         self.provenance.as_ref().and_then(Provenance::table).map_or(String::new(), |table| {
             format!("<details><summary>All input files</summary>\n{}</details>\n", table.html())
@@ -339,7 +340,7 @@ impl Page {
         format!("<nav class=\"contents\" aria-label=\"Contents\"><ol>{links}</ol></nav>\n")
     }
 
-    /// An id made of the heading's letters and digits that no section has yet.
+    /// An unused id made of the heading's letters and digits.
     fn free_id(&self, heading: &str) -> String {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { ' ' };
         let words: String = heading.chars().map(plain).collect();

@@ -10,9 +10,9 @@ use crate::scale::Span;
 use crate::series::{Series, Shape, looks};
 use crate::thin::{self, Spot};
 
-/// So few dots are looked at one by one: they are drawn larger.
+/// Up to this number, dots are drawn larger.
 const FEW: usize = 12;
-/// A line of more points is drawn whole: its dashes would be taken for gaps in the data.
+/// A line with more points is drawn solid, because its dashes would look like gaps in the data.
 const DASHED_MAX: usize = 400;
 
 /// A plot of one or more series.
@@ -72,7 +72,8 @@ impl Plot {
         self
     }
 
-    /// The height of the plot without its legend, in pixels of 832 to the width; held within 120 to 900.
+    /// The height of the plot without its legend, in pixels at a width of 832; limited to 120 to
+    /// 900.
     #[must_use]
     pub fn height(mut self, height_px: f64) -> Self {
         self.height_px = if height_px.is_nan() { 300.0 } else { height_px.clamp(120.0, 900.0) };

@@ -1,28 +1,29 @@
 //! Roles of curves, dots and bars: one colour, dash and marker per role on every page.
 //!
-//! Colour never stands alone: a line has a dash beside it, a dot a shape. Colours are in `style.css`, for light, dark and print.
+//! A role does not rely on colour alone: a line also has a dash, a dot a shape. Colours are in
+//! `style.css`, for light, dark and print.
 
 use crate::canvas::Px;
 
-/// What something drawn stands for.
+/// Meaning of a curve, dot or bar.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Role {
-    /// As it was given, or what the others are compared with.
+    /// The initial state, or the reference of a comparison.
     Before,
-    /// After a calibration, before what else was found.
+    /// After a calibration, before further effects are found.
     Calibrated,
-    /// With what was found; with correction.
+    /// With the identified effects; with correction.
     After,
-    /// The truth, where it is known.
+    /// The truth, if known.
     Truth,
     /// None of these: signals, axes, channels; distinguished by their order.
     #[default]
     Other,
 }
 
-/// Colours of what has no role of its own.
+/// Number of colours without a role.
 const OTHERS: usize = 8;
-/// Dashes and markers that are told apart.
+/// Number of different dashes and markers.
 const SHAPES: usize = 4;
 
 /// How one thing is drawn: by its role, and among those without one by its place.
@@ -33,7 +34,7 @@ pub(crate) struct Look {
 }
 
 impl Look {
-    /// The looks of several, in their order.
+    /// The appearance of several, in their order.
     pub(crate) fn each(roles: impl IntoIterator<Item = Role>) -> Vec<Self> {
         let mut others = 0;
         let look = |role| {
@@ -117,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_role_never_takes_the_colour_of_one() {
+    fn a_series_without_a_role_never_has_the_colour_of_one() {
         let named: Vec<String> = Look::each(NAMED).iter().map(|look| look.colour()).collect();
         let others = Look::each([Role::Other; 20]);
         assert!(others.iter().all(|look| !named.contains(&look.colour())));

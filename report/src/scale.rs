@@ -1,10 +1,11 @@
 //! Conversion of values to pixels, and positions of ticks.
 //!
-//! Promises: no result is NaN or infinite; the number of ticks is bounded; a degenerate range is widened.
+//! No result is NaN or infinite; the number of ticks is bounded; a degenerate range is widened.
 
 use crate::number::{fixed, power_of_ten, significant};
 
-/// Beyond this, and closer to zero than its inverse, arithmetic on a range would leave the floating-point numbers.
+/// Beyond this, and closer to zero than its inverse, arithmetic on a range would overflow or
+/// underflow.
 const LARGEST: f64 = 1e300;
 /// The narrowest range drawn, as a share of its values: less is rounding, not data.
 const NARROWEST: f64 = 1e-9;
@@ -17,7 +18,7 @@ pub(crate) struct Span {
     pub(crate) log: bool,
 }
 
-/// Whether a value can stand on such an axis.
+/// Whether a value can be shown on such an axis.
 pub(crate) fn drawable(value: f64, log: bool) -> bool {
     value.abs() <= LARGEST && (!log || value >= 1.0 / LARGEST)
 }
@@ -107,7 +108,7 @@ pub(crate) struct Scale {
 }
 
 impl Scale {
-    /// Where the value stands; `None` where it cannot be drawn at all. May lie outside the range.
+    /// The position of the value; `None` if it cannot be drawn. May be outside the range.
     pub(crate) fn at(&self, value: f64) -> Option<f64> {
         if !drawable(value, self.span.log) {
             return None;
@@ -116,7 +117,7 @@ impl Scale {
         px.is_finite().then_some(px)
     }
 
-    /// Where a value is drawn that must be: at the nearer end, if it lies outside.
+    /// The position of a value that must be drawn: at the nearer end, if it is outside.
     pub(crate) fn held(&self, value: f64) -> f64 {
         let held = value.clamp(self.span.low, self.span.high);
         self.at(held).unwrap_or(self.from_px)
@@ -167,7 +168,7 @@ fn linear_ticks(span: Span, wanted: usize) -> Ticks {
     Ticks { marks, power }
 }
 
-/// The power of ten, a multiple of three, taken out of labels that would be long.
+/// The power of ten, a multiple of three, removed from labels that would be long.
 fn shared_power(span: Span) -> i32 {
     let size = span.low.abs().max(span.high.abs());
     if (1e-2..1e5).contains(&size) { 0 } else { (size.log10() / 3.0).floor() as i32 * 3 }

@@ -1,4 +1,4 @@
-//! Named points with a drawing style. Never a scale.
+//! Named points with a drawing style.
 
 use crate::role::{Look, Role};
 
@@ -11,7 +11,8 @@ pub(crate) enum Shape {
 
 /// A named series of points `(x, y)` in the units of the plot's axes.
 ///
-/// A point that is not finite (or not above zero on a logarithmic axis) is left out, and breaks a line.
+/// A point that is not finite (or not above zero on a logarithmic axis) is omitted, and interrupts
+/// a line.
 #[derive(Debug, Clone)]
 pub struct Series {
     pub(crate) name: String,
@@ -28,13 +29,13 @@ impl Series {
         Self::new(name.into(), points.into_iter().collect(), Shape::Line)
     }
 
-    /// Points alone.
+    /// Points only.
     #[must_use]
     pub fn dots(name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         Self::new(name.into(), points.into_iter().collect(), Shape::Dots)
     }
 
-    /// What it stands for; without, it is told apart by its order.
+    /// Its role; without one, it is distinguished by its order.
     #[must_use]
     pub fn role(mut self, role: Role) -> Self {
         self.role = role;
@@ -53,7 +54,7 @@ impl Series {
     }
 }
 
-/// How each series of a plot looks.
+/// The appearance of each series of a plot.
 pub(crate) fn looks(series: &[Series]) -> Vec<Look> {
     Look::each(series.iter().map(|series| series.role))
 }

@@ -1,13 +1,13 @@
-//! The strip under a title: input files, time, program and command of a page.
+//! The strip below a title: input files, time, program and command of a page.
 //!
-//! Never: a clock, a file, a hash of its own; whoever makes the page says them.
+//! Its values are arguments: no clock, no file, no hash is computed here.
 
 use crate::escape::escape;
 use crate::table::{Cell, Table};
 
-/// Files that the strip has room for.
+/// Limit on the files in the strip.
 const FILES: usize = 4;
-/// Digits of a hash in the strip: enough to tell files apart by eye.
+/// Digits of a hash in the strip: enough to distinguish files by eye.
 const DIGITS: usize = 12;
 
 /// A file that went into a page.
@@ -19,7 +19,7 @@ pub struct InputFile {
     pub sha256: String,
 }
 
-/// Of what, when and by what a page was made.
+/// Inputs, time and program of a page.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Provenance {
     /// The files that were read, in the order in which they were named.
@@ -58,7 +58,7 @@ impl Provenance {
         .collect()
     }
 
-    /// All files with their whole hashes, where the strip has no room for all.
+    /// All files with their complete hashes, if the strip has no room for all.
     pub(crate) fn table(&self) -> Option<Table> {
         let table = Table::new("Input files", ["File", "SHA-256"]);
         let all = self.files.iter().fold(table, |table, file| {
@@ -68,7 +68,7 @@ impl Provenance {
     }
 }
 
-/// An entry of the strip, of text that is escaped already; nothing where there is none.
+/// An entry of the strip, with text that is already escaped; empty without text.
 pub(crate) fn entry(name: &str, html: &str) -> String {
     match html {
         "" => String::new(),

@@ -1,6 +1,7 @@
 //! Tables of text and numbers: the numbers of a column have equal decimals and are aligned.
 //!
-//! A table that holds numbers carries them as CSV too, all digits, behind a link in its caption: the page needs no other file and no network for it.
+//! A table with numbers also contains them as CSV, with all digits, in a link in its caption: the
+//! page needs no other file and no network for it.
 
 use crate::escape::escape;
 use crate::number::{common_decimals, fixed, significant};
@@ -9,7 +10,7 @@ use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
 /// Rows up to which a table is not torn apart by a page break.
 const SHORT: usize = 15;
 
-/// A column's head, and how its numbers are written.
+/// A column's head, and the format of its numbers.
 #[derive(Debug, Clone)]
 pub struct Column {
     head: String,
@@ -17,13 +18,14 @@ pub struct Column {
 }
 
 impl Column {
-    /// A column; the unit belongs into the head, e.g. `Mean (mm)`. Its largest number shows three digits.
+    /// A column; the unit belongs in the head, e.g. `Mean (mm)`. Its largest number shows three
+    /// digits.
     #[must_use]
     pub fn new(head: impl Into<String>) -> Self {
         Self { head: head.into(), digits: 3 }
     }
 
-    /// So many significant digits for the column's largest number.
+    /// The number of significant digits of the column's largest number.
     #[must_use]
     pub fn digits(mut self, digits: usize) -> Self {
         self.digits = digits;
@@ -37,12 +39,12 @@ impl<T: Into<String>> From<T> for Column {
     }
 }
 
-/// What stands in a cell.
+/// Content of a cell.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
-    /// Words, to the left.
+    /// Text, left-aligned.
     Text(String),
-    /// A number, to the right; `–` where it is not finite.
+    /// A number, right-aligned; `–` if it is not finite.
     Number(f64),
 }
 
@@ -83,7 +85,7 @@ impl Table {
         Self { caption: caption.into(), columns, rows: Vec::new() }
     }
 
-    /// Adds a row; cells that are missing stay empty, cells without a column are left out.
+    /// Adds a row; missing cells are empty, cells without a column are ignored.
     #[must_use]
     pub fn row(mut self, cells: impl IntoIterator<Item = Cell>) -> Self {
         self.rows.push(cells.into_iter().collect());
@@ -104,7 +106,7 @@ impl Table {
         )
     }
 
-    /// A link that saves the table as CSV; none where it holds no number.
+    /// A link that saves the table as CSV; empty if it contains no number.
     fn link(&self) -> String {
         let holds_numbers = (0..self.columns.len()).any(|i| !self.numbers(i).is_empty());
         let Some(csv) = self.csv().filter(|_| holds_numbers) else { return String::new() };
@@ -121,7 +123,8 @@ impl Table {
         )
     }
 
-    /// The table as CSV (RFC 4180): heads, then rows; numbers with all their digits, empty where not finite. None where the writer fails.
+    /// The table as CSV (RFC 4180): heads, then rows; numbers with all their digits, empty if not
+    /// finite. `None` if the writer fails.
     fn csv(&self) -> Option<String> {
         let mut writer = csv::WriterBuilder::new().flexible(true).from_writer(Vec::new());
         writer.write_record(self.columns.iter().map(|column| &column.head)).ok()?;
@@ -136,7 +139,7 @@ impl Table {
         String::from_utf8(writer.into_inner().ok()?).ok()
     }
 
-    /// Wide tables stand otherwise on a phone and in print.
+    /// Wide tables have another layout on a phone and in print.
     fn class(&self) -> &'static str {
         match self.columns.len() {
             0..=3 => "few",

@@ -1,6 +1,6 @@
-//! Tables of text: aligned columns, two spaces apart, no frame.
+//! Text tables: aligned columns, two spaces apart, no frame.
 
-/// A table of text; columns are aligned by what most of them hold.
+/// A text table; columns are aligned by the kind of most of their cells.
 #[derive(Debug, Clone)]
 pub struct TextTable {
     rows: Vec<Vec<String>>,
@@ -20,8 +20,8 @@ impl TextTable {
         self
     }
 
-    /// The text, with a newline at the end; columns of numbers to the right. Where it is wider than `width_max` characters, each row becomes a list of its
-    /// cells.
+    /// The text, with a newline at the end; columns of numbers are right-aligned. If it is wider
+    /// than `width_max` characters, each row becomes a list of its cells.
     #[must_use]
     pub fn render(&self, width_max: Option<usize>) -> String {
         match width_max {
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_that_is_too_wide_is_told_cell_by_cell() {
+    fn a_table_that_is_too_wide_is_written_cell_by_cell() {
         let table = TextTable::new(["", "p50", "worst"])
             .row(["trued", "7.6", "103"])
             .row(["pipe", "", "9"]);

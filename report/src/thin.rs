@@ -1,7 +1,8 @@
 //! Decimation of long series for plots, without visible loss.
 //!
-//! Promises: at most [`POINTS_MAX`] entries out; a signal keeps the least and the largest value of every pixel column,
-//! so no peak is lost. `None` is a gap in a line; gaps narrower than a pixel column are closed.
+//! At most [`POINTS_MAX`] entries remain; a signal keeps the least and the largest value of every
+//! pixel column, so no peak is lost. `None` is a gap in a line; gaps narrower than a pixel column
+//! are closed.
 
 use std::collections::HashSet;
 
@@ -38,7 +39,7 @@ pub(crate) fn dots(spots: &[Spot]) -> Vec<Spot> {
     evenly(kept)
 }
 
-/// First, least, largest and last of what falls into one pixel column, by index.
+/// First, least, largest and last value within one pixel column, by index.
 struct Column {
     at_px: f64,
     first: usize,

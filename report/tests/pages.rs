@@ -1,4 +1,5 @@
-//! What every page promises, whatever is put on it: well-formed, escaped, finite, deterministic, of bounded size.
+//! Properties of every page, whatever its content: well-formed, escaped, finite, deterministic, of
+//! bounded size.
 
 #![expect(clippy::expect_used, reason = "a helper of tests may fail like a test")]
 
@@ -8,7 +9,7 @@ use report::{
     Page, Plot, Point, Provenance, Role, Series, Svg, Table, Tone, ToolError,
 };
 
-/// Everything there is to draw, from the same words and values.
+/// Every drawing, from the same texts and values.
 fn drawings(words: &str, values: &[f64], log: bool) -> Vec<Svg> {
     let axis = || if log { Axis::new(words, words).log() } else { Axis::new(words, words) };
     let (a, b) =
@@ -89,7 +90,7 @@ fn parse(html: &str) -> roxmltree::Document<'_> {
     roxmltree::Document::parse_with_options(html, options).expect("well-formed")
 }
 
-/// Values as they come from a broken instrument.
+/// Values of a broken instrument.
 fn value() -> impl Strategy<Value = f64> {
     prop_oneof![
         any::<f64>(),

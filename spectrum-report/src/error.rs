@@ -10,7 +10,7 @@ pub enum Error {
     /// A file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// What was given cannot be used.
+    /// The input cannot be used.
     #[error(transparent)]
     Input(Box<dyn StdError + Send + Sync>),
     /// A result cannot be written as file or JSON: a fault of this program.
@@ -19,7 +19,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// For `map_err`: the fault is in what was given.
+    /// For `map_err`: an error of the input.
     pub(crate) fn input(error: impl Into<Box<dyn StdError + Send + Sync>>) -> Self {
         Self::Input(error.into())
     }

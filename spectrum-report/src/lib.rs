@@ -1,4 +1,5 @@
-//! Analyses of vibration for people and programs: JSON, lines of text, an HTML page, and the model with what was found.
+//! Results of vibration analyses for people and programs: JSON, text, an HTML page, and the model
+//! with the results.
 //!
 //! [`tap`]: impact tests, from recorded hits or response functions to natural frequencies with their damping.
 //!

@@ -48,7 +48,8 @@ pub struct Settings {
     pub estimator: Estimator,
     /// Least coherence of a verified mode; no unit, 0 to 1. Default 0.75 ([`LEAST_COHERENCE`]).
     pub coherence_least: f64,
-    /// Modes are looked for between these frequencies, Hz; the lower first. Default: none, which is as far as the hammer excites.
+    /// Modes are searched between these frequencies, Hz; the lower first. Default: none, which is
+    /// the range excited by the hammer.
     pub band_hz: Option<[f64; 2]>,
     /// Length of the record of each hit, s; above 0. Default: none, which is as long as the hits allow.
     pub block_s: Option<f64>,
@@ -56,24 +57,28 @@ pub struct Settings {
     pub windows: bool,
     /// Direction of hit and response in the base frame, of unit length, for the model. Default: none.
     pub direction: Option<[f64; 3]>,
-    /// Modes are looked for as far as the force of the hammer is within so many dB of its largest; above 0. Default 40. Origin: a choice; below, noise of
-    /// the force sensor takes over.
+    /// Modes are searched up to the frequency at which the force of the hammer has fallen by this
+    /// much below its largest, dB; above 0. Default 40. Origin: a choice; below, noise of the force
+    /// sensor dominates.
     pub excited_db: f64,
-    /// A mode where the force is below this, dB of its largest, is reported as weakly excited; below 0. Default -20. Origin: the limit commonly asked of a
-    /// hammer's tip.
+    /// A mode at which the force is below this, dB relative to its largest, is reported as weakly
+    /// excited; below 0. Default -20. Origin: the usual requirement on a hammer's tip.
     pub weak_db: f64,
-    /// Bins of the spectrum that are left out below the band, unless it is given. Default 5. Origin: a choice; the first bins hold the drift of the sensor.
+    /// Bins of the spectrum that are ignored at its lower end, unless the band is given. Default 5.
+    /// Origin: a choice; the first bins contain the drift of the sensor.
     pub bins_below: usize,
-    /// Fit and width at half power disagree in damping beyond this part of it and two standard uncertainties; no unit, above 0. Default 0.25. Origin: a choice.
+    /// Largest relative difference of the damping between fit and half-power width, in addition to
+    /// two standard uncertainties; no unit, above 0. Default 0.25. Origin: a choice.
     pub damping_disagrees: f64,
-    /// A mode that still rings with more than this part when the next hit comes is reported; no unit, 0 to 1. Default 0.05. Origin: a choice; its modal mass is
-    /// off by as much.
+    /// A mode with more than this share of its vibration left at the next hit is reported; no unit,
+    /// 0 to 1. Default 0.05. Origin: a choice; the relative error of its modal mass is the same.
     pub carried_most: f64,
-    /// The pause that is proposed between hits lets a mode decay to this part; no unit, 0 to 1. Default 0.01. Origin: a choice; a fifth of what is
-    /// reported.
+    /// The proposed pause between hits lets a mode decay to this share; no unit, 0 to 1. Default
+    /// 0.01. Origin: a choice; a fifth of the value that is reported.
     pub rung_down: f64,
-    /// A fit that leaves more than this part of a peak may hide a second mode; no unit, 0 to 1. Default 0.06. Origin: two modes 3 Hz apart at 67 Hz with 3 %
-    /// damping and 2 % noise, taken for one, leave 0.08.
+    /// A fit with a larger relative residual of a peak may hide a second mode; no unit, 0 to 1.
+    /// Default 0.06. Origin: two modes 3 Hz apart at 67 Hz with 3 % damping and 2 % noise, fitted
+    /// as one, leave 0.08.
     pub misfit: f64,
 }
 

@@ -1,4 +1,5 @@
-//! How long a stability chart takes: 200 spindle speeds, two modes, three teeth in a slot and at half immersion.
+//! Computing time of a stability chart: 200 spindle speeds, two modes, three teeth in a slot and at
+//! half immersion.
 //!
 //! `cargo run --release -p spectrum --example stability_speed`
 #![expect(clippy::print_stdout, reason = "what was measured is said")]

@@ -12,11 +12,11 @@
 use crate::config::Mode;
 use crate::verdict::{Advice, Class};
 
-/// Tooth passing beyond this many times the mode has no pockets worth the name.
+/// Tooth passing frequencies beyond this multiple of the mode have no useful stability lobes.
 const FAR_ABOVE: f64 = 3.0;
 /// A tooth harmonic is off a mode when it is this part of the mode's frequency away.
 const OFF_MODE: f64 = 0.1;
-/// Pockets finer than this are too narrow to hold.
+/// Lobes of a higher number are too narrow for a spindle to stay within.
 const LOBES: u32 = 10;
 /// Speeds that differ by less than this part are one.
 const SAME_SPEED: f64 = 0.02;
@@ -37,7 +37,7 @@ pub(crate) struct Case<'a> {
 }
 
 impl Case<'_> {
-    /// Teeth per second; 0 where speed or teeth are not known.
+    /// Tooth passing frequency, Hz; 0 if speed or teeth are unknown.
     fn tooth_hz(&self) -> f64 {
         self.spindle_rpm / 60.0 * f64::from(self.teeth)
     }
@@ -73,13 +73,14 @@ fn pocket(case: &Case<'_>) -> Advice {
     let spindle_rpm = 60.0 * mode_hz / (lobe * f64::from(case.teeth));
     let is_there = (spindle_rpm / case.spindle_rpm - 1.0).abs() < SAME_SPEED;
     if lobe > f64::from(LOBES) || is_there {
-        // In the pocket, as far as one frequency tells, or without one: depth is what remains.
+        // Already in the lobe, as far as one frequency shows, or there is none: only the depth
+        // remains.
         return Advice::ReduceDepth;
     }
     Advice::StabilityPocket { spindle_rpm, lobe: lobe as u32 }
 }
 
-/// The nearest speed that keeps everything the spindle drives off every mode.
+/// The nearest speed at which no spindle harmonic coincides with a mode.
 fn move_off_mode(case: &Case<'_>) -> Advice {
     if case.spindle_rpm <= 0.0 {
         return Advice::None;
@@ -91,8 +92,8 @@ fn move_off_mode(case: &Case<'_>) -> Advice {
         .map_or(Advice::ChangeCut, |spindle_rpm| Advice::MoveOffMode { spindle_rpm })
 }
 
-/// Whether at this speed neither the runout, nor any multiple of the tooth passing, nor the multiple that was seen stands
-/// on the mode.
+/// Whether at this speed neither the runout, nor any multiple of the tooth passing, nor the
+/// observed multiple coincides with the mode.
 fn is_off(case: &Case<'_>, rpm: f64, mode_hz: f64) -> bool {
     let turn_hz = rpm / 60.0;
     let tooth_hz = turn_hz * f64::from(case.teeth.max(1));
@@ -157,7 +158,8 @@ mod tests {
     }
 
     proptest! {
-        /// Held against every line that the spindle can drive up to beyond the highest mode, one by one.
+        /// Checked one by one for every line that the spindle can excite up to beyond the highest
+        /// mode.
         #[test]
         fn the_advised_speed_leaves_no_tooth_harmonic_on_any_mode(
             modes in prop::collection::vec(15.0..800.0_f64, 1..6),

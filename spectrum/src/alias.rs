@@ -40,7 +40,7 @@ impl Spindle {
         Some(line(frequency_hz, order * self.hz, order as u32))
     }
 
-    /// The nearest alias of a multiple that lies above half the rate.
+    /// The nearest alias of a multiple that is above half the rate.
     pub(crate) fn nearest_alias(&self, frequency_hz: f64, rate_hz: f64) -> Option<NearestLine> {
         if self.hz <= 0.0 {
             return None;
@@ -62,7 +62,7 @@ impl Spindle {
         if self.hz <= 0.0 {
             return false;
         }
-        // The speed that was told lags the speed that was turned while it changes.
+        // The reported speed lags the actual speed while it changes.
         let margin = 0.2 * (self.high_hz - self.low_hz);
         let tolerance = 0.003 * frequency_hz + uncertainty_hz;
         let order = ((frequency_hz - tolerance) / (self.high_hz + margin)).ceil().max(1.0);
@@ -83,7 +83,7 @@ pub(crate) struct RecentSpeed {
 }
 
 impl RecentSpeed {
-    /// Takes the speed that holds at `now_s` and gives the spindle as it was lately.
+    /// Stores the speed valid at `now_s`, and returns the range of recent speeds.
     pub(crate) fn take(&mut self, hz: f64, teeth: u32, now_s: f64) -> Spindle {
         if now_s >= self.turn_ends_s {
             self.range = [(hz, hz), self.range[0]];

@@ -18,7 +18,7 @@ use std::f64::consts::PI;
 
 /// A speed that differs by more than this part is another speed: the samples before do not belong to it.
 const SPEED_CHANGE: f64 = 0.005;
-/// Samples beside the revolution that the interpolation needs.
+/// Samples in addition to a revolution that the interpolation needs.
 const MARGIN: usize = 4;
 
 /// The signal less that of one revolution before, with windows like those of the signal itself.
@@ -35,7 +35,8 @@ pub(crate) struct Asynchronous {
 }
 
 impl Asynchronous {
-    /// Plans the branches of [`crate::Watch`] once more; `taps` is the longest run that the front end asks for.
+    /// Plans the branches of [`crate::Watch`] again; `taps` is the longest run that the front end
+    /// needs.
     pub(crate) fn new(
         planner: &mut RealFftPlanner<f64>,
         config: &WatchConfig,
@@ -59,8 +60,9 @@ impl Asynchronous {
         }
     }
 
-    /// Takes the spindle's speed, rev/s. Without a speed, for a slow one whose revolution is longer than the windows, and for a fast one whose
-    /// multiples the windows part, there is no difference.
+    /// Sets the spindle's speed, rev/s. There is no difference signal without a speed, for a slow
+    /// spindle whose revolution is longer than the windows, and for a fast one whose multiples the
+    /// windows resolve.
     pub(crate) fn set_spindle(&mut self, spindle_hz: f64) {
         let [slowest_hz, fastest_hz] = self.speeds_hz;
         let usable = spindle_hz >= slowest_hz && spindle_hz < fastest_hz;
@@ -70,14 +72,15 @@ impl Asynchronous {
             return;
         }
         if change > SPEED_CHANGE * revolution.min(self.revolution) {
-            // What is left of the noise depends on the speed.
+            // The remaining noise depends on the speed.
             self.clear_windows();
             (0..self.raw.len()).for_each(|channel| self.forget(channel));
         }
         self.revolution = revolution;
     }
 
-    /// Whether lines at a frequency are looked for here: there is a speed, noise was learned, and the frequency is no multiple.
+    /// Whether lines at a frequency are searched here: the speed is known, the noise floor is
+    /// learned, and the frequency is not a multiple.
     pub(crate) fn sees(&self, frequency_hz: f64) -> bool {
         let branch = if frequency_hz < SPLIT_HZ { Some(&self.low) } else { self.full.as_ref() };
         self.revolution > 0.0
@@ -130,7 +133,7 @@ impl Asynchronous {
         }
     }
 
-    /// A hop at the full rate is due; hands on what was sighted away from the multiples.
+    /// A hop at the full rate is due; passes on sightings away from the multiples.
     pub(crate) fn look_at_full_rate(
         &mut self,
         surroundings: Surroundings,
@@ -147,7 +150,7 @@ impl Asynchronous {
         );
     }
 
-    /// A hop of the low branch is due; hands on what was sighted away from the multiples.
+    /// A hop of the low branch is due; passes on sightings away from the multiples.
     pub(crate) fn look_low(
         &mut self,
         surroundings: Surroundings,
@@ -158,13 +161,13 @@ impl Asynchronous {
         look(&mut self.low, surroundings, lines_hz, comb, sighted);
     }
 
-    /// Forgets samples and peaks; what was learned stays.
+    /// Clears samples and peaks; learned floors are kept.
     pub(crate) fn reset(&mut self) {
         self.raw.iter_mut().for_each(History::clear);
         self.clear_windows();
     }
 
-    /// Forgets what was learned of a channel.
+    /// Clears the learned floor of a channel.
     pub(crate) fn forget(&mut self, channel: usize) {
         self.low.forget(channel);
         if let Some(full) = &mut self.full {

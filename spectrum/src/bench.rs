@@ -1,10 +1,10 @@
-//! One hop of the full-rate window by itself, for the bench that holds its cost.
+//! One hop of the full-rate window, for the benchmark of its cost.
 
 use crate::history::History;
 use crate::sliding::{SlidingWindow, WindowPlan};
 use realfft::RealFftPlanner;
 
-/// A full-rate window over several channels of given noise, ready to hop.
+/// A full-rate window over several channels with given noise, ready to hop.
 pub struct HopBench {
     window: SlidingWindow,
     histories: Vec<History>,
@@ -42,7 +42,7 @@ impl HopBench {
         bench
     }
 
-    /// One hop over all channels; returns how many lines were sighted in all.
+    /// One hop over all channels; returns the total number of sightings.
     pub fn hop(&mut self) -> usize {
         self.window.hop(&self.histories, &[], |_| self.seen += 1);
         self.seen

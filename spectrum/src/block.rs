@@ -1,18 +1,19 @@
 //! Input: blocks of force samples, and the state of the process.
 //!
-//! Plain borrowed values; nothing here is trusted, [`crate::Watch::push`] checks it.
+//! Borrowed values that are not trusted: [`crate::Watch::push`] checks them.
 
 /// The most channels a block may carry: three forces and three moments.
 pub const CHANNELS_MAX: usize = 6;
 
-/// A run of samples taken at one rate, without a hole inside.
+/// Consecutive samples at one rate, without a gap.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Block<'a> {
-    /// Names the run of the sender: with another one, all counts begin anew.
+    /// Session of the sender: a new one restarts all counts.
     pub session: u64,
     /// Counts blocks by one; a jump means that blocks were lost.
     pub seq: u64,
-    /// Samples per channel before this block in this session, lost ones included; `None` where the sender does not count.
+    /// Samples per channel before this block in this session, including lost ones; `None` if the
+    /// sender does not count.
     pub samples_before: Option<u64>,
     /// Time of the block's first sample, ns. Copied into verdicts, never compared with a clock.
     pub t_ns: u64,
@@ -24,14 +25,14 @@ pub struct Block<'a> {
     pub samples: &'a [f64],
 }
 
-/// What the process is doing, as far as the cell knows. The default means: nothing is known.
+/// State of the process, as far as known. The default means unknown.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ProcessState {
-    /// Spindle speed, rev/min. 0 where it stands or is not known.
+    /// Spindle speed, rev/min. 0 at rest or unknown.
     pub spindle_rpm: f64,
-    /// Teeth of the cutter. 0 where not known.
+    /// Teeth of the cutter. 0 if unknown.
     pub teeth: u32,
-    /// Feed along the path, mm/s. 0 where it stands or is not known.
+    /// Feed along the path, mm/s. 0 at rest or unknown.
     pub feed_mm_s: f64,
     /// Whether the tool cuts; `None`: the watch judges by the force level.
     pub in_cut: Option<bool>,

@@ -1,7 +1,8 @@
 //! The samples of one rate and the windows that slide over them.
 //!
-//! Two branches make a watch: a low one (about 1.25 kHz) with short, middle and long windows, and
-//! one at the sensor's own rate for what lies above. Planned once; execution does not allocate.
+//! The monitor has two branches: a low one (about 1.25 kHz) with short, middle and long windows,
+//! and one at the sensor's own rate for higher frequencies. Planned once; execution does not
+//! allocate.
 
 use crate::config::WatchConfig;
 use crate::history::History;
@@ -12,7 +13,7 @@ use realfft::RealFftPlanner;
 
 /// Top of the low branch where the full rate is watched too, Hz.
 pub(crate) const SPLIT_HZ: f64 = 160.0;
-/// The low branch looks at its newest samples this often, s.
+/// Hop of the low branch, s.
 const LOW_HOP_S: f64 = 0.004;
 /// Length of the full-rate window, s, before it is rounded to a power of two.
 const FULL_WINDOW_S: f64 = 0.08;
@@ -110,7 +111,8 @@ impl Branch {
         }
     }
 
-    /// Whether the windows up to the measuring one know their floors; the slow one takes longer.
+    /// Whether the floors of the windows up to the measuring one are learned; the slow one takes
+    /// longer.
     pub(crate) fn is_ready(&self) -> bool {
         self.windows.iter().take(self.measuring + 1).all(SlidingWindow::is_ready)
     }
@@ -134,14 +136,14 @@ impl Branch {
         }
     }
 
-    /// Forgets what was learned of a channel.
+    /// Clears the learned floor of a channel.
     pub(crate) fn forget(&mut self, channel: usize) {
         for window in &mut self.windows {
             window.forget(channel);
         }
     }
 
-    /// A hop is due: runs every window over every channel and hands on what was sighted.
+    /// A hop is due: evaluates every window for every channel and passes on sightings.
     pub(crate) fn look(&mut self, lines_hz: &[f64], mut sighted: impl FnMut(Sighting)) {
         self.waiting = self.hop;
         self.hops = self.hops.wrapping_add(1);
@@ -153,8 +155,8 @@ impl Branch {
         }
     }
 
-    /// Measures the lines whose frequency it `covers` in the window made for it; `gain` is what the front end
-    /// leaves of a tone. A channel that stood still does not count.
+    /// Measures the lines at frequencies that it `covers`, in the window for this purpose; `gain`
+    /// is the front end's gain at a tone. Channels that stood still are ignored.
     pub(crate) fn measure(
         &self,
         tracks: &mut Tracks,

@@ -6,32 +6,32 @@
 
 use crate::verdict::{Class, ClassSet, State};
 
-/// All that is known of a line when it is classified.
+/// Evidence on a line for its classification.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Evidence {
-    /// The spindle's speed is known.
+    /// Whether the spindle's speed is known.
     pub(crate) speed_known: bool,
-    /// A spindle multiple stands here.
+    /// Whether the line coincides with a spindle multiple.
     pub(crate) driven: bool,
-    /// An alias of a spindle multiple stands here.
+    /// Whether it coincides with an alias of a spindle multiple.
     pub(crate) aliased: bool,
-    /// A multiple of the mains frequency stands here.
+    /// Whether it coincides with a multiple of the mains frequency.
     pub(crate) on_mains: bool,
     /// Other multiples of the mains are there and were called electrical.
     pub(crate) hums: bool,
-    /// A known mode is near.
+    /// Whether a known mode is near.
     pub(crate) near_mode: bool,
-    /// Two known modes are near, and close to each other.
+    /// Whether two known modes are near, and close to each other.
     pub(crate) two_modes: bool,
-    /// The force turns one way round an ellipse; `None`: not yet known.
+    /// Whether the force vector moves on an ellipse in one sense; `None` if unknown.
     pub(crate) turns: Option<bool>,
-    /// The line is there in air; `None`: air and cut are not told apart.
+    /// Whether the line is present in air; `None` if air and cut are not distinguished.
     pub(crate) in_air: Option<bool>,
     /// The line was there before anything was learned.
     pub(crate) from_start: bool,
-    /// The line follows the feed; `None`: the feed did not change, or is not known.
+    /// Whether the line follows the feed; `None` if the feed did not change, or is unknown.
     pub(crate) follows_feed: Option<bool>,
-    /// The feed is known, and the line could be a gear's.
+    /// Whether the feed is known, and the line could be a gear's.
     pub(crate) gear_possible: bool,
     /// A wheel of the gear train turns at this frequency.
     pub(crate) on_wheel: bool,
@@ -48,7 +48,7 @@ pub(crate) fn classify(e: &Evidence) -> (Class, ClassSet) {
     let self_excited = e.in_air != Some(true);
     let class = if e.driven || e.aliased {
         rival(Class::Electrical, e.on_mains);
-        // A true multiple is never chatter; what only looks like one may be.
+        // A true multiple is never chatter; an alias of one may be.
         rival(Class::Chatter, !e.driven && e.near_mode && self_excited);
         Class::Forced
     } else if e.follows_feed == Some(true) {
@@ -67,8 +67,8 @@ pub(crate) fn classify(e: &Evidence) -> (Class, ClassSet) {
         rival(Class::Structural, e.in_air.is_none());
         Class::Gear
     } else if e.near_mode || e.in_air == Some(false) || (e.speed_known && !e.from_start) {
-        // What arises while it is watched, and no spindle of a known speed drives it, excites itself;
-        // the rivals say how much of that is known.
+        // A line that arises during monitoring and is not excited by a spindle of known speed is
+        // self-excited; the rivals show how much of that is known.
         rival(Class::Electrical, e.on_mains);
         rival(Class::Forced, !e.speed_known);
         rival(Class::Structural, e.in_air.is_none());
@@ -81,7 +81,7 @@ pub(crate) fn classify(e: &Evidence) -> (Class, ClassSet) {
             Class::Chatter
         }
     } else {
-        // Who knows of no mode, no cut and no spindle cannot say that a tone excites itself.
+        // Without a known mode, cut or spindle, self-excitation cannot be concluded.
         rival(Class::Chatter, self_excited && !e.from_start);
         rival(Class::Structural, e.in_air.is_none() && !e.from_start);
         rival(Class::Electrical, e.on_mains);
@@ -97,8 +97,8 @@ fn gear_rival(e: &Evidence) -> bool {
     e.follows_feed.is_none() && (e.on_wheel || e.gear_possible)
 }
 
-/// The highest state that a line of this class may reach: what is known to be harmless stays a
-/// warning, since an alarm in every healthy cut would be no alarm.
+/// The highest state that a line of this class may reach: lines known to be harmless remain
+/// warnings, because an alarm in every healthy cut would be useless.
 pub(crate) fn ceiling(class: Class, rivals: ClassSet, e: &Evidence) -> State {
     let harmless = match class {
         Class::Forced => !e.near_mode,
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_told_apart_is_said() {
+    fn indistinguishable_classes_are_reported() {
         let alias = Evidence { aliased: true, near_mode: true, ..CUT };
         assert_eq!((classify(&alias).0, rivals(&alias)), (Class::Forced, vec![Class::Chatter]));
         let ignorant = Evidence { near_mode: true, in_air: None, speed_known: false, ..CUT };

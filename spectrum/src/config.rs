@@ -7,15 +7,15 @@ use crate::rules::Rules;
 pub struct Mode {
     /// Natural frequency, Hz.
     pub frequency_hz: f64,
-    /// Damping ratio, 0 to 1; 0 where not known.
+    /// Damping ratio, 0 to 1; 0 if unknown.
     pub damping: f64,
-    /// Direction of the motion in the axes of the force channels; zero where not known. For people: lines are matched by
-    /// their frequency alone.
+    /// Direction of the motion in the axes of the force channels; zero if unknown. For information:
+    /// lines are matched by frequency only.
     pub direction: [f64; 3],
 }
 
 impl Mode {
-    /// A mode of which only the frequency is known.
+    /// A mode with only its frequency known.
     #[must_use]
     pub fn at_hz(frequency_hz: f64) -> Self {
         Self { frequency_hz, damping: 0.0, direction: [0.0; 3] }
@@ -29,14 +29,15 @@ impl Mode {
     }
 }
 
-/// What a gear train does once per so much of tool path: a shaft turns, or two wheels pass a tooth.
+/// A periodic event of a gear train per distance of tool path: a turn of a shaft, or a tooth mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wheel {
     /// Joint, from 1.
     pub joint: u8,
     /// Shaft, from 1, motor side first.
     pub shaft: u8,
-    /// Cycles per revolution of the shaft: 1 for its turns, else the teeth that mesh.
+    /// Cycles per revolution of the shaft: 1 for its rotation, otherwise the number of meshing
+    /// teeth.
     pub teeth: u32,
     /// Cycles (revolutions, or teeth) per mm of tool path, along the present cut.
     pub cycles_per_mm: f64,
@@ -60,19 +61,21 @@ impl Wheel {
     }
 }
 
-/// The most modes that a running watch can be given.
+/// Limit on the number of modes.
 pub const MODES_MAX: usize = 32;
-/// The most wheels that a running watch can be given.
+/// Limit on the number of gear shafts and meshes.
 pub const WHEELS_MAX: usize = 64;
 
 /// The watch's settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WatchConfig {
-    /// Sampling rate of every channel, Hz, 240 (a controller's own force, as ABB tells it every 4.032 ms) to 200 000.
+    /// Sampling rate of every channel, Hz, 240 (a controller's own force; ABB: every 4.032 ms) to
+    /// 200 000.
     pub rate_hz: f64,
-    /// Channels, 1 to 6, in the order x, y, z, mx, my, mz: a sensor of fewer axes leaves out the last ones.
+    /// Channels, 1 to 6, in the order x, y, z, mx, my, mz: a sensor with fewer axes omits the last
+    /// ones.
     pub channels: usize,
-    /// Lines are looked for in this band, Hz; its top is limited to 0.45 of the rate.
+    /// Lines are searched in this band, Hz; its top is limited to 0.45 of the rate.
     pub band_hz: [f64; 2],
     /// Known natural frequencies.
     pub modes: Vec<Mode>,
@@ -82,18 +85,19 @@ pub struct WatchConfig {
     pub least_amplitude_n: f64,
     /// No moment line below this amplitude is ever reported, Nm.
     pub least_amplitude_nm: f64,
-    /// The sensor's full scale, N, for forces; infinite where not known.
+    /// The sensor's full scale, N, for forces; infinite if unknown.
     pub full_scale_n: f64,
-    /// The sensor's full scale, Nm, for moments; infinite where not known.
+    /// The sensor's full scale, Nm, for moments; infinite if unknown.
     pub full_scale_nm: f64,
     /// Mains frequency, Hz; `None`: 50 and 60 are both possible.
     pub mains_hz: Option<f64>,
-    /// Scales the power over the floor that makes a line, 0.25 to 10: 1 is what the figures were measured at, less
-    /// finds weaker lines and raises false alarms more often.
+    /// Scales the power over the floor that counts as a line, 0.25 to 10: 1 is the value of the
+    /// published figures; lower values find weaker lines and raise more false alarms.
     pub threshold: f64,
-    /// How long the noise floor is learned before anything is reported, s, 0.5 to 60, the first window included. Default 0.9: a second of
-    /// air suffices, with 0.1 s to spare for the delay of the filters and for a cut that begins early. At least seven windows of the low
-    /// branch (0.9 s) are taken in any case.
+    /// Duration in which the noise floor is learned before anything is reported, s, 0.5 to 60,
+    /// including the first window. Default 0.9: a second of air suffices, with 0.1 s of margin for
+    /// the delay of the filters and for a cut that begins early. At least seven windows of the low
+    /// branch (0.9 s) are used in any case.
     pub learn_s: f64,
     /// Limits by which lines are judged.
     pub rules: Rules,
@@ -131,10 +135,10 @@ pub enum ConfigError {
         key: &'static str,
         /// What it was.
         value: f64,
-        /// The allowed range, in words.
+        /// The allowed range, as text.
         expected: &'static str,
     },
-    /// The band is empty, reversed, or above what the rate can carry.
+    /// The band is empty, reversed, or above the limit of the rate.
     #[error(
         "vibration monitor: band_hz is {low_hz} to {high_hz} Hz, expected low < high and low < 0.45 of the rate {rate_hz} Hz; \
          lower the band or sample faster"
@@ -160,7 +164,7 @@ pub enum ConfigError {
         /// Damping ratio.
         damping: f64,
     },
-    /// A wheel without a usable number of turns.
+    /// A gear shaft or mesh with an invalid number of turns.
     #[error(
         "vibration monitor: wheel {index} turns {cycles_per_mm} times per mm, expected a finite number above 0"
     )]
@@ -240,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn every_impossible_setting_is_refused_by_name() {
+    fn every_impossible_setting_is_refused_with_the_reason() {
         let good = WatchConfig::default;
         let bad = [
             WatchConfig { rate_hz: f64::NAN, ..good() },

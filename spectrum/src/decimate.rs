@@ -1,10 +1,10 @@
 //! From the sensor's rate down to about 1.25 kHz: one-revolution average and anti-alias filter.
 //!
-//! Both are convolved into one FIR, evaluated only where an output falls. The average spans
-//! exactly one spindle revolution (a fraction of a sample included, by integrating the straight
-//! line between samples), so that runout, tooth passing and all their multiples vanish. The
-//! filter passes the low band and stops what would fold into it. A new speed costs one pass over
-//! the coefficients and no allocation.
+//! Both are convolved into one FIR filter, evaluated at the output samples only. The average covers
+//! exactly one spindle revolution (including a fraction of a sample, by linear interpolation), so
+//! that runout, tooth passing and all their multiples vanish. The filter passes the low band and
+//! attenuates what would alias into it. A new speed costs one pass over the coefficients and no
+//! allocation.
 //!
 //! Source: Kaiser 1974 for the window; attenuation 70 dB. Holds for speeds steady over a revolution.
 
@@ -61,7 +61,7 @@ impl FrontEnd {
         self.factor
     }
 
-    /// Longest run of samples that the filter may ask for.
+    /// Longest run of samples that the filter may need.
     pub(crate) fn longest(&self) -> usize {
         self.taps.len()
     }
@@ -71,8 +71,8 @@ impl FrontEnd {
         self.used
     }
 
-    /// Takes a spindle speed, rev/s. Zero, or a speed whose average would swallow the low band,
-    /// leaves the anti-alias filter alone. Says whether the filter changed.
+    /// Sets the spindle speed, rev/s. For zero, or a speed whose average would attenuate the low
+    /// band, only the anti-alias filter is used. Returns whether the filter changed.
     pub(crate) fn set_spindle(&mut self, spindle_hz: f64) -> bool {
         let usable = spindle_hz >= slowest_comb_hz(self.pass_hz) && spindle_hz < 0.5 * self.rate_hz;
         let revolution = if usable { self.rate_hz / spindle_hz } else { 0.0 };
@@ -93,9 +93,9 @@ impl FrontEnd {
         self.taps[..self.used].copy_from_slice(&self.low_pass);
     }
 
-    /// Average of the line between samples over `revolution` samples, convolved with the filter.
-    /// The average's weights are ½, 1, …, 1, ½+f−f²/2, f²/2 over the revolution: one run of ones and
-    /// four corrections, so that cumulative sums do the convolution in one pass.
+    /// Average of the interpolated signal over `revolution` samples, convolved with the filter. The
+    /// average's weights are ½, 1, …, 1, ½+f−f²/2, f²/2 over the revolution: a run of ones and four
+    /// corrections, so that cumulative sums compute the convolution in one pass.
     fn convolve(&mut self, revolution: f64) {
         let whole = revolution.floor() as usize;
         let f = revolution - revolution.floor();
@@ -119,7 +119,8 @@ impl FrontEnd {
     /// One output from the newest [`Self::taps`] samples, oldest first.
     #[inline]
     pub(crate) fn output(&self, samples: &[f64]) -> f64 {
-        // The taps run from newest to oldest; the symmetric filter hides it, the average's end does not.
+        // The taps run from newest to oldest; this matters for the average, not for the symmetric
+        // filter.
         let mut lanes = [0.0_f64; 4];
         let taps = &self.taps[..self.used];
         let quads = taps.len() / 4 * 4;
@@ -140,7 +141,7 @@ impl FrontEnd {
     }
 }
 
-/// Slower spindles than this are left to the classifier: the average would swallow the low band.
+/// Slower spindles are left to the classification: the average would attenuate the low band.
 fn slowest_comb_hz(pass_hz: f64) -> f64 {
     1.5 * pass_hz
 }
@@ -195,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn what_would_fold_into_the_low_band_is_stopped_by_70_db() {
+    fn frequencies_that_alias_into_the_low_band_are_attenuated_by_70_db() {
         for rate_hz in [2500.0, 10_000.0, 51_200.0] {
             let front = FrontEnd::new(rate_hz, 160.0);
             let low_rate_hz = rate_hz / front.factor() as f64;

@@ -49,7 +49,7 @@ impl Ellipse {
         if self.stokes[0] > 0.0 { self.stokes[3] / self.stokes[0] } else { 0.0 }
     }
 
-    /// Whether the force keeps turning one way round an ellipse.
+    /// Whether the force vector keeps moving on an ellipse in one sense.
     pub(crate) fn turns(&self) -> bool {
         self.is_known() && self.coherence() > 0.8 && self.roundness().abs() > 0.5
     }
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn circle_line_and_wandering_pair_are_told_apart() {
+    fn circle_line_and_wandering_pair_are_distinguished() {
         let turn = |angle: f64| Complex::from_polar(2.0, angle);
         let circle = averaged(|k| (turn(f64::from(k)), turn(f64::from(k) - FRAC_PI_2)));
         assert!(circle.turns() && circle.roundness().abs() > 0.99);

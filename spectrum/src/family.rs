@@ -1,24 +1,29 @@
-//! Chatter and its sidebands: lines that stand whole multiples of the spindle's speed apart are one event.
+//! Chatter and its sidebands: lines at distances of whole multiples of the spindle speed are one
+//! event.
 //!
-//! Teeth cut only part of the turn, so that a chatter at `f` also shows at `|n f + k f_spindle|` (`n` = ±1 to ±3), often stronger in the
-//! force than at `f` itself. The line near a structural mode is the chatter (Insperger et al. 2003); among several, or without a known mode,
-//! the one that has alarmed already, and before any has, the strongest. The others stay warnings. Where the speed is not known, there are no families.
+//! Teeth cut only part of the turn, so that a chatter at `f` also appears at `|n f + k f_spindle|`
+//! (`n` = ±1 to ±3), often stronger in the force than at `f` itself. The line near a structural
+//! mode is the chatter (Insperger et al. 2003); among several, or without a known mode, the one
+//! already in alarm, otherwise the strongest. The others remain warnings. Without a known speed,
+//! lines are not grouped.
 
 use crate::track::{TRACKS, Track, Tracks};
 use crate::verdict::{Class, State};
 
-/// A line belongs to a family within so much, Hz: an eighth of the cell of the window of 40 ms, as a line that just begins stands.
+/// Tolerance for a line of a family, Hz: an eighth of the cell of the window of 40 ms, the accuracy
+/// of a new line.
 const WITHIN_HZ: f64 = 3.0;
 /// Multiples of a slow spindle lie everywhere: a line counts within this part of their distance.
 const WITHIN_PART: f64 = 0.12;
-/// A line away from all known modes waits so long for one near a mode, s: the sidebands of a sudden chatter come up to 70 ms before it
-/// (`cuts 40 1`).
+/// Delay of a line away from all known modes, waiting for one near a mode, s: the sidebands of a
+/// sudden chatter appear up to 70 ms before it (`cuts 40 1`).
 const WAITS_S: f64 = 0.1;
-/// Multiples of the chatter about which its sidebands stand.
+/// Multiples of the chatter with sidebands.
 const MULTIPLES: [f64; 6] = [1.0, -1.0, 2.0, -2.0, 3.0, -3.0];
 
-/// Holds the sidebands of the chatter back to warnings, and what is not near a mode for a moment; `near_mode` says how near to a known mode a
-/// line stands: 2 near it, 1 within the reach of its chatter, 0 else.
+/// Limits the sidebands of the chatter to warnings, and delays lines that are not near a mode;
+/// `near_mode` returns how close to a known mode a line is: 2 near it, 1 within the range of its
+/// chatter, 0 otherwise.
 pub(crate) fn hold_sidebands_back(
     tracks: &mut Tracks,
     spindle_hz: f64,

@@ -13,17 +13,17 @@ pub enum Fault {
     NotFinite,
     /// The very same value, not zero, for 100 ms.
     Stuck,
-    /// Samples at the sensor's full scale, or flat tops where that is not known.
+    /// Samples at the sensor's full scale, or flat tops if that is unknown.
     Saturated,
-    /// Nothing but zero for 100 ms, or no noise beside channels of its kind that have some.
+    /// Only zeros for 100 ms, or no noise while channels of its kind have some.
     Dead,
     /// Blocks were lost, or time jumped.
     Gap,
-    /// The rate is not the configured one, by the block's own word or by its times.
+    /// The rate is not the configured one, as stated by the block or by its times.
     WrongRate,
-    /// The number of channels or samples does not fit.
+    /// The number of channels or samples is wrong.
     WrongShape,
-    /// A block came twice, or after a later one.
+    /// A block was repeated, or arrived after a later one.
     OutOfOrder,
 }
 
@@ -93,7 +93,8 @@ impl Faults {
         Fault::ALL.into_iter().filter(move |&fault| self.contains(fault))
     }
 
-    /// Whether the channel stood still: its samples, and what was learned of its noise, mean nothing.
+    /// Whether the channel stood still: its samples, and the noise learned from them, are
+    /// meaningless.
     pub(crate) fn is_still(self) -> bool {
         self.contains(Fault::Stuck) || self.contains(Fault::Dead)
     }
@@ -113,7 +114,7 @@ impl fmt::Debug for Faults {
 /// The state of sensor and stream, with counts since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Health {
-    /// Blocks taken.
+    /// Blocks accepted.
     pub blocks: u64,
     /// Blocks refused for their rate, their shape or their order.
     pub refused_blocks: u64,
@@ -121,7 +122,7 @@ pub struct Health {
     pub restarts: u64,
     /// Gaps seen.
     pub gaps: u64,
-    /// Blocks lost in gaps, as far as the sequence tells.
+    /// Blocks lost in gaps, by the sequence numbers.
     pub lost_blocks: u64,
     /// Samples per channel lost in gaps, as far as the sender counts them.
     pub lost_samples: u64,
@@ -129,13 +130,13 @@ pub struct Health {
     pub not_finite_samples: u64,
     /// Samples at full scale.
     pub saturated_samples: u64,
-    /// Verdicts that found no place in a block's list.
+    /// Verdicts dropped because a block's list was full.
     pub dropped_verdicts: u64,
     /// Faults of the stream, in the last second.
     pub stream: Faults,
     /// Faults of each channel, in the last second.
     pub channel: [Faults; CHANNELS_MAX],
-    /// The noise floor is still being learned: nothing is reported yet.
+    /// Whether the noise floor is still being learned: nothing is reported yet.
     pub learning: bool,
 }
 
@@ -147,9 +148,9 @@ impl Health {
     }
 }
 
-/// Flat run that counts as a clipped top where the full scale is not known.
+/// Length of a flat run that counts as clipping if the full scale is unknown.
 const FLAT_TOP_SAMPLES: u32 = 8;
-/// Flat tops in a second that make a saturation.
+/// Flat tops per second that count as saturation.
 const FLAT_TOPS: u32 = 3;
 
 /// Watches the samples of one channel.
@@ -183,7 +184,7 @@ impl ChannelCheck {
         }
     }
 
-    /// Takes a sample; returns what may enter the windows.
+    /// Checks a sample; returns the value for the windows.
     #[inline]
     pub(crate) fn take(&mut self, sample: f64) -> f64 {
         if sample.is_nan() || sample.abs() >= 1e30 {
@@ -223,7 +224,7 @@ impl ChannelCheck {
         self.still
     }
 
-    /// Ends a second: says what was seen in it, apart from what needs the other channels.
+    /// Ends a second: returns its faults, except those that depend on the other channels.
     pub(crate) fn close(&mut self) -> Faults {
         let mut faults = Faults::default();
         let flat = self.high > self.low && self.flat_tops.iter().any(|&tops| tops >= FLAT_TOPS);

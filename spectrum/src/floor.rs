@@ -1,8 +1,8 @@
 //! The noise floor of one channel in one window: power of each bin without vibration.
 //!
-//! Two sets, air and cut. A set is first learned as a plain mean; at the end of that, steady lines
-//! (powers that hardly vary, far above their neighbours) are taken out of it, so that a line that
-//! was there from the start is still a line. Then it follows slowly, with single powers clipped.
+//! Two sets, air and cut. A set is first learned as a mean; at the end of learning, steady lines
+//! (powers that hardly vary, far above their neighbours) are removed from it, so that a line that
+//! was present from the start is still a line. Then it follows slowly, with single powers clipped.
 //! Bins near a live line are frozen by the caller. Execution does not allocate.
 
 use crate::surroundings::Surroundings;
@@ -14,10 +14,10 @@ const CLIP: f64 = 3.0;
 const CLIPPED_MEAN: f64 = 0.950_213;
 /// A steady line's power varies by less than this (variance over squared mean; noise has 1). Noise
 /// through a mode of 67 Hz and 3 % damping, in windows of 128 ms learned for 0.77 s, varies less in
-/// 2 of 100 000 bins, with 0.15 in 1 of 1000: the level then lacks that noise, which is followed as
-/// a line and keeps the level from being learned anew.
+/// 2 of 100 000 bins, with 0.15 in 1 of 1000: the level then lacks that noise, which is tracked as
+/// a line and prevents the level from being learned again.
 const STEADY: f64 = 0.1;
-/// A steady line stands this far above the middle of its neighbours.
+/// A steady line exceeds the median of its neighbours by this factor.
 const CONTRAST: f64 = 6.0;
 
 /// Mean power per bin, learned.
@@ -38,8 +38,8 @@ pub(crate) struct Floor {
 }
 
 impl Floor {
-    /// A floor of `bins` bins, learned over `warm_frames` frames and then followed with a time
-    /// constant of `follow_frames`; `reach` is how many bins a line's main lobe covers to one side.
+    /// A floor of `bins` bins, learned over `warm_frames` frames and then updated with a time
+    /// constant of `follow_frames`; `reach` is the half width of a line's main lobe in bins.
     pub(crate) fn new(bins: usize, warm_frames: u32, follow_frames: f64, reach: usize) -> Self {
         Self {
             level: [vec![0.0; bins], vec![0.0; bins]],
@@ -66,13 +66,13 @@ impl Floor {
         self.learned[0] || self.learned[1]
     }
 
-    /// Whether the floor is the present surroundings' own, not borrowed from the other.
+    /// Whether the floor was learned in the present surroundings, not in the other ones.
     pub(crate) fn is_own(&self) -> bool {
         self.learned[self.set]
     }
 
-    /// The largest mean power that was heard around a bin while the first set was learned: of a line that stood there from the
-    /// start its own power, though the level leaves it out.
+    /// The largest mean power around a bin while the first set was learned: for a line that was
+    /// present from the start, its own power, although the level excludes it.
     pub(crate) fn heard_near(&self, bin: usize) -> f64 {
         let end = (bin + self.reach + 1).min(self.heard.len());
         let lobe = self.heard.get(bin.saturating_sub(self.reach)..end).unwrap_or(&[]);
@@ -94,21 +94,21 @@ impl Floor {
         self.set = set;
     }
 
-    /// Forgets a half-learned mean (after a gap); what is learned stays.
+    /// Discards an unfinished mean (after a gap); learned floors are kept.
     pub(crate) fn restart(&mut self) {
         self.frames = 0;
         self.sum.fill(0.0);
         self.sum_of_squares.fill(0.0);
     }
 
-    /// Forgets everything, to be learned anew.
+    /// Clears everything, to be learned again.
     pub(crate) fn forget(&mut self) {
         self.learned = [false; 2];
         self.restart();
     }
 
-    /// Learns from one frame of powers; `frozen` are the runs of bins that belong to live lines, and
-    /// `gain` how much louder than the floor the whole frame is.
+    /// Updates with one frame of powers; `frozen` are the runs of bins that belong to live lines,
+    /// and `gain` the ratio of the whole frame to the floor.
     pub(crate) fn learn(&mut self, power: &[f64], gain: f64, frozen: &[Range<usize>]) {
         if !self.learned[self.set] {
             let is_frozen = |bin: usize| frozen.iter().any(|run| run.contains(&bin));
@@ -178,7 +178,7 @@ impl Floor {
         }
     }
 
-    /// Middle power of the neighbours, the line's own lobe left out.
+    /// Median power of the neighbours, without the line's own lobe.
     fn middle_around(&mut self, bin: usize, n: f64) -> f64 {
         let span = 6 * self.reach;
         let mut count = 0;
@@ -205,7 +205,7 @@ pub(crate) fn middle(values: &mut [f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// A number of the exponential distribution with mean 1, from a fixed linear congruence.
+    /// An exponentially distributed number with mean 1, by a linear congruential generator.
     fn exponential(state: &mut u64) -> f64 {
         *state =
             state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

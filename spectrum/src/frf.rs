@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 pub struct Hit<'a> {
     /// Hammer force, N.
     pub force: &'a [f64],
-    /// Response, in the unit that its kind says.
+    /// Response, in the unit of its kind.
     pub response: &'a [f64],
 }
 
@@ -30,7 +30,7 @@ pub enum Response {
 }
 
 impl Response {
-    /// How often a displacement was derived by time to give this.
+    /// Number of time derivatives of a displacement.
     fn order(self) -> i32 {
         match self {
             Self::Displacement => 0,
@@ -43,14 +43,14 @@ impl Response {
 /// Which noise averages out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Estimator {
-    /// Noise on the response; noise on the force makes it too small.
+    /// Assumes noise on the response; noise on the force makes it too small.
     #[default]
     H1,
-    /// Noise on the force; noise on the response makes it too large.
+    /// Assumes noise on the force; noise on the response makes it too large.
     H2,
 }
 
-/// Fewest hits whose coherence means anything.
+/// Least number of hits for a meaningful coherence.
 pub const COHERENCE_HITS: usize = 3;
 
 /// Impacts that give no response function.
@@ -76,7 +76,7 @@ pub enum FrfError {
     /// The sampling rate cannot be.
     #[error("tap test: sampling rate {rate_hz} Hz, expected a finite rate above 0")]
     Rate {
-        /// Rate given, Hz.
+        /// The rate given, Hz.
         rate_hz: f64,
     },
 }
@@ -101,8 +101,8 @@ pub struct Frf {
     pub window_decay_per_s: f64,
 }
 
-/// Response function of several hits, each as it is: records hold the whole ring-down, or are windowed already (then
-/// set [`Frf::window_decay_per_s`]).
+/// Response function of several hits without windows: records contain the whole ring-down, or are
+/// already windowed (then set [`Frf::window_decay_per_s`]).
 ///
 /// # Errors
 /// No hit, unequal lengths, or an impossible rate.
@@ -122,7 +122,7 @@ pub fn frf(hits: &[Hit<'_>], rate_hz: f64, response: Response) -> Result<Frf, Fr
         }
         let transform = |samples: &[f64]| {
             let mut output = plan.make_output_vec();
-            // The lengths are the plan's own, so that it cannot refuse them.
+            // The lengths are those of the plan, so that it cannot return an error.
             let _ = plan.process(&mut samples.to_vec(), &mut output);
             output
         };
@@ -149,7 +149,8 @@ pub fn frf(hits: &[Hit<'_>], rate_hz: f64, response: Response) -> Result<Frf, Fr
 }
 
 impl Frf {
-    /// A function that was measured elsewhere, taken as it is: both estimators are it, and there is no coherence.
+    /// A response function measured elsewhere: both estimators are equal to it, and there is no
+    /// coherence.
     #[must_use]
     pub fn given(frequency_hz: Vec<f64>, h: Vec<Complex<f64>>, response: Response) -> Self {
         let (h1, h2) = (h.clone(), h);

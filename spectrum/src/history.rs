@@ -31,7 +31,7 @@ impl History {
         self.filled = (self.filled + 1).min(self.capacity);
     }
 
-    /// The newest `n` samples, oldest first; `None` while fewer have come.
+    /// The newest `n` samples, oldest first; `None` if there are fewer.
     #[inline]
     pub(crate) fn newest(&self, n: usize) -> Option<&[f64]> {
         if n > self.filled {

@@ -18,19 +18,21 @@ const CLOSE_MODES: f64 = 0.15;
 const SUSPECT_HZ: f64 = 2.0;
 /// A line this near to a multiple of the mains frequency may be electrical, Hz.
 const MAINS_HZ: f64 = 0.3;
-/// A line that was there in air for so long is there in air, s; less may be a cut that is not yet told from air.
+/// A line present in air for this long counts as present in air, s; a shorter time may be a cut not
+/// yet recognised.
 const AIR_S: f64 = 0.2;
-/// Gears beyond this many cycles per mm do not exist: at most 2000 teeth meet in a turn of a joint (the pinion of the reference
-/// robot's joint 5: 26 · 63.7), thrice for the third multiple, on a lever of at least 0.2 m: 6000 / (2π · 200 mm).
+/// Largest possible number of gear cycles per mm: at most 2000 tooth meshes per turn of a joint
+/// (the pinion of the reference robot's joint 5: 26 · 63.7), times three for the third multiple, at
+/// a lever arm of at least 0.2 m: 6000 / (2π · 200 mm).
 const GEAR_CYCLES_PER_MM: f64 = 5.0;
-/// Feeds must differ by this part before a line can be said to follow them.
+/// Relative change of the feed required before a line can be said to follow it.
 const FEED_CHANGE: f64 = 0.1;
-/// A line's frequency counts for a feed once both have stood this long, s.
+/// A line's frequency counts for a feed once both have been constant for this long, s.
 const FEED_SETTLED_S: f64 = 0.3;
 /// Lines remembered for the feed they were seen at.
 const MEMORY: usize = 16;
 
-/// Where lines stood at the feeds of before.
+/// Frequencies of lines at previous feeds.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct FeedMemory {
     seen: [(f64, f64); MEMORY],
@@ -44,7 +46,7 @@ impl FeedMemory {
         self.next = (self.next + 1) % MEMORY;
     }
 
-    /// Remembers where a line stood at a feed that is now left, or at which the line ends.
+    /// Stores the frequency of a line at a feed that changes, or at which the line ends.
     pub(crate) fn note(&mut self, track: &mut Track, feed_mm_s: f64, now_s: f64) {
         let (at_feed, since_s) = track.feed;
         if (feed_mm_s - at_feed).abs() > 0.05 * at_feed {
@@ -59,7 +61,7 @@ impl FeedMemory {
         }
     }
 
-    /// Whether a line follows the feed (`Some(true)`), stays (`Some(false)`), or cannot be told.
+    /// Whether a line follows the feed (`Some(true)`), is constant (`Some(false)`), or unknown.
     fn follows(&self, feed_mm_s: f64, frequency_hz: f64, uncertainty_hz: f64) -> Option<bool> {
         let tolerance = 0.02 + uncertainty_hz / frequency_hz;
         let other = self.seen.iter().filter(|(feed, _)| {
@@ -87,12 +89,12 @@ pub(crate) struct Context<'a> {
     pub(crate) feeds: &'a FeedMemory,
     /// A line was called electrical.
     pub(crate) hums: bool,
-    /// Air and cut are told apart, by the cell or by the force level.
+    /// Whether air and cut are distinguished, by the cell or by the force level.
     pub(crate) knows_air: bool,
 }
 
 impl Context<'_> {
-    /// Sets a line's class, rivals and ceiling from what is known now.
+    /// Sets a line's class, rivals and highest state from the present evidence.
     pub(crate) fn classify(&self, track: &mut Track) {
         let evidence = self.evidence(track);
         (track.class, track.rivals) = classify(&evidence);
@@ -103,13 +105,14 @@ impl Context<'_> {
         track.wheel = is_gear.then(wheel).flatten();
     }
 
-    /// Whether a line stands near a known mode.
+    /// Whether a line is near a known mode.
     pub(crate) fn is_near_mode(&self, track: &Track) -> bool {
         let (f, uncertainty_hz) = (track.frequency_hz, track.uncertainty_hz());
         self.config.modes.iter().any(|mode| is_near(mode.frequency_hz, f, uncertainty_hz))
     }
 
-    /// How near to a known mode a line stands: 2 near it, 1 where a chatter of that mode may still stand, 0 else.
+    /// How close to a known mode a line is: 2 near it, 1 within the range of a chatter of that
+    /// mode, 0 otherwise.
     pub(crate) fn nearness(&self, track: &Track) -> u8 {
         let f = track.frequency_hz;
         let pulled = |mode_hz: f64| (f / mode_hz - 1.0).abs() < CLOSE_MODES;
@@ -224,7 +227,8 @@ impl Context<'_> {
     }
 }
 
-/// Whether a line was there in air for long, or for most of its life: one that arises in air is nothing that the cut excites.
+/// Whether a line was present in air for long, or for most of its life: a line that arises in air
+/// is not excited by the cut.
 fn lives_in_air(track: &Track) -> bool {
     track.air_s > AIR_S.min(0.5 * (track.alive_s - track.born_s))
 }
@@ -238,7 +242,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_that_follows_the_feed_is_told_from_one_that_stays() {
+    fn a_line_that_follows_the_feed_is_distinguished_from_a_constant_one() {
         let mut memory = FeedMemory::default();
         assert_eq!(memory.follows(10.0, 60.0, 0.2), None);
         memory.remember(5.0, 30.0);

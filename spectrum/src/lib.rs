@@ -1,8 +1,8 @@
 //! Windows, transforms, floors, peaks and verdicts on vibration; offline, FRF and surface profiles.
 //!
-//! Contract: no dependency on other crates of the workspace. No IPC, no clock, no file, no log. Planning can
-//! allocate ([`Watch::new`]); execution ([`Watch::push`]) neither allocates nor panics, so
-//! that the vibration thread can call it in real time.
+//! No dependency on other crates of the workspace. No IPC, no clock, no file, no log. Planning can
+//! allocate ([`Watch::new`]); execution ([`Watch::push`]) neither allocates nor panics, so that the
+//! vibration thread can call it in real time.
 //!
 //! Path of a sample: [`Block`] → sensor checks → one-revolution average and decimation → Hann
 //! windows of several lengths → power over a learned floor → peaks that two or three disjoint

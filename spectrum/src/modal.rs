@@ -26,28 +26,29 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 pub use merge::{Merged, merged};
 pub use unresolved::{Unresolved, unresolved};
 
-/// Least coherence at a mode, unless asked otherwise (thesis 4.6.2).
+/// Default of the least coherence at a mode (thesis 4.6.2).
 pub const LEAST_COHERENCE: f64 = 0.75;
 /// More damping than any mode has that shows a peak.
 const DAMPING_MAX: f64 = 0.3;
-/// The band of a fit reaches so many half widths to either side of a mode; the others tell how far that matters.
+/// Half width of the band of a fit, in half widths of a mode; other values show how much it
+/// matters.
 const REACH: f64 = 3.0;
 const REACH_OTHER: [(f64, usize); 4] = [(2.0, 1), (2.0, 2), (4.5, 2), (4.5, 3)];
-/// Degree of the polynomial beside the modes.
+/// Degree of the background polynomial.
 const DEGREE: usize = 2;
 /// Fewest bins to either side.
 const BINS_LEAST: f64 = 7.0;
 /// The band's reach, as a part of the frequency, is not wider.
 const WIDEST: f64 = 0.3;
-/// The residue of a mode is known better than this part of it.
+/// Largest relative uncertainty of the residue of a mode.
 const RESIDUE_SIGMA_MAX: f64 = 0.2;
 /// Modes fitted together at most.
 const TOGETHER: usize = 5;
-/// A further mode within one peak: what the fit left before it, at least; what it leaves of that, at most; and how
-/// well its residue is known.
+/// Criteria for a further mode within one peak: least residual before it, largest residual after it
+/// relative to that, and largest relative uncertainty of its residue.
 const SPLIT: (f64, f64, f64) = (0.02, 0.4, 0.07);
 
-/// A measured receptance, and what it may be asked.
+/// A measured receptance, and the options of its evaluation.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured<'a> {
     /// Frequencies, Hz, growing.
@@ -56,7 +57,8 @@ pub struct Measured<'a> {
     pub receptance: &'a [Complex<f64>],
     /// Coherence at each, 0 to 1, where there is one.
     pub coherence: Option<&'a [f64]>,
-    /// Decay of the exponential window that it was measured under, 1/s; 0 for none. It is taken out of the damping.
+    /// Decay of the exponential window of the measurement, 1/s; 0 for none. It is subtracted from
+    /// the damping.
     pub window_decay_per_s: f64,
     /// Least time from one hit to the next in one record, s, where hits before may still ring; `None` where none can.
     pub between_hits_s: Option<f64>,
@@ -85,11 +87,12 @@ pub struct FittedMode {
     pub phase_rad: f64,
     /// Coherence at the mode.
     pub coherence: Option<f64>,
-    /// What is left of the mode's ringing when the next hit comes, as a part of its beginning.
+    /// Remaining vibration of the mode at the next hit, relative to its start.
     pub carried: f64,
-    /// The three signs show it; else it is seen by the fit alone, on a neighbour's flank or within its peak.
+    /// Whether the three signs show it; otherwise it is found by the fit only, on a neighbour's
+    /// flank or within its peak.
     pub by_signs: bool,
-    /// Root mean square of what the fit leaves, over that of the receptance in its band.
+    /// Root mean square residual of the fit, relative to the receptance in its band.
     pub residual: f64,
 }
 
@@ -100,7 +103,7 @@ impl FittedMode {
         self.mass_kg * (TAU * self.frequency_hz).powi(2)
     }
 
-    /// Time from one hit to the next after which so small a part of the ringing is left, s.
+    /// Time from one hit to the next after which only the share `left` of the vibration remains, s.
     #[must_use]
     pub fn rings_s(&self, left: f64) -> f64 {
         -left.ln() / (TAU * self.frequency_hz * self.damping)
@@ -113,7 +116,7 @@ impl FittedMode {
     }
 }
 
-/// Where a mode is looked for, and whether the three signs show it.
+/// Start value of a mode, and whether the three signs show it.
 #[derive(Clone, Copy, Debug)]
 struct Start {
     at_hz: Complex<f64>,
@@ -122,7 +125,8 @@ struct Start {
 
 /// Finds and fits the modes of a receptance within a band, lowest first.
 ///
-/// `frequency_hz`, `receptance` and, where given, `coherence` belong together; the shortest counts.
+/// `frequency_hz`, `receptance` and, if given, `coherence` belong together; the shortest length is
+/// used.
 #[must_use]
 pub fn modes(measured: &Measured<'_>, band_hz: [f64; 2], least_coherence: f64) -> Vec<FittedMode> {
     let measured = measured.trimmed();
@@ -162,22 +166,22 @@ impl Measured<'_> {
         }
     }
 
-    /// How far the band of a pole reaches to either side, Hz: so many half widths.
+    /// Half width of a pole's band, Hz: `widths` half widths.
     fn reach_hz(&self, pole_hz: Complex<f64>, widths: f64) -> f64 {
         (widths * pole_hz.im).min(WIDEST * pole_hz.re).max(BINS_LEAST * self.bin_hz())
     }
 
-    /// The band of some poles, each with so many half widths to either side.
+    /// The band of some poles, each with `widths` half widths to either side.
     fn band(&self, poles: &[Complex<f64>], widths: f64) -> Option<Band> {
         let from = poles.iter().map(|p| p.re - self.reach_hz(*p, widths));
         let to = poles.iter().map(|p| p.re + self.reach_hz(*p, widths));
         let (from, to) = (from.fold(f64::INFINITY, f64::min), to.fold(0.0, f64::max));
-        // The first bin holds no receptance unless displacements were measured.
+        // The first bin contains no receptance unless displacements were measured.
         Band::of(self.frequency_hz, self.receptance, from.max(self.bin_hz()), to)
     }
 
-    /// Where the fits of a peak's modes begin: one mode by itself, else with the other peaks of its band, else two modes
-    /// within one peak; none where no fit holds.
+    /// Start values of a peak's modes: one mode by itself, otherwise with the other peaks of its
+    /// band, otherwise two modes within one peak; `None` if no fit is valid.
     fn starts(&self, peak: &peaks::Peak, all: &[peaks::Peak]) -> Vec<Start> {
         if let Some(pole) = self.alone(peak) {
             return vec![Start { at_hz: pole.at_hz, by_signs: peak.changes_sign }];
@@ -260,7 +264,7 @@ impl Measured<'_> {
         self.band(poles, reach)?.poles_from(poles, degree)
     }
 
-    /// The fit with further modes, as long as each makes it far better.
+    /// Adds further modes to the fit, as long as each improves it greatly.
     fn split(&self, mut fit: Fit) -> Fit {
         let (rough, better, known) = SPLIT;
         while fit.residual > rough && fit.poles.len() < TOGETHER {
@@ -282,7 +286,7 @@ impl Measured<'_> {
         fit
     }
 
-    /// Whether poles are modes, known so well by their residues, and apart from each other.
+    /// Whether poles are modes, with sufficiently accurate residues, and separate from each other.
     fn are_sound(&self, poles: &[Pole], known: f64) -> bool {
         let apart = |a: &Pole| {
             let others = poles.iter().filter(|b| b.at_hz != a.at_hz);
@@ -311,7 +315,8 @@ impl Measured<'_> {
     fn told(&self, pole: &Pole, spread_hz: f64, by_signs: bool, fit: &Fit) -> FittedMode {
         let (damped_hz, decay_hz) = (pole.at_hz.re, pole.at_hz.im - self.window_decay_per_s / TAU);
         let frequency_hz = damped_hz.hypot(decay_hz);
-        // A record that ends before the mode has rung down moves its pole by as much of its width as is left.
+        // A record that ends before the mode has decayed shifts its pole by the remaining share of
+        // its width.
         let cut_hz = pole.at_hz.im * (-TAU * pole.at_hz.im / self.bin_hz()).exp();
         let sigma_hz = pole.sigma_hz.hypot(spread_hz).hypot(cut_hz);
         // H ≈ A/(ω − p) with A = −1/(2 m ω_d); the residue is over Hz.

@@ -1,7 +1,7 @@
 //! Runs the daemon's vibration monitor on recordings, and finds the lines of their spectra.
 //!
-//! Offline code: it allocates. A recording consists of pieces without gaps; between two pieces the windows of the monitor are
-//! reset, its noise floor is kept.
+//! Offline code: it allocates. A recording consists of pieces without gaps; between two pieces the
+//! windows of the monitor are reset, its noise floor is kept.
 
 mod lines;
 mod process;
@@ -18,7 +18,7 @@ use crate::watch::Watch;
 pub use lines::{Averaged, Averaging, Line, line_near};
 pub use process::{path_mm, speed_of_pulses, speed_on};
 
-/// Length of a block that is handed to the watch, s: about what a sensor sends.
+/// Length of a block passed to the monitor, s: as from a typical sensor.
 const BLOCK_S: f64 = 0.005;
 
 /// A run of samples without a hole.
@@ -30,18 +30,18 @@ pub struct Piece<'a> {
     pub channels: &'a [&'a [f64]],
 }
 
-/// A verdict and when it was said.
+/// A verdict and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
-    /// The piece that it was said in, from 0.
+    /// The piece of the recording, from 0.
     pub piece: usize,
     /// Time in the recording, s.
     pub t_s: f64,
-    /// What was said.
+    /// The verdict.
     pub verdict: Verdict,
 }
 
-/// Something wrong with a channel, and how long.
+/// A fault of a channel, and its duration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Finding {
     /// The channel, from 0; `None`: the stream.
@@ -54,51 +54,52 @@ pub struct Finding {
     pub to_s: f64,
 }
 
-/// What the watch said of a recording.
+/// Result of the monitor for a recording.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Heard {
-    /// Everything that it said, in order.
+pub struct MonitorResult {
+    /// All verdicts, in order.
     pub events: Vec<Event>,
-    /// What it found wrong with the channels.
+    /// All faults of channels.
     pub findings: Vec<Finding>,
-    /// Verdicts that found no place.
+    /// Number of verdicts dropped.
     pub dropped: u64,
-    /// The recording was too short for the noise floor to be learned: nothing could be said.
+    /// The recording was too short for the noise floor to be learned: nothing could be reported.
     pub still_learning: bool,
 }
 
-/// Hands a recording to a watch in blocks; `process` tells the state at a sample of a piece. Pieces whose channels do not
-/// fit the watch are refused by it, and found as a fault of the stream.
-pub fn hear(
+/// Passes a recording to a monitor in blocks; `process` gives the state at a sample of a piece.
+/// Pieces whose channels do not fit the monitor are refused by it, and reported as a fault of the
+/// stream.
+pub fn run_monitor(
     watch: &mut Watch,
     rate_hz: f64,
     pieces: &[Piece<'_>],
     mut process: impl FnMut(usize, usize) -> ProcessState,
-) -> Heard {
-    let mut hearing = Hearing::new(watch, rate_hz);
+) -> MonitorResult {
+    let mut run = MonitorRun::new(watch, rate_hz);
     for (number, piece) in pieces.iter().enumerate() {
         let length = piece.channels.iter().map(|channel| channel.len()).min().unwrap_or(0);
-        hearing.begin(piece.start_s, piece.channels.len());
+        run.begin(piece.start_s, piece.channels.len());
         let samples: Vec<f64> =
             (0..length).flat_map(|at| piece.channels.iter().map(move |c| c[at])).collect();
-        hearing.push(&samples, |sample| process(number, sample));
-        hearing.end(|sample| process(number, sample));
+        run.push(&samples, |sample| process(number, sample));
+        run.end(|sample| process(number, sample));
     }
-    hearing.finish()
+    run.finish()
 }
 
-/// A watch over a recording whose samples come in parts.
-pub struct Hearing<'w> {
+/// A monitor on a recording whose samples come in parts.
+pub struct MonitorRun<'w> {
     watch: &'w mut Watch,
     rate_hz: f64,
-    heard: Heard,
+    result: MonitorResult,
     state: Option<ProcessState>,
     /// Frames handed over, of all pieces.
     done: u64,
     piece: Run,
 }
 
-/// The piece that is being heard.
+/// The piece being analysed.
 #[derive(Default)]
 struct Run {
     /// Its number from 1; 0 before the first.
@@ -113,21 +114,21 @@ struct Run {
     held: Vec<f64>,
 }
 
-impl<'w> Hearing<'w> {
-    /// Nothing heard yet.
+impl<'w> MonitorRun<'w> {
+    /// Before the first piece.
     pub fn new(watch: &'w mut Watch, rate_hz: f64) -> Self {
-        let (heard, piece) = (Heard::default(), Run::default());
-        Self { watch, rate_hz, heard, state: None, done: 0, piece }
+        let (result, piece) = (MonitorResult::default(), Run::default());
+        Self { watch, rate_hz, result, state: None, done: 0, piece }
     }
 
-    /// Begins a piece of so many channels; time of its first sample, s.
+    /// Begins a piece with a number of channels; time of its first sample, s.
     pub fn begin(&mut self, start_s: f64, channels: usize) {
         let number = self.piece.number + 1;
         let start_ns = to_ns(self.done, self.rate_hz);
         self.piece = Run { number, start_s, start_ns, channels, ..Run::default() };
     }
 
-    /// Takes the piece's next samples, those of one time beside each other; `process` tells the state at a sample.
+    /// Adds the piece's next samples, interleaved; `process` gives the state at a sample.
     pub fn push(&mut self, samples: &[f64], mut process: impl FnMut(usize) -> ProcessState) {
         let block = ((BLOCK_S * self.rate_hz) as usize).max(1) * self.piece.channels.max(1);
         let mut rest = samples;
@@ -139,24 +140,24 @@ impl<'w> Hearing<'w> {
         self.piece.held.extend_from_slice(rest);
     }
 
-    /// Ends the piece: hands over what is left of it.
+    /// Ends the piece: passes the remaining samples.
     pub fn end(&mut self, mut process: impl FnMut(usize) -> ProcessState) {
         if !self.piece.held.is_empty() {
             self.hand_over(process(self.piece.frames));
         }
     }
 
-    /// What was heard.
+    /// The result, after the last piece.
     #[must_use]
-    pub fn finish(mut self) -> Heard {
+    pub fn finish(mut self) -> MonitorResult {
         let health = self.watch.health();
-        self.heard.dropped = health.dropped_verdicts;
-        self.heard.still_learning = health.learning;
-        self.heard
+        self.result.dropped = health.dropped_verdicts;
+        self.result.still_learning = health.learning;
+        self.result
     }
 
     fn hand_over(&mut self, now: ProcessState) {
-        let Self { watch, rate_hz, heard, state, done, piece } = self;
+        let Self { watch, rate_hz, result, state, done, piece } = self;
         if *state != Some(now) {
             watch.process_state(now);
             *state = Some(now);
@@ -164,7 +165,7 @@ impl<'w> Hearing<'w> {
         let number = piece.number.saturating_sub(1);
         let frames = piece.held.len() / piece.channels.max(1);
         let block = Block {
-            // What lies between two pieces is known to be missing: each is a run of its own.
+            // The gap between two pieces is known: each is a separate session.
             session: number as u64,
             seq: piece.blocks,
             samples_before: None,
@@ -175,9 +176,9 @@ impl<'w> Hearing<'w> {
         };
         let at = |t_ns: u64| piece.start_s + t_ns.saturating_sub(piece.start_ns) as f64 * 1e-9;
         let event = |v: &Verdict| Event { piece: number, t_s: at(v.t_ns), verdict: *v };
-        heard.events.extend(watch.push(&block).iter().map(event));
+        result.events.extend(watch.push(&block).iter().map(event));
         *done += frames as u64;
-        heard.note(watch, at(to_ns(*done, *rate_hz)));
+        result.note(watch, at(to_ns(*done, *rate_hz)));
         piece.frames += frames;
         piece.blocks += 1;
         piece.held.clear();
@@ -188,8 +189,8 @@ fn to_ns(samples: u64, rate_hz: f64) -> u64 {
     (samples as f64 / rate_hz * 1e9).round() as u64
 }
 
-impl Heard {
-    /// Notes what is wrong now; holes between pieces are known and no finding.
+impl MonitorResult {
+    /// Notes present faults; gaps between pieces are known and not reported.
     fn note(&mut self, watch: &Watch, now_s: f64) {
         let health = watch.health();
         let stream = health.stream.iter().filter(|fault| *fault != Fault::Gap).map(|f| (None, f));
@@ -206,9 +207,9 @@ impl Heard {
 }
 
 impl Watch {
-    /// What the watch would say of a line that was there all the time, from where it stands alone: whether it was there in
-    /// air, whether it grew or followed the feed is not asked. A multiple of the speed that is broader than half the
-    /// distance to the next tells nothing: the speed then counts as not known.
+    /// The monitor's verdict on a line that was always present, from its frequency alone: presence
+    /// in air, growth and dependence on the feed are not evaluated. If the line is broader than
+    /// half the distance of two multiples of the speed, the speed counts as unknown.
     #[must_use]
     pub fn verdict_on(&self, axis: Axis, frequency_hz: f64, standing: &Standing) -> Verdict {
         let sighting = Sighting {
@@ -238,7 +239,7 @@ impl Watch {
     }
 }
 
-/// What the process did while a line stood.
+/// State of the process while a line was present.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Standing {
     /// Its middle state.

@@ -1,8 +1,8 @@
-//! Peaks of one spectrum, and whether two disjoint windows tell of the same tone.
+//! Peaks of one spectrum, and whether two disjoint windows contain the same tone.
 //!
-//! A step, a shock or a burst of noise fills a window just as a tone does; but the next window,
-//! which shares no sample with it, then tells another frequency, power or phase.
-//! Source: own simulation, research note on vibration monitoring, section 2.5; the phase test is ours.
+//! A step, a shock or a burst of noise fills a window just as a tone does; but in the next window,
+//! which shares no sample with it, frequency, power or phase differ. Source: own simulation,
+//! research note on vibration monitoring, section 2.5; the phase test is ours.
 
 use crate::window::hann_response;
 use realfft::num_complex::Complex;
@@ -31,7 +31,7 @@ pub(crate) struct Peak {
 /// The peaks of one spectrum, strongest first.
 pub(crate) type Peaks = [Peak; PEAKS];
 
-/// The geometry of a spectrum: which bins there are and how wide a cell is.
+/// The geometry of a spectrum: its bins and the width of a cell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grid {
     /// Width of a bin, Hz.
@@ -48,7 +48,7 @@ impl Grid {
         self.bin_hz * self.bins_per_cell
     }
 
-    /// Place in the spectrum's slice that is nearest to a frequency, if it lies inside `bins`.
+    /// Index in the spectrum's slice nearest to a frequency, if it is inside `bins`.
     pub(crate) fn place(&self, frequency_hz: f64, bins: usize) -> Option<usize> {
         let bin = (frequency_hz / self.bin_hz).round() - self.first as f64;
         (bin >= 0.0 && bin < bins as f64).then_some(bin as usize)
@@ -108,8 +108,8 @@ pub(crate) fn strongest(
     found
 }
 
-/// Drops what a stronger line's edges may have spilt: a tone that begins inside the window leaks as
-/// one over the distance, a tenth of its power at one cell.
+/// Drops possible leakage of a stronger line: a tone that begins inside the window leaks in
+/// proportion to the inverse distance, a tenth of its power at one cell.
 fn drop_leakage(found: &mut Peaks, cell_hz: f64) {
     let all = *found;
     let spilt = |peak: &Peak, by: &Peak| {
@@ -146,8 +146,8 @@ pub(crate) struct Agreement {
 }
 
 impl Agreement {
-    /// Whether three disjoint windows tell of one steady tone: it has not faded (a ring-down has), and
-    /// its phase advances evenly (a wandering or swept line's does not).
+    /// Whether three disjoint windows contain one steady tone: it has not faded (a ring-down has),
+    /// and its phase advances evenly (that of a wandering or swept line does not).
     pub(crate) fn lasts(now: &Peak, then: &Peak, oldest: &Peak) -> bool {
         let stray = (2.0 / now.ratio.min(then.ratio).min(oldest.ratio)).sqrt();
         let bend = wrapped(now.phase_rad - 2.0 * then.phase_rad + oldest.phase_rad);
@@ -155,17 +155,17 @@ impl Agreement {
             && bend.abs() <= (0.4 + 2.0 * stray).min(0.5 * PI)
     }
 
-    /// Whether `then`, one window (of `window_s`) before `now`, tells of the same tone. Returns the
+    /// Whether `then`, one window (of `window_s`) before `now`, contains the same tone. Returns the
     /// frequency refined by the phase between both.
     pub(crate) fn between(&self, now: &Peak, then: &Peak, window_s: f64) -> Option<f64> {
         let distance_cells = (now.frequency_hz - then.frequency_hz).abs() * window_s;
         let weaker = now.ratio.min(then.ratio);
-        // Noise of relative power 1/ratio: what a steady tone's power and phase may stray by.
+        // Noise of relative power 1/ratio: deviation of a steady tone's power and phase.
         let stray = (2.0 / weaker).sqrt();
         let grown = now.power / then.power.max(1e-300);
         let steady = grown >= 0.75 * (1.0 - 2.0 * stray).max(0.3) && grown <= self.growth;
-        // What both hold of one tone, added in phase: noise that is strong in one window alone passes less often
-        // than by the plain sum of powers.
+        // The common tone of both, added in phase: noise that is strong in one window alone passes
+        // less often than with the sum of powers.
         let together = 0.5 * (now.ratio.sqrt() + then.ratio.sqrt()).powi(2);
         if distance_cells > self.cells || !steady || together < self.ratio {
             return None;

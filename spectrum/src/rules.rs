@@ -1,28 +1,36 @@
-//! Limits by which lines are judged, each with its unit, range and origin.
+//! Thresholds for the evaluation of lines, each with unit, range and origin.
 
 use crate::config::{ConfigError, in_range};
 
 /// Limits by which lines are judged. The defaults are those that the figures were measured with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules {
-    /// A line that is seen just after the noise was learned counts as present from the start if its mean power during learning was at least
-    /// this part of the power at which it is first seen; 0.01 to 0.7. Default 0.25. Derivation: a steady line has its whole power there, less
-    /// 1.4 dB (0.72) between two bins, and half of that if its amplitude grows by a third meanwhile; a line that a cut brings has the noise's
-    /// power there, below 1/20 by the ratio that makes a line.
+    /// A line first seen just after the noise was learned counts as present from the start if its
+    /// mean power during learning was at least this share of the power at its first sighting; 0.01
+    /// to 0.7. Default 0.25. Derivation: a steady line has its whole power there, less 1.4 dB
+    /// (0.72) between two bins, and half of that if its amplitude grows by a third meanwhile; a
+    /// line caused by a cut has the noise's power there, below 1/20 by the ratio that defines a
+    /// line.
     pub heard_part: f64,
-    /// A line that excites itself alarms in the cut only if its mean square, all forces together, is at least this part of the mean square of the
-    /// forces about those in air (variance and squared mean); 0 to 0.5. Default 0.004: an amplitude of 9 % of the force. Reference: energy
-    /// ratio of chatter and periodic force, Caliskan, Kilic and Altintas 2018 (J. Manuf. Sci. Eng. 140, 111012). Measured (`cuts 160 3040`
-    /// with the limit at 0, and real recordings): lines that noise makes in stable cuts have at most 0.0004 (steady turning: 0.0004), chatters
-    /// reach 0.04 to 0.6 (a real one: 0.04 at its first alarm).
+    /// A self-excited line raises an alarm in the cut only if its mean square, over all forces, is
+    /// at least this share of the mean square of the forces relative to those in air (variance and
+    /// squared mean); 0 to 0.5. Default 0.004: an amplitude of 9 % of the force. Reference: energy
+    /// ratio of chatter and periodic force, Caliskan, Kilic and Altintas 2018 (J. Manuf. Sci. Eng.
+    /// 140, 111012). Measured (`cuts 160 3040` with the limit at 0, and real recordings): lines
+    /// caused by noise in stable cuts have at most 0.0004 (steady turning: 0.0004), chatters reach
+    /// 0.04 to 0.6 (a real one: 0.04 at its first alarm).
     pub least_share: f64,
-    /// Spindle speeds, rev/s, at which the signal of one revolution before is taken off, so that a chatter stands alone between the multiples; 2
-    /// to 1000, the second above the first; equal: never. Default 14 to 60: below, the revolution is longer than the window of 72 ms and
-    /// delays more than it parts; above, the multiples stand more than four cells of that window apart, and the windows part them
-    /// (`cuts 160 3040`: with 14 to 240 chatters near a multiple of 60 to 140 Hz came later, without it their sidebands alarmed instead).
+    /// Spindle speeds, rev/s, at which the signal of one revolution before is subtracted, which
+    /// isolates chatter between the multiples; 2 to 1000, the second above the first; equal: never.
+    /// Default 14 to 60: below, the revolution is longer than the window of 72 ms and the delay
+    /// outweighs the separation; above, the multiples are more than four cells of that window
+    /// apart, and the windows resolve them (`cuts 160 3040`: with 14 to 240 chatters near a
+    /// multiple of 60 to 140 Hz were detected later, without it their sidebands raised the alarm
+    /// instead).
     pub comb_spindle_hz: [f64; 2],
-    /// Lines are looked for in that difference where it leaves at least this part of them (0 on the multiples of the speed, 2 halfway between
-    /// two); 0.1 to 1. Default 0.5: all frequencies but the nearest 8 % of the distance of two multiples on both sides of each.
+    /// Lines are searched in that difference if its gain is at least this value (0 on the multiples
+    /// of the speed, 2 halfway between two); 0.1 to 1. Default 0.5: all frequencies except the
+    /// nearest 8 % of the distance of two multiples on both sides of each.
     pub least_comb_gain: f64,
 }
 

@@ -1,18 +1,22 @@
-//! How much of the cutting force a line is: what noise excites in a stable cut is small beside it, a chatter is not.
+//! Ratio of a line to the cutting force: small for vibration excited by noise in a stable cut,
+//! large for chatter.
 //!
-//! A chatter grows until teeth leave the work, so that its force becomes comparable to the mean force of the cut; the broadband part of a
-//! stable cut's force excites the modes too, and stands above the noise learned in air, but at a few per cent of that. Source: energy ratio,
-//! Caliskan, Kilic and Altintas 2018. Holds in the cut only, and for force channels: a line told by moments alone is not judged.
+//! A chatter grows until teeth leave the work, so that its force becomes comparable to the mean
+//! force of the cut; the broadband part of a stable cut's force excites the modes too, above the
+//! noise learned in air, but at a few per cent of that. Source: energy ratio, Caliskan, Kilic and
+//! Altintas 2018. Valid in the cut only, and for force channels: a line seen in moments only is not
+//! judged.
 
 use crate::family::is_self_excited;
 use crate::track::{Track, Tracks};
 use crate::verdict::State;
 
-/// Channels that hold forces; moments follow.
+/// Number of force channels; moments follow.
 const FORCES: usize = 3;
 
-/// Holds lines that excite themselves back to warnings while their mean square is less than `least_share` of `energy`, the mean square of
-/// the forces about those in air, N². `None` in air: there a line stays what the cut showed it to be, as it rings down.
+/// Limits self-excited lines to warnings while their mean square is less than `least_share` of
+/// `energy`, the mean square of the forces relative to those in air, N². `None` in air: there a
+/// line keeps its last result of the cut while it rings down.
 pub(crate) fn hold_small_lines_back(tracks: &mut Tracks, energy: Option<f64>, least_share: f64) {
     for track in tracks.iter_mut().filter(|track| is_self_excited(track)) {
         if let Some(energy) = energy {

@@ -1,7 +1,7 @@
 //! One sliding window over all channels of one sampling rate.
 //!
-//! It knows, per channel, the noise floor and the peaks of the hops before, and tells which
-//! peaks two or three disjoint windows agree on. Planned once; execution does not allocate.
+//! It stores, per channel, the noise floor and the peaks of previous hops, and reports peaks on
+//! which two or three disjoint windows agree. Planned once; execution does not allocate.
 
 use crate::floor::Floor;
 use crate::history::History;
@@ -14,7 +14,7 @@ use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 use std::ops::Range;
 
-/// What a window is asked to do.
+/// Properties of a window.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WindowPlan {
     /// Samples per window: a multiple of `hop`.
@@ -23,9 +23,9 @@ pub(crate) struct WindowPlan {
     pub(crate) hop: usize,
     /// Zero-padding factor.
     pub(crate) pad: usize,
-    /// Whether a line is taken out of the samples first.
+    /// Whether a linear trend is subtracted from the samples first.
     pub(crate) detrend: bool,
-    /// Lines are looked for in this band, Hz.
+    /// Lines are searched in this band, Hz.
     pub(crate) band_hz: [f64; 2],
     /// Least power over floor of a peak.
     pub(crate) least_ratio: f64,
@@ -47,13 +47,13 @@ pub(crate) struct Sighting {
     pub(crate) threefold: bool,
     /// The mean power heard here while the noise was learned, over the peak's.
     pub(crate) heard: f64,
-    /// It was seen without what the spindle drives.
+    /// Whether it was seen in the signal without spindle multiples.
     pub(crate) apart: bool,
 }
 
 impl Sighting {
-    /// Whether the windows that agree began after the spindle's speed last changed: lines that move
-    /// with it, and the front end that follows it, tell nothing reliable.
+    /// Whether the windows that agree began after the spindle's speed last changed: before, lines
+    /// that move with it, and the front end that follows it, are not reliable.
     pub(crate) fn is_after_change(&self, settled_s: f64) -> bool {
         let windows = if self.threefold { 3.0 } else { 2.0 };
         settled_s > windows / self.cell_hz + CHANGE_MARGIN_S
@@ -73,14 +73,14 @@ pub(crate) struct SlidingWindow {
     least_power: [f64; 2],
 }
 
-/// The speed is told late, and the front end holds samples for a while, s.
+/// Allowance for the delay of the reported speed and of the front end, s.
 const CHANGE_MARGIN_S: f64 = 0.05;
 /// Windows after one another that a floor is learned from, at least, after the first: the low branch's 128 ms then take 0.9 s. With five a
 /// real stable cut (turning, 10 kHz) was judged by too little air and alarmed.
 const WARM_WINDOWS: f64 = 6.0;
 /// Cells over which a broadband change is judged.
 const BROAD_CELLS: f64 = 32.0;
-/// The floor is never taken below this part of the power of the least amplitude.
+/// Lower limit of the floor, relative to the power of the smallest amplitude.
 const LEAST_FLOOR: f64 = 0.01;
 
 impl SlidingWindow {
@@ -100,7 +100,7 @@ impl SlidingWindow {
         let bin_hz = rate_hz / padded as f64;
         let bin = |hz: f64| (hz / bin_hz).round() as usize;
         let reach = (2.0 * bins_per_cell).ceil() as usize;
-        // At least this many cells are needed to tell a broadband change from a line.
+        // At least this many cells are needed to distinguish a broadband change from a line.
         let first = bin(plan.band_hz[0]).saturating_sub(reach).max(bins_per_cell as usize);
         let broad = first + (BROAD_CELLS * bins_per_cell) as usize;
         let end = (bin(plan.band_hz[1]) + reach).max(broad).min(9 * padded / 20);
@@ -132,7 +132,7 @@ impl SlidingWindow {
         self.plan.hop
     }
 
-    /// Whether the floors are known, so that lines can be told from noise.
+    /// Whether the floors are learned, so that lines can be distinguished from noise.
     pub(crate) fn is_ready(&self) -> bool {
         self.views.iter().all(|view| view.floor.is_known())
     }
@@ -144,14 +144,14 @@ impl SlidingWindow {
         }
     }
 
-    /// Forgets everything but what was learned.
+    /// Clears everything except learned floors.
     pub(crate) fn reset(&mut self) {
         for view in &mut self.views {
             view.reset();
         }
     }
 
-    /// Forgets what was learned of a channel.
+    /// Clears the learned floor of a channel.
     pub(crate) fn forget(&mut self, channel: usize) {
         if let Some(view) = self.views.get_mut(channel) {
             view.reset();
@@ -159,8 +159,8 @@ impl SlidingWindow {
         }
     }
 
-    /// Transforms the newest window of every channel and hands every agreed peak to `sighted`.
-    /// `lines_hz` are the live lines, whose bins the floors do not learn from.
+    /// Transforms the newest window of every channel and passes every agreed peak to `sighted`.
+    /// `lines_hz` are the live lines, whose bins do not update the floors.
     pub(crate) fn hop(
         &mut self,
         histories: &[History],
@@ -240,7 +240,8 @@ impl SlidingWindow {
         (frozen, lines_hz.len().min(TRACKS))
     }
 
-    /// Strongest value within one cell of a frequency: power, and power over floor; nothing where the floor is not known.
+    /// Strongest value within one cell of a frequency: power, and power over floor; `None` if the
+    /// floor is unknown.
     pub(crate) fn strength(&self, channel: usize, frequency_hz: f64) -> (f64, f64) {
         let Some(view) = self.views.get(channel).filter(|view| view.floor.is_known()) else {
             return (0.0, 0.0);
@@ -258,7 +259,7 @@ impl SlidingWindow {
         let beside = [strongest.wrapping_sub(1), strongest + 1];
         let is_slope = |at: &usize| view.power.get(*at).is_some_and(|p| *p > view.power[strongest]);
         if beside.iter().any(is_slope) {
-            // The skirt of a stronger line beside: nothing of this line's own is left.
+            // The skirt of a stronger line nearby: nothing of this line remains.
             return (0.0, 0.0);
         }
         let peak = self.grid.measure(&view.power, &view.spectrum, strongest);

@@ -21,7 +21,7 @@ pub enum PathError {
         /// Signal samples.
         signal: usize,
     },
-    /// The path runs back, or is not a number.
+    /// The path runs backwards, or is not a number.
     #[error(
         "spatial spectrum: the path at sample {index} is not a number or runs back; give the path length, which only grows"
     )]
@@ -93,8 +93,8 @@ fn spread(sums: &mut [f64], place: [f64; 2], value: [f64; 2], step_mm: f64) {
     }
 }
 
-/// The wheels whose cycles per mm, or their first multiples, are within `tolerance` (a part of the line) of a line, with
-/// the multiple; the nearest first, of equals the lowest multiple, as the stronger.
+/// Gear shafts and meshes whose cycles per mm, or multiples, are within `tolerance` (relative) of a
+/// line, with the multiple; the nearest first, of equals the lowest multiple, as the stronger.
 #[must_use]
 pub fn match_wheels(cycles_per_mm: f64, wheels: &[Wheel], tolerance: f64) -> Vec<(Wheel, u32)> {
     let multiples =

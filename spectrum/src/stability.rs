@@ -30,14 +30,15 @@ pub use axes::CutAxes;
 pub use chart::{Point, Turned, chart, nearest_speed_rpm, turned};
 pub use lobes::Lobes;
 
-/// Waves of the highest mode from tooth to tooth, at most: beyond it, process damping rules the limit and the equations do not hold.
+/// Largest number of waves of the highest mode per tooth period: beyond it, process damping
+/// determines the limit and the equations do not hold.
 pub const WAVES_MAX: f64 = 100.0;
-/// The search for the limit goes up by this factor; thinner unstable bands of depth are not seen.
+/// Factor between depths in the search for the limit; thinner unstable bands are not found.
 const DEPTH_STEP: f64 = 1.04;
 /// And by this one from a depth that is certainly stable to this part of the least limit of all speeds (zeroth order): lobes have their tips above it.
 const FIRST_STEP: f64 = 1.2;
 const BELOW_TIPS: f64 = 0.5;
-/// The limit is known to this part of itself.
+/// Relative accuracy of the limit.
 const DEPTH_TOLERANCE: f64 = 1e-4;
 /// Steps of a search within a bracket, at most.
 const REFINEMENTS: usize = 40;
@@ -60,7 +61,7 @@ pub struct FlexibleMode {
 pub struct Cutter {
     /// Number of teeth, equally spaced, from 1.
     pub teeth: u32,
-    /// Diameter, m, above 0; only the helix asks for it.
+    /// Diameter, m, above 0; used for the helix only.
     pub diameter_m: f64,
     /// Helix angle, rad, within ±π/2.
     pub helix_rad: f64,
@@ -68,7 +69,7 @@ pub struct Cutter {
     pub entry_rad: f64,
     /// Where it leaves, above `entry_rad` by at most a turn.
     pub exit_rad: f64,
-    /// The work turns and the tool stands at φ = 90°; the delay is a turn.
+    /// Turning: the workpiece rotates and the tool is at φ = 90°; the delay is a turn.
     pub turning: bool,
     /// `K_tc, K_rc, K_ac`: tangential, radial, axial, N/m².
     pub chip_n_m2: [f64; 3],
@@ -114,7 +115,7 @@ pub struct Limit {
 /// What no stability can be computed of.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum StabilityError {
-    /// Nothing gives way.
+    /// No mode.
     #[error("stability: there is no mode; expected at least one")]
     NoMode,
     /// A mode that no structure has.
@@ -144,7 +145,7 @@ pub enum StabilityError {
         "stability: feed and up are parallel, or one of them is 0; expected two directions across each other"
     )]
     Axes,
-    /// The spindle turns so slowly that the equations do not hold.
+    /// The spindle is too slow for the equations.
     #[error(
         "stability: at {spindle_rpm} rpm the highest mode swings {waves:.0} times from tooth to tooth, expected at most {WAVES_MAX}: there process \
          damping rules the limit; raise the lowest spindle speed or leave the mode out"
@@ -176,7 +177,7 @@ impl Swing {
     }
 }
 
-/// The structure under the tool and the cut that it makes.
+/// The structure that carries the tool, and its cut.
 #[derive(Clone, Debug)]
 pub struct Stability {
     modes: Vec<FlexibleMode>,
@@ -188,10 +189,10 @@ pub struct Stability {
 }
 
 impl Stability {
-    /// Of modes and a cutter, which moves along the feed of `axes`.
+    /// For modes and a cutter that moves along the feed of `axes`.
     ///
     /// # Errors
-    /// [`StabilityError`]: which number cannot be.
+    /// [`StabilityError`]: the invalid number.
     pub fn new(
         modes: &[FlexibleMode],
         cutter: Cutter,
@@ -243,9 +244,11 @@ impl Stability {
         Lobes::new(&self.swings, &self.mean_bite(), self.cutter, depth_max_m)
     }
 
-    /// The Floquet multiplier of largest modulus from tooth to tooth: a vibration grows where it is outside the unit circle.
+    /// The Floquet multiplier of largest modulus per tooth period: a vibration grows if it is
+    /// outside the unit circle.
     ///
-    /// First-order semi-discretisation: over a step the teeth's stiffness is its mean, the delayed motion a straight line, all else exact.
+    /// First-order semi-discretisation: over a step the teeth's stiffness is its mean, the delayed
+    /// motion a straight line, everything else exact.
     ///
     /// # Errors
     /// [`StabilityError::TooSlow`].
@@ -291,7 +294,8 @@ impl Stability {
         }
     }
 
-    /// The frequency that a multiplier stands for: of those that differ by the tooth passing, the one that the structure answers most, Hz.
+    /// The frequency of a multiplier, Hz: of those that differ by multiples of the tooth passing,
+    /// the one with the largest response of the structure.
     #[must_use]
     pub fn chatter_hz(&self, spindle_rpm: f64, multiplier: Complex<f64>) -> f64 {
         let tooth_hz = 1.0 / self.cutter.delay_s(spindle_rpm);
@@ -340,7 +344,7 @@ impl Stability {
         let teeth = (arc_rad / TAU * f64::from(self.cutter.teeth)).floor() + 1.0;
         let force = Vector3::from(self.cutter.chip_n_m2).norm();
         let gain = 2.0 * teeth.min(f64::from(self.cutter.teeth)) * answer * force;
-        // Where nothing is fed back the search begins at a depth that no cutter is made for.
+        // Without feedback the search begins at an unrealistically large depth.
         1.0 / gain.max(1e-6)
     }
 }
@@ -405,7 +409,7 @@ fn check_cutter(cutter: &Cutter) -> Result<(), StabilityError> {
     })
 }
 
-/// What of a mode's motion lies in the plane of the cut.
+/// The component of a mode's motion in the plane of the cut.
 fn in_plane() -> Matrix2x3<f64> {
     Matrix2x3::identity()
 }

@@ -1,6 +1,6 @@
-//! Whether a block may come in, and what its samples and times tell of the sensor.
+//! Validation of blocks, and faults of the sensor from samples and times.
 //!
-//! Counts everything it refuses, replaces or misses. No allocation after planning, no panic.
+//! Counts all refused, replaced and missing data. No allocation after planning, no panic.
 
 use crate::block::Block;
 use crate::config::WatchConfig;
@@ -11,24 +11,24 @@ use crate::fault::{ChannelCheck, Fault, Faults, Health};
 pub(crate) enum Admission {
     /// It follows the one before.
     Next,
-    /// It begins a new stretch: what was before does not belong to it.
+    /// It begins a new section, unrelated to earlier blocks.
     Anew,
     Refused,
 }
 
-/// A value that does not move this long is at rest, s.
+/// A constant value for this long is a still channel, s.
 const STILL_S: f64 = 0.1;
 /// Fewer equal samples are chance.
 const STILL_SAMPLES: f64 = 20.0;
-/// After a bad sample its channel tells no lines for this long, s.
+/// After a bad sample no lines are reported for its channel for this long, s.
 const HOLD_S: f64 = 0.128;
-/// The rate may stray by this part, by the block's own word.
+/// Relative deviation allowed for the rate stated by a block.
 const RATE_SAID: f64 = 1e-3;
 /// The rate may stray by this part, by the blocks' times over a second.
 const RATE_SEEN: f64 = 1e-2;
 /// A jump of time by more than this, and a block's length, is a gap, s.
 const TIME_JUMP_S: f64 = 0.005;
-/// A channel whose samples spread this many times less than those of its kind is dead.
+/// A channel with a spread this many times smaller than that of its kind is dead.
 const DEAD_SPREAD: f64 = 1e-5;
 /// A sender that restarts sooner than this loses samples each time, s.
 const SHORT_RUN_S: f64 = 1.0;
@@ -44,7 +44,7 @@ struct Due {
     t_ns: u64,
 }
 
-/// The incoming stream's bookkeeping. Stands alone where only the sensor is looked after.
+/// State of the incoming stream. Used alone if only the sensor is monitored.
 #[derive(Debug)]
 pub struct Stream {
     rate_hz: f64,
@@ -80,7 +80,8 @@ impl Stream {
         }
     }
 
-    /// Takes a whole block; says whether it was taken. For a sensor without a watch.
+    /// Checks a whole block; returns whether it was accepted. For a sensor without vibration
+    /// monitoring.
     pub fn push(&mut self, block: &Block<'_>) -> bool {
         if self.admit(block) == Admission::Refused {
             return false;
@@ -127,7 +128,7 @@ impl Stream {
         admission
     }
 
-    /// Judges a block by what was due.
+    /// Compares a block with the expected one.
     fn follow(&mut self, block: &Block<'_>, due: &Due, length_ns: u64) -> Admission {
         if block.session != due.session {
             self.health.restarts += 1;
@@ -138,7 +139,7 @@ impl Stream {
             }
             return Admission::Anew;
         }
-        // A smaller number with a later time: the sender counts anew and does not say so.
+        // A smaller number with a later time: the sender restarted its count without a new session.
         if block.seq < due.seq && block.t_ns < due.t_ns {
             return Admission::Refused;
         }
@@ -167,7 +168,7 @@ impl Stream {
         self.health.lost_samples = self.health.lost_samples.saturating_add(lost_samples);
     }
 
-    /// Compares the samples that came in a second or more with the time that passed.
+    /// Compares the number of samples in a second or more with the elapsed time.
     fn check_rate(&mut self, t_ns: u64) {
         let (from_ns, from_samples) = self.rate_since;
         let came = (self.samples - from_samples) as f64;
@@ -186,7 +187,7 @@ impl Stream {
         self.health.stream.set(fault, true);
     }
 
-    /// Takes a sample of a channel; returns what may enter the windows.
+    /// Checks a sample of a channel; returns the value for the windows.
     #[inline]
     pub(crate) fn sample(&mut self, channel: usize, sample: f64) -> f64 {
         let check = &mut self.checks[channel];
@@ -209,7 +210,7 @@ impl Stream {
         self.health.channel.get(channel).is_some_and(|faults| faults.is_still())
     }
 
-    /// Channels that stood still and move again, one bit each; told once.
+    /// Channels that stood still and move again, one bit each; reported once.
     pub(crate) fn take_recovered(&mut self) -> u32 {
         std::mem::take(&mut self.recovered)
     }
@@ -222,7 +223,7 @@ impl Stream {
             if let Some(fault) = check.note_still(still) {
                 faults.set(fault, true);
             }
-            // What is sure is said at once; the rest needs a whole second.
+            // Certain faults are reported at once; the others need a whole second.
             if check.not_finite > 0 {
                 faults.set(Fault::NotFinite, true);
             }
@@ -266,7 +267,7 @@ impl Stream {
         self.health.dropped_verdicts += u64::from(verdicts);
     }
 
-    /// What is known of sensor and stream; `learning` is the watch's to say.
+    /// State of sensor and stream; `learning` is set by the monitor.
     #[must_use]
     pub fn health(&self) -> Health {
         self.health

@@ -1,10 +1,11 @@
-//! Surface profiles: form taken out, the Gaussian filter, waviness and roughness, their parameters and lines.
+//! Surface profiles: form removal, Gaussian filter, waviness and roughness, their parameters and
+//! lines.
 //!
-//! Form is a polynomial of least squares (a line unless asked otherwise); the filter is that of ISO 16610-21.
-//! Parameters are those of ISO 21920-2 (before it ISO 4287), about the mean line, over an evaluated range that
-//! leaves half a cut-off away at each end, where the filter lacks half its kernel. The root mean square follows from
-//! the one-sided power spectrum too (Parseval), which is how thesis 4.6 has it. Never resamples a profile, never
-//! fills a hole in it.
+//! Form is a least-squares polynomial (a line by default); the filter is that of ISO 16610-21.
+//! Parameters are those of ISO 21920-2 (formerly ISO 4287), about the mean line, over an evaluated
+//! range without half a cut-off at each end, where the filter lacks half its kernel. The root mean
+//! square also follows from the one-sided power spectrum (Parseval), as in thesis 4.6. Profiles are
+//! not resampled, and gaps are not filled.
 
 mod cause;
 mod filter;
@@ -37,7 +38,7 @@ pub enum SurfaceError {
         /// Its value, mm.
         value_mm: f64,
     },
-    /// The two cut-offs are the wrong way round.
+    /// The two cut-offs are in the wrong order.
     #[error(
         "surface: the short cut-off is {short_mm} mm and the cut-off {cut_off_mm} mm, expected the short one to be shorter"
     )]
@@ -50,7 +51,7 @@ pub enum SurfaceError {
     /// A form that no profile of the kind has.
     #[error("surface: a form of degree {degree}, expected 0 (mean) to {FORM_MAX}; 1 is a line")]
     Form {
-        /// The degree asked for.
+        /// The requested degree.
         degree: usize,
     },
     /// Too few points.
@@ -58,7 +59,7 @@ pub enum SurfaceError {
         "surface: the profile has {points} points, expected at least {expected}; give a longer profile or shorter segments"
     )]
     TooShort {
-        /// Points given.
+        /// The number of points.
         points: usize,
         /// Points needed.
         expected: usize,
@@ -71,38 +72,38 @@ pub enum SurfaceError {
     },
 }
 
-/// How a profile is taken apart.
+/// Options of the separation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parting {
-    /// Degree of the polynomial of least squares that is taken out as form: 0 the mean, 1 a line.
+    /// Degree of the least-squares polynomial removed as form: 0 the mean, 1 a line.
     pub form_degree: usize,
-    /// Shorter wavelengths are noise of the instrument (`λ_s`), mm; `None`: nothing is taken away.
+    /// Shorter wavelengths are noise of the instrument (`λ_s`), mm; `None`: nothing is removed.
     pub short_cut_off_mm: Option<f64>,
     /// Where roughness ends and waviness begins (`λ_c`), mm.
     pub cut_off_mm: f64,
 }
 
 impl Parting {
-    /// A line taken out, and this cut-off.
+    /// Removal of a line, and this cut-off.
     #[must_use]
     pub fn at_mm(cut_off_mm: f64) -> Self {
         Self { form_degree: 1, short_cut_off_mm: None, cut_off_mm }
     }
 }
 
-/// A profile taken apart.
+/// A separated profile.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
     /// Distance between points, mm.
     pub spacing_mm: f64,
-    /// The profile without its form, and without what is shorter than the short cut-off.
+    /// The profile without its form, and without wavelengths below the short cut-off.
     pub primary: Vec<f64>,
     /// What the filter passes: longer than the cut-off.
     pub waviness: Vec<f64>,
-    /// What is left: shorter than the cut-off.
+    /// Wavelengths below the cut-off.
     pub roughness: Vec<f64>,
-    /// The points that parameters are taken over: half a cut-off is left away at each end where at least one
-    /// cut-off remains between; else all.
+    /// The evaluated points: without half a cut-off at each end if at least one cut-off remains
+    /// between; otherwise all.
     pub evaluated: Range<usize>,
 }
 
@@ -113,7 +114,7 @@ impl Surface {
         self.evaluated.len() == self.primary.len()
     }
 
-    /// Length that parameters are taken over, mm.
+    /// Evaluated length, mm.
     #[must_use]
     pub fn evaluated_mm(&self) -> f64 {
         self.evaluated.len() as f64 * self.spacing_mm

@@ -1,9 +1,9 @@
 //! Whether the tool is in air or in the cut, judged by the level of the forces.
 //!
-//! Used where the cell does not say so itself. Mean and variance of the force channels over 64 ms are
-//! compared with the quietest seen: 8 dB more variance, or a mean six standard deviations away, is a
-//! cut. A cut ends at the quiet level again, or 14 dB below what it was: a tool that still rubs does
-//! not cut. A stream that begins in the cut reads as air until it becomes quieter.
+//! Used if the cell does not state it. Mean and variance of the force channels over 64 ms are
+//! compared with the quietest values: 8 dB more variance, or a mean six standard deviations away,
+//! is a cut. A cut ends at the quiet level again, or 14 dB below its own level: a rubbing tool does
+//! not cut. A stream that begins in the cut counts as air until it becomes quieter.
 
 use crate::config::WatchConfig;
 
@@ -14,7 +14,7 @@ const RUBBING: f64 = 0.04;
 /// Part of the cut's energy that a period of air takes away: half of it in 1.5 s.
 const FORGET: f64 = 0.03;
 
-/// Where the tool is: each has a floor of its own.
+/// State of the tool: each has its own noise floor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Surroundings {
     #[default]
@@ -51,11 +51,12 @@ impl Level {
         }
     }
 
-    /// Takes one sample of a channel; moments are not asked.
+    /// Adds one sample of a channel; moments are ignored.
     #[inline]
     pub(crate) fn take(&mut self, channel: usize, sample: f64) {
         if let Some((sum, squares)) = self.sums.get_mut(channel) {
-            // Around the quiet mean, so that a large offset does not eat the variance's digits.
+            // Relative to the quiet mean, so that a large offset does not cancel the variance's
+            // digits.
             let x = sample - self.quiet.map_or(0.0, |(_, means)| means[channel]);
             *sum += x;
             *squares += x * x;
@@ -99,7 +100,7 @@ impl Level {
         let level = if cuts { energy } else { 0.0 };
         self.cut_energy += follow * (level - self.cut_energy);
         self.cut_seen |= cuts;
-        // Much quieter than the quietest so far: the stream had begun in the cut.
+        // Much quieter than before: the stream had begun in the cut.
         let quieter = variance < 0.25 * *quiet;
         if !above || quieter {
             let follow = if quieter { 1.0 } else { 0.05 };
@@ -110,8 +111,9 @@ impl Level {
         }
     }
 
-    /// Mean square of the forces about those in air over the newest whole period, all force channels together, N²: variance and squared
-    /// mean. Of a sensor that does not hold a mean (piezoelectric, acceleration) the variance.
+    /// Mean square of the forces relative to those in air over the newest whole period, all force
+    /// channels together, N²: variance plus squared mean. For a sensor without a static response
+    /// (piezoelectric, acceleration) the variance.
     pub(crate) fn energy(&self) -> f64 {
         self.energy
     }
@@ -121,7 +123,7 @@ impl Level {
         self.present
     }
 
-    /// Whether air was told from a cut at least once: before, "air" is only a guess.
+    /// Whether air was distinguished from a cut at least once: before, "air" is a guess.
     pub(crate) fn knows_air(&self) -> bool {
         self.cut_seen
     }
@@ -140,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cut_is_told_by_its_mean_or_by_its_swing() {
+    fn a_cut_is_detected_by_mean_or_variance() {
         for (mean, swing) in [(30.0, 0.5), (0.0, 10.0)] {
             let config = WatchConfig { rate_hz: 1000.0, ..WatchConfig::default() };
             let mut level = Level::new(&config);

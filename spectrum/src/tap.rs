@@ -1,10 +1,11 @@
 //! Impact tests: hits found in a record, judged, windowed, averaged into a response function.
 //!
-//! A hit is where the force leaves its noise and exceeds a tenth of the record's strongest. Hits that would spoil the
-//! average are refused by name: struck twice, overloaded, cut short. Outside the contact the force is noise and is
-//! set to zero (force window); a response that has not rung down at the end gets an exponential window, over the force
-//! too, whose decay is exactly known and taken out of the damping later (Fladung and Brown 1993). Offsets are those
-//! before the hit. Never averages hits whose number it does not say, never mends a bad one.
+//! A hit is detected where the force exceeds its noise and a tenth of the record's strongest. Hits
+//! that would spoil the average are refused with the reason: double hit, overload, truncation.
+//! Outside the contact the force is noise and is set to zero (force window); a response that has
+//! not decayed at the end gets an exponential window, applied to the force too, whose known decay
+//! is subtracted from the damping later (Fladung and Brown 1993). Offsets are those before the hit.
+//! The numbers of all averaged hits are reported; bad ones are not corrected.
 
 mod clip;
 mod find;
@@ -27,7 +28,7 @@ pub struct TapConfig {
     pub response: Response,
     /// Length of each hit's record, s; `None`: as long as the hits allow.
     pub block_s: Option<f64>,
-    /// Force and exponential window where needed; without, records are taken as they are.
+    /// Use force and exponential windows if needed; otherwise records are used unchanged.
     pub windows: bool,
 }
 
@@ -36,7 +37,7 @@ pub struct TapConfig {
 pub struct TapRecord<'a> {
     /// Hammer force, N.
     pub force: &'a [f64],
-    /// Response, in the unit that its kind says.
+    /// Response, in the unit of its kind.
     pub response: &'a [f64],
 }
 
@@ -46,18 +47,18 @@ pub enum Refused {
     /// The hammer struck again.
     #[error("struck twice: again with {:.0} % of its force after {:.1} ms", 100.0 * part, 1e3 * after_s)]
     Double {
-        /// After how long, s; negative where the weaker blow came first.
+        /// Time of the second blow, s; negative if the weaker blow came first.
         after_s: f64,
         /// How strongly, as a part of the first blow.
         part: f64,
     },
-    /// The force sensor or its amplifier reached its end: so many equal largest samples.
+    /// The force sensor or its amplifier was overloaded: number of equal largest samples.
     #[error("the force is overloaded: {0} equal samples at its largest")]
     ForceOverload(usize),
     /// The response's did.
     #[error("the response is overloaded: {0} equal samples at its largest")]
     ResponseOverload(usize),
-    /// The record ends, or the next hit comes, before the ring-down is over.
+    /// The record ends, or the next hit occurs, before the ring-down ends.
     #[error("cut short: {has_s:.3} s to the next hit or the end, where {needs_s:.3} s are taken")]
     Short {
         /// What there is, s.
@@ -70,7 +71,7 @@ pub enum Refused {
     Hole,
 }
 
-/// A hit as it was found.
+/// A detected hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoundHit {
     /// Which record, from 0.
@@ -85,10 +86,10 @@ pub struct FoundHit {
     pub refused: Option<Refused>,
 }
 
-/// Records that give no response function.
+/// Records without a response function.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TapError {
-    /// No hit stands out of the force.
+    /// No hit exceeds the noise of the force.
     #[error(
         "tap test: no hit found in record {record}: the force reaches {largest_n:.3} N over a noise of {noise_n:.3} N, expected \
          at least 20 times the noise; is this the force channel?"
@@ -104,7 +105,7 @@ pub enum TapError {
     /// Each hit was refused.
     #[error("tap test: none of {found} hits can be used; the first is {first}. Repeat the test")]
     NoneLeft {
-        /// Hits found.
+        /// Number of hits found.
         found: usize,
         /// Why the first is not used.
         first: Refused,
@@ -133,7 +134,7 @@ pub struct Windows {
     pub force: bool,
     /// Decay of the exponential window, 1/s; 0 for none.
     pub decay_per_s: f64,
-    /// What was left of the response at its end before any window, as a part of its strongest.
+    /// Share of the response that remained at its end before windowing, relative to its strongest.
     pub left_at_end: f64,
 }
 
@@ -150,7 +151,7 @@ pub struct Tap {
     pub block_s: f64,
     /// The windows.
     pub windows: Windows,
-    /// Force (N) and response of each hit used, offsets taken out, windows laid over.
+    /// Force (N) and response of each hit used, without offsets, windowed.
     pub blocks: Vec<(Vec<f64>, Vec<f64>)>,
     /// Force spectrum, rms over the hits, N/Hz: where the hammer excites.
     pub force_spectrum: Vec<f64>,
@@ -205,7 +206,8 @@ pub fn tap(records: &[TapRecord<'_>], config: &TapConfig) -> Result<Tap, TapErro
 }
 
 impl Tap {
-    /// Up to which frequency the force stays within so many dB of its strongest, Hz.
+    /// Largest frequency up to which the force spectrum stays within `within_db` of its strongest,
+    /// Hz.
     #[must_use]
     pub fn excited_to_hz(&self, within_db: f64) -> f64 {
         let strongest = self.force_spectrum.iter().fold(0.0_f64, |top, f| top.max(*f));
@@ -216,7 +218,8 @@ impl Tap {
         self.frf.frequency_hz.get(last).copied().unwrap_or(0.0)
     }
 
-    /// Least time from one hit of a record to the next that is used, s; `None` where each hit has a record of its own.
+    /// Least time from one used hit of a record to the next, s; `None` if each hit has a separate
+    /// record.
     #[must_use]
     pub fn between_hits_s(&self) -> Option<f64> {
         let follows =
@@ -235,7 +238,7 @@ impl Tap {
     }
 }
 
-/// Lays the windows over all blocks alike, and says which.
+/// Applies the windows equally to all blocks, and returns which.
 fn laid(blocks: &mut [(Vec<f64>, Vec<f64>)], used: &[&Strike], config: &TapConfig) -> Windows {
     let (left_at_end, rings) = rest(blocks);
     if !config.windows {
@@ -245,7 +248,7 @@ fn laid(blocks: &mut [(Vec<f64>, Vec<f64>)], used: &[&Strike], config: &TapConfi
         force_window(force, strike.contact_in_block());
     }
     let length = blocks.first().map_or(1, |(force, _)| force.len());
-    // So that a thousandth of the response's strongest is left at the end.
+    // Leaves a thousandth of the response's strongest at the end.
     let decay_per_s =
         if rings { (left_at_end / LEFT).ln() * config.rate_hz / length as f64 } else { 0.0 };
     if decay_per_s > 0.0 {
@@ -267,8 +270,8 @@ const RINGS: f64 = 0.3;
 /// From one tenth to the next a ringing response falls below this.
 const FALLS: f64 = 0.93;
 
-/// What is left of the response in the last tenth of the blocks, as a part of the strongest tenth (rms over all
-/// hits), and whether it still rings: noise does not fall, a ring-down does.
+/// Remaining response in the last tenth of the blocks, relative to the strongest tenth (rms over
+/// all hits), and whether it still decays: noise does not.
 fn rest(blocks: &[(Vec<f64>, Vec<f64>)]) -> (f64, bool) {
     let length = blocks.first().map_or(0, |(_, response)| response.len());
     let tenth = (length / 10).max(1);

@@ -1,15 +1,16 @@
 //! The identity of a line over time: from the first agreement of two windows to its end.
 //!
-//! Fixed number of places, no allocation. Amplitude and growth come from one window of the
-//! branch that sees the line; frequency from all sightings, each weighted by how sharp it is.
+//! Fixed capacity, no allocation. Amplitude and growth come from one window of the branch that sees
+//! the line; frequency from all sightings, each weighted by its accuracy.
 
 use crate::block::CHANNELS_MAX;
 use crate::ellipse::Ellipse;
 use crate::sliding::Sighting;
 use crate::verdict::{Class, ClassSet, State};
 
-/// Lines followed at once: as many as [`crate::VERDICTS_MAX`]. With eight, the multiples of a slow spindle filled all places, and a chatter
-/// beside them was told up to a second late (`cuts 80 3040`: 0.74 s in the ninth decile, with sixteen 0.34 s).
+/// Limit on lines tracked at once: [`crate::VERDICTS_MAX`]. With eight, the multiples of a slow
+/// spindle filled the list, and a chatter was reported up to a second late (`cuts 80 3040`: 0.74 s
+/// in the ninth decile, with sixteen 0.34 s).
 pub(crate) const TRACKS: usize = crate::verdict::VERDICTS_MAX;
 /// Amplitudes kept for the growth rate.
 const POINTS: usize = 16;
@@ -17,22 +18,22 @@ const POINTS: usize = 16;
 const POINT_S: f64 = 0.016;
 /// A line is kept while its smoothed power is this many floors.
 const KEEP_RATIO: f64 = 4.0;
-/// Ratios above this do not make a line linger any longer.
+/// Ratios above this do not prolong a line further.
 const ENOUGH_RATIO: f64 = 12.0;
 /// A line that was not kept for this long is over.
 pub(crate) const LINGER_S: f64 = 0.5;
 /// A line must have lasted this long to be confirmed.
 const CONFIRM_S: f64 = 0.5;
-/// Seconds between two tellings of a line whose state stays.
+/// Interval of repeated verdicts on a line with constant state, s.
 const RETELL_S: f64 = 0.1;
-/// A line whose amplitude falls faster than this (d ln A / dt, 1/s) rings down by itself.
+/// A line whose amplitude falls faster than this (d ln A / dt, 1/s) is ringing down.
 const RING_DOWN_PER_S: f64 = -4.0;
 /// Time constant of the smoothed power, s.
 const SMOOTH_S: f64 = 0.05;
-/// Time constant of the smoothed ratio, s: long enough for noise not to keep a line.
+/// Time constant of the smoothed ratio, s: long enough that noise does not keep a line alive.
 const SMOOTH_RATIO_S: f64 = 0.15;
 
-/// What was said of a line: state, class, whether it may be an alias, its wheel.
+/// The last verdict on a line: state, class, whether it may be an alias, its gear shaft.
 type Told = (State, Class, bool, Option<(u8, u8)>);
 
 /// One line.
@@ -56,18 +57,18 @@ pub(crate) struct Track {
     pub(crate) ceiling: State,
     /// Its power as it was heard while the noise was learned, over the power at which it was first seen.
     pub(crate) heard: f64,
-    /// In the cut it was small beside the force.
+    /// Whether it was small compared with the force in the cut.
     pub(crate) is_small: bool,
-    /// It was seen without what the spindle drives.
+    /// Whether it was seen in the signal without spindle multiples.
     apart: bool,
     /// The line was there when the floor had just been learned.
     pub(crate) from_start: bool,
     /// Time that the line has lived in air, s.
     pub(crate) air_s: f64,
-    /// Feed at which the line stands, mm/s, and since when.
+    /// Feed of the present frequency, mm/s, and since when.
     pub(crate) feed: (f64, f64),
     pub(crate) ellipse: Ellipse,
-    /// The next sighting says anew where the line stands.
+    /// Whether the next sighting sets the frequency again.
     unsettled: bool,
     threefold: bool,
     told: Option<Told>,
@@ -119,8 +120,9 @@ impl Track {
         self.power[self.channel].sqrt()
     }
 
-    /// Whether a sighting can be of this line. What is seen without the spindle's multiples is none of them, and a line seen so is not what
-    /// stands beside a multiple: in short windows either would pull the other off its place.
+    /// Whether a sighting can belong to this line. A sighting without the spindle's multiples is
+    /// not one of them, and a line seen in this way is different from one next to a multiple: in
+    /// short windows either would shift the other's frequency.
     fn may_be(&self, sighting: &Sighting) -> bool {
         if sighting.apart { self.class != Class::Forced } else { !self.apart }
     }
@@ -163,7 +165,7 @@ impl Track {
         }
     }
 
-    /// The strongest force; a moment only where no force stands above its floor.
+    /// The strongest force; a moment only if no force exceeds its floor.
     fn strongest_channel(&self, channels: usize) -> usize {
         let best = |range: std::ops::Range<usize>| {
             range
@@ -197,13 +199,13 @@ impl Track {
         now_s - self.alive_s > 0.5 * LINGER_S
     }
 
-    /// Standard uncertainty of the frequency, Hz: from how sharp and how many the sightings were.
+    /// Standard uncertainty of the frequency, Hz: from accuracy and number of the sightings.
     pub(crate) fn uncertainty_hz(&self) -> f64 {
         0.5 / self.weight.sqrt()
     }
 
-    /// Moves to the state that the line has earned, as far as its class allows; says whether there
-    /// is news: a state, or (not more often than every 100 ms) another class or wheel.
+    /// Moves to the state reached, as far as its class allows; returns whether there is a change:
+    /// of the state, or (at most every 100 ms) of class or gear shaft.
     pub(crate) fn advance(&mut self, now_s: f64) -> bool {
         let earned = self.earned(now_s);
         let allowed = if earned == State::Over { earned } else { earned.min(self.ceiling) };
@@ -223,7 +225,7 @@ impl Track {
         is_news
     }
 
-    /// The state that the line has earned; `Over` where it is gone.
+    /// The state reached; `Over` if the line has ended.
     fn earned(&self, now_s: f64) -> State {
         let lasts = self.threefold && self.growth_per_s() > RING_DOWN_PER_S;
         if now_s - self.alive_s > LINGER_S {
@@ -278,7 +280,7 @@ impl Tracks {
         }
     }
 
-    /// The spindle's speed has changed, and what it drives moves: where lines stood no longer counts.
+    /// The spindle's speed has changed, and its multiples move: previous frequencies are invalid.
     pub(crate) fn unsettle(&mut self) {
         for track in self.iter_mut() {
             track.unsettled = true;
@@ -304,7 +306,7 @@ impl Tracks {
         }
     }
 
-    /// Frequencies of the live lines, in the first places of the list, and how many there are.
+    /// Frequencies of the live lines, and their number.
     pub(crate) fn frequencies(&self) -> ([f64; TRACKS], usize) {
         let mut list = [0.0; TRACKS];
         let mut count = 0;

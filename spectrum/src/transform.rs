@@ -1,4 +1,4 @@
-//! One windowed transform: linear detrend where asked, Hann, zero-padding, `realfft`.
+//! One windowed transform: linear detrend if requested, Hann, zero-padding, `realfft`.
 //!
 //! Without detrend a mean still vanishes beyond the second bin (the Hann window does it), and a ramp
 //! falls with the third power of the bin: spectra read far from zero need no more.

@@ -1,4 +1,4 @@
-//! What goes out: verdicts, copyable and of fixed size, so that they fit into shared memory.
+//! Verdicts: copyable and of fixed size, so that they fit into shared memory.
 
 use crate::block::Axis;
 use std::fmt;
@@ -13,7 +13,7 @@ pub enum State {
     Alarm,
     /// The line has lasted long enough to be measured and classified.
     Confirmed,
-    /// The line is gone.
+    /// The line has ended.
     Over,
 }
 
@@ -36,11 +36,11 @@ pub enum Class {
     ModeCoupling,
     /// Constant in cycles per mm of path: a gear's eccentricity.
     Gear,
-    /// Constant in time and present in air: the structure's own motion.
+    /// Constant in time and present in air: vibration of the structure itself.
     Structural,
-    /// A multiple of the mains frequency, whatever the process does.
+    /// A multiple of the mains frequency, independent of the process.
     Electrical,
-    /// Nothing known fits.
+    /// No known cause.
     #[default]
     Unknown,
 }
@@ -65,7 +65,7 @@ impl Class {
     }
 }
 
-/// A set of classes: the rivals that the samples cannot tell from the class said.
+/// A set of classes: alternatives that the samples do not distinguish from the class.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub struct ClassSet(u8);
 
@@ -121,10 +121,10 @@ pub struct NearestLine {
     pub order: u32,
 }
 
-/// What the operator may do about a line. The watch advises; it commands nothing.
+/// Recommended action for the operator. The monitor only advises.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Advice {
-    /// Nothing to do, or nothing known that would help.
+    /// No action, or none known.
     #[default]
     None,
     /// Forced: this speed moves the tooth harmonics off the mode.
@@ -132,27 +132,27 @@ pub enum Advice {
         /// Speed to go to, rev/min.
         spindle_rpm: f64,
     },
-    /// Regenerative chatter: this speed lies in a pocket between stability lobes.
+    /// Regenerative chatter: this speed is between stability lobes.
     StabilityPocket {
         /// Speed to go to, rev/min.
         spindle_rpm: f64,
-        /// The pocket's number: waves of the mode between two teeth.
+        /// The lobe's number: waves of the mode between two teeth.
         lobe: u32,
     },
-    /// Speed does not help: change direction of cut, feed or depth.
+    /// Speed has no effect: change direction of cut, feed or depth.
     ChangeCut,
-    /// Chatter at a speed that is not known, or already in a pocket: reduce the depth of cut.
+    /// Chatter at an unknown speed, or already in a lobe: reduce the depth of cut.
     ReduceDepth,
     /// The line may be a folded spindle harmonic: sample faster, or filter before sampling.
     SampleFaster,
-    /// A gear's line: it follows the feed; look at this joint's gear train.
+    /// A gear's line, which follows the feed: check this joint's gear train.
     CheckGear {
         /// Joint, from 1; 0 where no wheel matches.
         joint: u8,
         /// Shaft, from 1, motor side first; 0 where no wheel matches.
         shaft: u8,
     },
-    /// A mains line: look at cables, shields and grounding.
+    /// A mains line: check cables, shields and grounding.
     CheckWiring,
 }
 
@@ -182,10 +182,10 @@ impl fmt::Display for Advice {
     }
 }
 
-/// What the watch says of one line at one time.
+/// Verdict on one line at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Verdict {
-    /// The line's identity: all verdicts on one line carry the same number.
+    /// The line's identity: equal in all verdicts on it.
     pub line: u32,
     /// Time of the newest sample that the verdict rests on, ns.
     pub t_ns: u64,
@@ -199,23 +199,23 @@ pub struct Verdict {
     pub axis: Axis,
     /// What the line most likely is.
     pub class: Class,
-    /// What else it may be: the samples cannot tell.
+    /// Alternatives that the samples do not distinguish.
     pub rivals: ClassSet,
     /// Growth of the amplitude: d ln A / dt, 1/s.
     pub growth_per_s: f64,
     /// The nearest known mode.
     pub mode: Option<NearestLine>,
-    /// The nearest spindle harmonic, where the speed is known.
+    /// The nearest spindle harmonic, if the speed is known.
     pub harmonic: Option<NearestLine>,
     /// The nearest alias of a spindle harmonic at this sampling rate.
     pub alias: Option<NearestLine>,
-    /// The line stands on an alias: what is seen may not exist at this frequency at all.
+    /// Whether the line coincides with an alias: the true frequency may be another one.
     pub suspect_alias: bool,
     /// What may be done.
     pub advice: Advice,
 }
 
-/// The most verdicts that one block can bring.
+/// Limit on the verdicts of one block.
 pub const VERDICTS_MAX: usize = 16;
 
 /// The verdicts of one block: a list of fixed capacity, copyable.
@@ -267,7 +267,7 @@ impl Verdicts {
         self.len
     }
 
-    /// How many found no place.
+    /// Number of verdicts dropped.
     #[must_use]
     pub fn dropped(&self) -> u32 {
         self.dropped

@@ -1,4 +1,4 @@
-//! One channel seen through one window: its floor, its spectrum, the peaks of the hops before.
+//! One channel in one window: its floor, its spectrum, the peaks of previous hops.
 //!
 //! Planned once; execution does not allocate.
 
@@ -9,7 +9,7 @@ use std::ops::Range;
 
 /// Louder than this many floors over the whole band: the surroundings changed, no line.
 const BROADBAND: f64 = 2.0;
-/// A borrowed floor is trusted this many times less than an own one.
+/// Factor on the threshold for a floor learned in the other surroundings.
 const BORROWED: f64 = 2.0;
 
 /// One channel's view in one window.
@@ -35,7 +35,7 @@ impl View {
         }
     }
 
-    /// Forgets everything but what was learned.
+    /// Clears everything except learned floors.
     pub(crate) fn reset(&mut self) {
         self.past.fill(Peaks::default());
         self.floor.restart();
@@ -55,7 +55,7 @@ impl View {
         &self.past[self.hop]
     }
 
-    /// Lets the floor learn from what was seen.
+    /// Updates the floor with the present spectrum.
     pub(crate) fn learn(&mut self, frozen: &[Range<usize>]) {
         self.floor.learn(&self.power, self.gain, frozen);
     }
@@ -66,7 +66,7 @@ impl View {
         (self.floor.level()[bin] * self.gain * trust).max(least_floor)
     }
 
-    /// Judges how much louder than the floor the whole band is: the middle of power over floor.
+    /// Ratio of the whole band to the floor: median of power over floor.
     pub(crate) fn weigh(&mut self, cells: &mut [f64], stride: usize, least_floor: f64) {
         let level = self.floor.level();
         let mut count = 0;

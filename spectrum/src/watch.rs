@@ -88,7 +88,7 @@ impl Watch {
         })
     }
 
-    /// Takes note of what the process does. Numbers that cannot be are read as "not known".
+    /// Sets the state of the process. Invalid numbers count as unknown.
     pub fn process_state(&mut self, state: ProcessState) {
         let known = |x: f64| if x.is_finite() && x > 0.0 { x } else { 0.0 };
         self.process = ProcessState {
@@ -106,23 +106,23 @@ impl Watch {
         }
     }
 
-    /// Takes note of how the gear shafts turn along the path that is cut now, in place of those known before. At most
-    /// [`WHEELS_MAX`]; one that does not turn is left out.
+    /// Sets the rotation of the gear shafts along the present path, replacing the previous one. At
+    /// most [`WHEELS_MAX`]; shafts that do not rotate are ignored.
     pub fn wheels(&mut self, wheels: impl IntoIterator<Item = Wheel>) {
         let turning = wheels.into_iter().filter(Wheel::is_possible);
         self.config.wheels.clear();
         self.config.wheels.extend(turning.take(WHEELS_MAX));
     }
 
-    /// Takes note of the machine's natural frequencies, in place of those known before. At most [`MODES_MAX`]; one that
-    /// no machine can have is left out.
+    /// Sets the machine's natural frequencies, replacing the previous ones. At most [`MODES_MAX`];
+    /// impossible ones are ignored.
     pub fn modes(&mut self, modes: impl IntoIterator<Item = Mode>) {
         let possible = modes.into_iter().filter(Mode::is_possible);
         self.config.modes.clear();
         self.config.modes.extend(possible.take(MODES_MAX));
     }
 
-    /// Takes a block and says what is new: lines seen, states reached, lines over.
+    /// Processes a block and returns changes: new lines, states reached, lines ended.
     pub fn push(&mut self, block: &Block<'_>) -> Verdicts {
         let mut verdicts = Verdicts::default();
         match self.stream.admit(block) {
@@ -199,7 +199,7 @@ impl Watch {
         }
     }
 
-    /// What was learned of a channel while it stood still is no noise floor.
+    /// The floor learned while a channel stood still is invalid.
     fn forget_still_channels(&mut self) {
         let recovered = self.stream.take_recovered();
         for channel in (0..self.config.channels).filter(|channel| recovered >> channel & 1 == 1) {
@@ -211,7 +211,7 @@ impl Watch {
         }
     }
 
-    /// Does what has become due: a hop at the full rate, a decimated sample and its hop.
+    /// Processes what is due: a hop at the full rate, a decimated sample and its hop.
     fn look(&mut self, verdicts: &mut Verdicts) {
         let surroundings = self.surroundings();
         let full_due = self.full.as_ref().is_some_and(|full| full.waiting == 0);
@@ -226,14 +226,14 @@ impl Watch {
         if low_due {
             self.look_low(surroundings);
         }
-        // Once it has begun, a channel that learns anew does not keep the others waiting.
+        // Once started, a channel that learns again does not delay the others.
         let judges = self.ready_s.is_some() || self.low.is_ready();
         if (full_due || low_due) && judges {
             self.judge(surroundings, verdicts);
         }
     }
 
-    /// Makes one sample of the low branch; says whether its hop is due.
+    /// Computes one sample of the low branch; returns whether its hop is due.
     fn decimate(&mut self) -> bool {
         let taps = self.front.taps();
         if self.raw.iter().any(|raw| raw.newest(taps).is_none()) {
@@ -314,7 +314,7 @@ impl Watch {
         );
     }
 
-    /// Classifies every line, moves it to the state it has earned, and says what is new.
+    /// Classifies every line, updates its state, and returns changes.
     fn judge(&mut self, surroundings: Surroundings, verdicts: &mut Verdicts) {
         let now_s = self.now_s();
         let rpm = self.process.spindle_rpm;
@@ -329,7 +329,7 @@ impl Watch {
             let is_early = track.born_s - ready_s < FROM_START_S;
             track.from_start |= is_early && track.heard > self.config.rules.heard_part;
             self.feeds.note(track, self.process.feed_mm_s, now_s);
-            // While the speed changes, what it drove is still its own.
+            // While the speed changes, previous multiples still count as such.
             let held =
                 track.class == Class::Forced && now_s - self.speed_changed_s < 2.0 * LINGER_S;
             if track.is_fresh(now_s) && !held {
@@ -363,7 +363,7 @@ impl Watch {
         }
     }
 
-    /// Where the tool is: by the cell's own word, else by the level of the forces.
+    /// Air or cut: as stated by the cell, otherwise by the level of the forces.
     fn surroundings(&self) -> Surroundings {
         match self.process.in_cut {
             Some(true) => Surroundings::Cut,
@@ -376,7 +376,7 @@ impl Watch {
         self.samples as f64 / self.config.rate_hz
     }
 
-    /// Time of the newest sample, by the block's own times.
+    /// Time of the newest sample, by the block's times.
     fn now_ns(&self) -> u64 {
         let (block_ns, block_sample) = self.block_start;
         let since_s = (self.samples - block_sample) as f64 / self.config.rate_hz;

@@ -1,8 +1,8 @@
 //! Offline spectra by averaged segments: Welch, cross spectrum, coherence, detrend.
 //!
-//! Equal to `scipy.signal`'s `welch`, `csd`, `coherence` and `detrend` to 1e-9 relative; the tests carry its
-//! numbers. Offline code: it allocates. Frequencies are in cycles per whatever `rate` counts: seconds
-//! for forces, millimetres for surfaces. Holds for signals stationary over the record.
+//! Equal to `scipy.signal`'s `welch`, `csd`, `coherence` and `detrend` to 1e-9 relative; the tests
+//! contain its numbers. Offline code: it allocates. Frequencies are cycles per unit of `1/rate`:
+//! seconds for forces, millimetres for surfaces. Valid for signals stationary over the record.
 
 mod segment;
 
@@ -12,7 +12,7 @@ use realfft::num_complex::Complex;
 
 pub use self::segment::SegmentPower;
 
-/// What is taken out of each segment before its transform.
+/// Trend removed from each segment before its transform.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Detrend {
     /// Nothing.
@@ -30,7 +30,7 @@ pub enum Taper {
     /// Periodic Hann.
     #[default]
     Hann,
-    /// None: all ones.
+    /// No window: all ones.
     Boxcar,
 }
 
@@ -53,7 +53,7 @@ pub struct Segments {
     pub length: usize,
     /// Samples that neighbours share; less than the length.
     pub overlap: usize,
-    /// What is taken out of each segment.
+    /// Trend removed from each segment.
     pub detrend: Detrend,
     /// The window.
     pub taper: Taper,
@@ -62,7 +62,7 @@ pub struct Segments {
 }
 
 impl Segments {
-    /// The defaults of `scipy.signal`: Hann, half overlap, mean taken out, density.
+    /// The defaults of `scipy.signal`: Hann, half overlap, mean removed, density.
     #[must_use]
     pub fn new(rate: f64, length: usize) -> Self {
         Self {
@@ -76,7 +76,7 @@ impl Segments {
     }
 }
 
-/// A record that no spectrum can be made of.
+/// A record without a valid spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SpectrumError {
     /// Too few samples.

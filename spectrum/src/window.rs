@@ -23,8 +23,8 @@ pub fn density_scale(window: &[f64], rate_hz: f64) -> f64 {
     2.0 / (rate_hz * window.iter().map(|w| w * w).sum::<f64>())
 }
 
-/// Amplitude that a Hann window leaves of a tone `cells` beside the bin's middle (1 at 0):
-/// `sinc(δ) / (1 − δ²)`. One cell is the rate over the window's length.
+/// Gain of a Hann window for a tone `cells` away from the bin's middle (1 at 0): `sinc(δ) / (1 −
+/// δ²)`. One cell is the rate over the window's length.
 #[must_use]
 pub(crate) fn hann_response(cells: f64) -> f64 {
     let delta = cells.abs();

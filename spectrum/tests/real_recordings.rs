@@ -1,7 +1,7 @@
-//! What the watch and the offline tools find in recordings of real machines.
+//! Results of the monitor and the offline tools for recordings of real machines.
 //!
-//! The recordings are not part of the tree: they are looked for beside the workspace or in
-//! `TRUED_DATA`, and a test says SKIPPED where they are absent.
+//! The recordings are not part of the tree: they are searched next to the workspace or in
+//! `TRUED_DATA`; without them a test prints SKIPPED.
 
 #![expect(
     clippy::print_stderr,
@@ -27,7 +27,7 @@ fn data(path: &str) -> Option<String> {
     text
 }
 
-/// Rows of numbers; lines that hold other text are passed over.
+/// Rows of numbers; lines with other text are skipped.
 fn numbers(text: &str) -> Vec<Vec<f64>> {
     let row = |line: &str| {
         let fields = line.split([',', '\t', ' ']).filter(|field| !field.trim().is_empty());
@@ -36,7 +36,7 @@ fn numbers(text: &str) -> Vec<Vec<f64>> {
     text.lines().filter_map(row).filter(|row| !row.is_empty()).collect()
 }
 
-/// Runs a recording through the watch in blocks of 5 ms; `frame` makes three channels of a row.
+/// Passes a recording to the monitor in blocks of 5 ms; `frame` makes three channels of a row.
 fn watched(
     config: WatchConfig,
     process: ProcessState,
@@ -96,7 +96,7 @@ fn milling_chatter_is_found_at_684_hz_in_the_cut_and_the_hum_is_not_chatter() {
         *said.iter().find(|(_, v)| is(v)).expect("the chatter is found")
     };
     let (alarm_s, alarm) = at(State::Alarm, 12.0);
-    // The set's own label is the record's; the burst from 4.0 to 5.0 s is our reading of it.
+    // The data set labels the whole record; the burst from 4.0 to 5.0 s is our interpretation.
     assert!((3.9..4.45).contains(&alarm_s), "{alarm_s}");
     assert_eq!((alarm.class, alarm.axis), (Class::Chatter, Axis::Y));
     assert_eq!(at(State::Confirmed, 4.0).1.class, Class::Chatter);
@@ -162,7 +162,7 @@ fn the_tap_test_gives_the_tools_modes() {
     for mode in &found {
         eprintln!("tap-test: {mode:?}");
     }
-    // The set's own note has modes near these; methods differ by 1 to 2 %.
+    // The documentation of the data set states modes near these; methods differ by 1 to 2 %.
     for known_hz in [1056.0, 1941.0, 2598.0] {
         let near = found.iter().find(|m| (m.frequency_hz / known_hz - 1.0).abs() < 0.02);
         let mode = near.unwrap_or_else(|| panic!("no mode near {known_hz} Hz: {found:?}"));
@@ -170,7 +170,7 @@ fn the_tap_test_gives_the_tools_modes() {
     }
 }
 
-/// Heights of one of the reference's own profiles: the lines of numbers between two tags.
+/// Heights of a profile of the reference: the lines of numbers between two tags.
 fn between(text: &str, tag: &str) -> Vec<f64> {
     let inside = text.split(&format!("<{tag}>")).nth(1).and_then(|t| t.split("</").next());
     inside.unwrap_or("").split_whitespace().filter_map(|word| word.parse().ok()).collect()
@@ -189,7 +189,8 @@ fn the_surface_reference_is_met() {
         assert!(filtered.is_empty() || filtered.len() == inner.len());
         let worst = inner.iter().zip(&filtered).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         let ours = parameters(inner);
-        // The set's own discrimination: 5 % of the total height above and below the mean line.
+        // The discrimination of the data set: 5 % of the total height above and below the mean
+        // line.
         let width = element_width_mm(inner, 0.000_25, 0.05 * ours.total_height);
         eprintln!("{name}: largest difference {worst:.2e} um");
         for (tag, value, within) in [

@@ -1,7 +1,7 @@
-//! The offline tools against SciPy and pyFRF: equal to 1e-9 of each spectrum's size.
+//! Comparison of the offline tools with SciPy and pyFRF: equal to 1e-9 of each spectrum's size.
 //!
-//! The numbers are made by `tests/reference/make.py`. pyFRF takes the mean out, so that its first
-//! bin is no number; all others are compared.
+//! The numbers are made by `tests/reference/make.py`. pyFRF removes the mean, so that its first bin
+//! is NaN; all others are compared.
 #![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 use spectrum::frf::{Estimator, Hit, Response, frf};
@@ -19,7 +19,7 @@ fn table(text: &str) -> Table {
     text.lines().filter_map(line).collect()
 }
 
-/// Equal to 1e-9 of the reference's largest value; where the reference is no number, not compared.
+/// Equal to 1e-9 of the reference's largest value; NaN of the reference is not compared.
 fn assert_equal(name: &str, ours: &[f64], reference: &[f64]) {
     assert_eq!(ours.len(), reference.len(), "{name}");
     let size = reference.iter().filter(|r| r.is_finite()).fold(0.0_f64, |a, r| a.max(r.abs()));

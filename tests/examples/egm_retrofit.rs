@@ -1,4 +1,4 @@
-//! An EGM cell retrofitted with a bridge: what the robot's tool does without and with it.
+//! An EGM cell retrofitted with a bridge: tool error of the robot without and with it.
 //!
 //! `cargo run --release -p tests --example egm_retrofit [SEED]`
 #![expect(clippy::print_stdout, reason = "it shows something")]

@@ -1,7 +1,9 @@
-//! Every parser of foreign input over examples, over what was found before, and over a bounded number of changed ones.
+//! Every parser of foreign input, run on examples, on earlier findings, and on a bounded number of
+//! mutations.
 //!
-//! A program of its own, as its allocator counts. The functions are those of `cargo fuzz` (`fuzz/README.md`), which goes on for as long
-//! as one likes; `TRUED_FUZZ=N` makes this one go on N times as long.
+//! A separate program, because its allocator counts. The functions are those of `cargo fuzz`
+//! (`fuzz/README.md`), which runs without limit; `TRUED_FUZZ=N` multiplies the number of mutations
+//! here by N.
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on fails")]
 #![expect(clippy::print_stdout, reason = "what was measured is said")]
 
@@ -43,7 +45,7 @@ fn examples(target: &Target) -> Vec<Vec<u8>> {
     paths.iter().map(|path| fs::read(path).unwrap()).collect()
 }
 
-/// One input; what is wrong with what came of it.
+/// Runs one input; returns what is wrong with the result.
 fn verdict(target: &Target, bytes: &[u8]) -> Result<u64, String> {
     let mut outcome = Ok(());
     let heap = allocation_counter::measure(|| {
@@ -69,7 +71,7 @@ fn hold(name: &'static str) {
     let inputs = INPUTS * times * target.share / 100;
     let (tell, told) = channel();
     std::thread::spawn(move || {
-        // What all inputs share is made once; the first must not pay for it.
+        // Shared data are created once, which must not count for the first input.
         let _ = verdict(&target, &examples[0]);
         let mut mutator = Mutator::new(&examples, 7);
         let changed = (0..inputs).map(|_| mutator.next_input());
@@ -91,7 +93,7 @@ fn hold(name: &'static str) {
     println!("{name}: {inputs} inputs, at most {} kB from the heap", most / 1024);
 }
 
-/// What the thread that tries has to say.
+/// Messages of the running thread.
 enum Told {
     Tries(Vec<u8>),
     Found(Result<u64, String>),

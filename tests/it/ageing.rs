@@ -1,4 +1,5 @@
-//! A model that ages: the running daemon is told where the tool was measured, and says when its model no longer holds, and since when.
+//! An ageing model: the running daemon receives measurements of the tool, and reports when its
+//! model no longer holds, and since when.
 
 use crate::TRUED;
 use physics::{Inputs, JOINTS_MAX, Memories, Model};
@@ -55,13 +56,13 @@ impl Bench {
 }
 
 fn status(monitor: &mut Monitor) -> Status {
-    // One that was made after what was told.
+    // A status made after the report.
     std::thread::sleep(Duration::from_millis(150));
     monitor.status().unwrap()
 }
 
 #[test]
-fn a_drift_is_said_with_its_time_and_a_new_model_begins_anew() {
+fn a_drift_is_reported_with_its_time_and_a_new_model_resets_the_test() {
     let place = Place::new("full", "");
     let daemon = Process::daemon(TRUED, &place);
     assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());

@@ -1,4 +1,5 @@
-//! The rules of this project that a program can check: room sizes, arrows between crates, where `unsafe` may stand.
+//! House rules that a program can check: lengths of functions, dependencies between crates, where
+//! `unsafe` is allowed.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -8,7 +9,8 @@ use syn::visit::{self, Visit};
 
 const FUNCTION_LINES_MAX: usize = 70;
 
-/// Who may name whom (docs: ARCHITECTURE.md). A crate that is not listed here may name all.
+/// Allowed dependencies between crates (docs: ARCHITECTURE.md). A crate that is not listed here may
+/// depend on all.
 const ARROWS: &[(&str, &[&str])] = &[
     ("physics", &[]),
     ("spectrum", &[]),
@@ -26,7 +28,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("feedforward", &["joint-dynamics", "diagnosis", "world", "recording", "physics", "envelope"]),
     ("client", &["shm-schema", "envelope"]),
     ("client/c", &["client", "shm-schema"]),
-    // Of `physics` the controller's geometry alone: what a correction of joints does to the tool.
+    // Of `physics` only the controller's geometry: the effect of a joint correction on the tool.
     ("bridge", &["client", "recording", "physics"]),
     (
         "daemon",
@@ -40,10 +42,10 @@ const ARROWS: &[(&str, &[&str])] = &[
             "shm-schema",
         ],
     ),
-    // Of `daemon` its states as messages of a recording alone.
+    // Of `daemon` only its states as messages of a recording.
     ("live", &["client", "shm-schema", "recording", "daemon"]),
     ("challenge", &[]),
-    // Of `daemon` the manners of a real-time thread alone, so that what is compared has the same.
+    // Of `daemon` only the real-time settings of a thread, so that everything compared has the same ones.
     ("harness", &["client", "shm-schema", "daemon", "report"]),
     ("xtask", &["report", "trued"]),
 ];
@@ -61,7 +63,7 @@ fn crates_name_only_whom_they_may() {
         }
     }
     for folder in house.values() {
-        // Man pages are made of the program's own command line.
+        // Man pages are generated from the program's own command line.
         let others = ["trued", "tests", "xtask"].contains(&folder.as_str());
         if !others && dependencies(folder).iter().any(|d| d == "trued" || d == "tests") {
             faults.push(format!("{folder} names trued or tests, which nothing may"));
@@ -81,7 +83,11 @@ fn the_harness_has_no_correction_of_its_own() {
         let words = |rest: &str| rest.lines().next().unwrap_or_default().to_owned();
         faults.extend(named.map(|rest| format!("{}: daemon::{}", shown(&path), words(rest))));
     }
-    assert!(faults.is_empty(), "of the daemon, more than manners:\n{}", faults.join("\n"));
+    assert!(
+        faults.is_empty(),
+        "of the daemon, more than real-time settings:\n{}",
+        faults.join("\n")
+    );
 }
 
 #[test]
@@ -98,7 +104,7 @@ fn functions_fit_on_a_screen() {
 }
 
 #[test]
-fn every_file_says_what_it_is_for() {
+fn every_file_has_a_header() {
     let faults: Vec<_> = sources()
         .filter(|path| !fs::read_to_string(path).unwrap().trim_start().starts_with("//!"))
         .map(|path| shown(&path))
@@ -107,7 +113,7 @@ fn every_file_says_what_it_is_for() {
 }
 
 #[test]
-fn unsafe_stands_in_shm_schema_and_at_the_border_to_c_alone() {
+fn unsafe_is_only_in_shm_schema_and_at_the_border_to_c() {
     let allowed = ["shm-schema/", "client/c/"];
     let faults: Vec<_> = sources()
         .filter(|path| !allowed.iter().any(|folder| shown(path).starts_with(folder)))

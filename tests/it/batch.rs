@@ -1,4 +1,5 @@
-//! `trued diagnose --batch`: the same results whatever the shards, the threads, the folder, and wherever it was killed.
+//! `trued diagnose --batch`: the same results for any shards, threads and folders, and after a kill
+//! at any time.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -49,7 +50,7 @@ fn fleet() -> Place {
     place
 }
 
-/// The digest that a run told.
+/// The digest printed by a run.
 fn digest(done: &Done) -> String {
     let line = done.out.lines().find_map(|line| line.strip_prefix("digest "));
     assert!(line.is_some(), "{done:#?}");
@@ -103,7 +104,7 @@ fn shards_in_any_order_on_any_number_of_threads_give_the_same_files() {
     assert!(again.out.contains("0 results written, 6 kept"), "{again:#?}");
     assert_eq!(digest(&again), digest(&whole));
     assert_eq!(place.json("said.json")["digest_sha256"], digest(&whole));
-    // The tools of any system give the same digest.
+    // Standard tools give the same digest.
     let shell = "cd parts && sha256sum *.parquet | sha256sum";
     let output = Command::new("sh").args(["-c", shell]).current_dir(place.path("")).output();
     let said = String::from_utf8(output.unwrap().stdout).unwrap();
@@ -142,7 +143,7 @@ fn the_results_name_what_wears_on_which_robot() {
 }
 
 #[test]
-fn a_batch_that_is_killed_at_random_goes_on_to_the_same_digest() {
+fn a_batch_that_is_killed_at_random_continues_to_the_same_digest() {
     let place = fleet();
     let expected = digest(&batch(&place, "whole", &[]));
     let mut chance = Chance::new(37);
@@ -175,7 +176,8 @@ fn a_recording_that_cannot_be_diagnosed_gets_a_reason_and_stops_no_other() {
     let refused: Vec<_> = all.iter().filter(|row| text(&row["subject"]) == "refused").collect();
     assert!(text(&refused[0]["says"]).contains("`abc`"), "{refused:?}");
     assert_eq!(refused.len(), 1);
-    // What is refused is not tried again, and told again; what could not be read is. In another folder the words are the same.
+    // Refused recordings are not tried again, and are reported again; unreadable ones are tried
+    // again. Messages do not depend on the folder.
     fs::copy(place.path("B0.csv"), place.path("B1.csv")).unwrap();
     let again = batch(&place, "said", &["--resume"]);
     assert!(again.out.contains("1 result written, 5 kept"), "{again:#?}");
@@ -247,7 +249,8 @@ fn the_worked_example_of_the_page_runs_as_it_stands() {
     assert!(digests.len() >= 2 && digests[0] == digests[digests.len() - 1], "{said}");
 }
 
-/// A cluster of this machine alone; `SKIPPED` where the distribution's Slurm is not installed or cannot run.
+/// A Slurm cluster on this machine; `SKIPPED` if the distribution's Slurm is not installed or
+/// cannot run.
 #[test]
 fn a_job_array_of_slurm_gives_the_digest_of_one_process() {
     let script = root().join("tests/peers/slurm.sh");
@@ -271,7 +274,7 @@ fn a_job_array_of_slurm_gives_the_digest_of_one_process() {
     assert_eq!(digest(&done), expected);
 }
 
-/// The interpreter of `TRUED_BATCH_PYTHON`, else the system's, where it has that package.
+/// The interpreter `TRUED_BATCH_PYTHON`, otherwise the system's, if it has this package.
 fn python_with(package: &str) -> Option<String> {
     let python = std::env::var("TRUED_BATCH_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let words = ["-c".to_owned(), format!("import {package}")];

@@ -1,5 +1,5 @@
-//! `trued bench` and `trued doctor` as programs: what they tell is consistent, what is refused ends them, nothing is left behind.
-//! Never: a word on how fast anything is.
+//! `trued bench` and `trued doctor` as programs: results are consistent, refused settings end them,
+//! nothing is left behind. Speed is not tested.
 
 use crate::program::{Done, Place};
 use serde_json::Value;
@@ -30,7 +30,7 @@ fn check_quantiles(q: &Value, n: Option<u64>) {
     }
 }
 
-/// Names that benches which have ended left in shared memory: each bears its process' number.
+/// Names in shared memory left by benches that have ended: each contains its process number.
 fn left() -> Vec<String> {
     let of_the_dead = |name: &String| {
         let number = name.split("bench-").nth(1).and_then(|rest| rest.split(['-', '.']).next());
@@ -89,7 +89,7 @@ fn a_short_bench_counts_every_cycle_of_its_schedule_and_leaves_nothing() {
 }
 
 #[test]
-fn costs_are_told_for_every_number_with_the_line_through_them() {
+fn costs_are_reported_for_every_number_with_the_line_through_them() {
     if !has_two_cores() {
         return;
     }
@@ -117,7 +117,7 @@ fn costs_are_told_for_every_number_with_the_line_through_them() {
         assert!(sum.abs() < 1e-6 * (1.0 + size), "{kind}: {off:?}");
         roxmltree::Document::parse(&place.read(&format!("out/cost-{kind}.svg"))).expect("a plot");
     }
-    // A solve that found nothing to do would cost nothing.
+    // A solve without errors to correct would cost nothing.
     let steps = |kind: &str| cost[kind]["points"][3]["beside"].as_u64();
     assert!(steps("joints") > Some(0) && steps("effects") > Some(0), "{cost}");
     assert!(place.litter().is_empty() && left().is_empty(), "{:?} {:?}", place.litter(), left());
@@ -210,7 +210,7 @@ fn models_are_swapped_under_a_path_and_starts_are_timed() {
 }
 
 #[test]
-fn what_cannot_be_measured_is_said_and_counted() {
+fn a_part_that_cannot_be_measured_is_reported_and_counted() {
     if !has_two_cores() {
         return;
     }
@@ -252,7 +252,7 @@ fn cyclictest_takes_turns_with_what_it_stands_beside() {
 }
 
 #[test]
-fn the_doctor_says_each_check_once_with_the_fix_where_it_does_not_pass() {
+fn the_doctor_lists_each_check_once_with_a_remedy_if_it_fails() {
     let place = Place::new();
     let done = place.run(&["doctor", "--json", "doctor.json"]);
     let told = place.json("doctor.json");

@@ -1,4 +1,5 @@
-//! `trued calibrate`: a simulated campaign whose truth is known, gross faults that are said, and nothing written where nothing can be.
+//! `trued calibrate`: a simulated campaign with known truth, gross faults that are reported, and no
+//! output if a calibration is impossible.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -18,7 +19,7 @@ use crate::program::Place;
 
 const BASE: &str = "irb1600-6-145";
 const POSES: usize = 60;
-/// What the robot has and its controller does not know.
+/// Effects of the robot that its controller does not know.
 const EFFECTS: &str = "
 [[effect]]
 kind = \"joint_offset\"
@@ -81,7 +82,7 @@ fn seen_of(text: &str) -> Vec<Row> {
     seen_at(text, POSES, |_| ())
 }
 
-/// The same at so many poses, each with its joint positions (degrees) changed.
+/// The same for a number of poses, with changed joint positions (degrees).
 fn seen_at(text: &str, poses: usize, change: impl Fn(&mut [f64; 6])) -> Vec<Row> {
     let truth = RobotModel::parse("truth", text).expect("sound").physics;
     let mut rows = unseen(poses);
@@ -141,7 +142,8 @@ fn the_effects_of_a_simulated_robot_are_found_and_its_model_loads_and_corrects()
     let [nominal, calibrated, advanced] = ["nominal", "calibrated", "advanced"]
         .map(|model| number(&found, &["heldout", model, "mean"]));
     assert!(advanced < 0.5 * calibrated && calibrated < nominal, "{:#}", found["heldout"]);
-    // Three reflectors of 0.02 mm per axis: 0.032 mm in the mean, and what sixty poses leave unsure.
+    // Three reflectors with 0.02 mm per axis: 0.032 mm in the mean, plus the uncertainty from sixty
+    // poses.
     assert!(advanced < 0.045, "{:#}", found["heldout"]);
     for key in ["p95", "max", "median"] {
         assert!(number(&found, &["heldout", "advanced", key]) > 0.0);
@@ -229,7 +231,7 @@ fn text_json_and_page_of_a_calibration_tell_the_same_numbers() {
 }
 
 #[test]
-fn a_tolerance_that_held_out_errors_exceed_is_told_and_ends_with_1() {
+fn a_tolerance_that_held_out_errors_exceed_is_reported_and_ends_with_1() {
     for (tolerance_mm, code, told) in
         [("0.2", 0, "tolerance 0.200 mm met"), ("0.01", 1, "tolerance 0.0100 mm not met")]
     {
@@ -280,7 +282,7 @@ fn the_same_seed_gives_the_same_bytes_and_a_calibrated_model_can_be_calibrated_a
     let found = [&one, &two].map(|place| calibrate(place, &[]));
     assert_eq!(found[0], found[1]);
     assert_eq!(one.read("robot2.toml"), two.read("robot2.toml"));
-    // The held-out poses took part in the model that it begins with.
+    // The held-out poses were used for the initial model.
     let again = ["calibrate", "--accept-worse", "--model", "robot2.toml", "--out", "robot3.toml"];
     one.succeed(&[&again[..], &["seen.csv"]].concat());
     let again = one.read("robot3.toml");
@@ -301,7 +303,7 @@ fn another_seed_of_the_split_gives_the_same_model() {
 }
 
 #[test]
-fn residuals_beyond_the_stated_noise_are_said_with_their_factor() {
+fn residuals_beyond_the_stated_noise_are_reported_with_their_factor() {
     let place = place_with(measured());
     place.file("seen.toml", &ABOUT.replace("= 0.02", "= 0.005"));
     let found = calibrate(&place, &[]);
@@ -330,7 +332,8 @@ fn what_no_reading_shows_is_named_and_warned_of_and_no_failure() {
 #[test]
 fn poses_that_a_recording_keeps_for_validation_are_the_held_out_ones() {
     let place = place_with(measured());
-    // Both were seen from one place of the instrument: else nothing would tell where the kept ones were seen from.
+    // Both were measured from one station: otherwise the station of the held-out ones would be
+    // undetermined.
     let stationed = |rows: &[Row]| {
         let rows = csv(rows);
         let lines = rows.lines().enumerate();
@@ -350,7 +353,7 @@ fn poses_that_a_recording_keeps_for_validation_are_the_held_out_ones() {
 }
 
 #[test]
-fn gross_faults_are_said_with_what_to_do_and_nothing_is_written() {
+fn gross_faults_are_reported_with_a_remedy_and_nothing_is_written() {
     let refused = |change: &dyn Fn(&mut Row), word: &str| {
         let mut rows = measured().to_vec();
         rows.iter_mut().for_each(change);
@@ -371,7 +374,7 @@ fn gross_faults_are_said_with_what_to_do_and_nothing_is_written() {
         &|row| swapped(&mut row.2[1]),
         "target 2 alone is grossly off: its columns x and y are swapped",
     );
-    // No remedy is known for noise of a decimetre, nor for rows of something else.
+    // There is no remedy for noise of a decimetre, nor for rows of something else.
     refused(
         &|row| row.2[0] += 100.0 * DVec3::new(row.0[0].sin(), row.0[1].sin(), row.0[2].sin()),
         "target 1 was seen",
@@ -380,7 +383,7 @@ fn gross_faults_are_said_with_what_to_do_and_nothing_is_written() {
 
 #[test]
 fn a_model_that_its_own_proof_calls_worse_is_not_written_unless_it_is_asked_for() {
-    // The robot is as the model says: a geometry that is fitted to few poses can only be worse.
+    // The robot equals the model: a geometry fitted to few poses can only be worse.
     let rows = seen_at(preset(BASE).expect("preset").text, 12, |_| ());
     let place = place_with(&rows);
     let asked = [&CALIBRATE[..], &["--json", "c.json", "--report", "c.html"]].concat();
@@ -401,13 +404,13 @@ fn a_model_that_its_own_proof_calls_worse_is_not_written_unless_it_is_asked_for(
 }
 
 #[test]
-fn degrees_under_the_name_of_radians_and_a_wrong_tool_are_said() {
+fn degrees_under_the_name_of_radians_and_a_wrong_tool_are_reported() {
     let place = place_with(measured());
     place.file("seen.csv", &csv(measured()).replace("_deg", "_rad"));
     let done = place.run(&CALIBRATE);
     let said = format!("{}{}", done.out, done.err);
     assert!(matches!(done.code, Some(1 | 2)) && said.contains("degrees"), "{done:#?}");
-    // A reflector of known place, and a model whose tool sits elsewhere.
+    // A reflector with known position, and a model with another tool position.
     let place = place_with(measured());
     let tcp =
         preset(BASE).expect("preset").text.replacen("tcp_mm = [815.0,", "tcp_mm = [845.0,", 1);

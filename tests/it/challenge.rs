@@ -1,4 +1,5 @@
-//! `trued challenge`: two formulations of one physics held against each other, the seal, and the score of solvers whose answers are known.
+//! `trued challenge`: comparison of two formulations of the physics, the seal, and the score of
+//! solvers with known answers.
 
 use ::challenge::arm::Arm;
 use ::challenge::case::{Case, Tier};
@@ -78,7 +79,7 @@ fn sizes(kind: Kind) -> Vec<f64> {
     }
 }
 
-/// Root of the mean square of what two lists differ in.
+/// Root mean square of the difference of two lists.
 fn rms(a: &[f64], b: &[f64]) -> f64 {
     let sum: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
     (sum / a.len() as f64).sqrt()
@@ -101,9 +102,9 @@ fn simulated(case: &Case) -> Vec<f64> {
 /// How far the two may be apart, as a share of the effect: where the laws are formulated otherwise on purpose, more.
 fn apart(kind: Kind) -> f64 {
     match kind {
-        // Springs that slip build up the first loading another way than after a reversal.
+        // The first loading of slipping springs differs from that after a reversal.
         Kind::Hysteresis => 0.12,
-        // Play stands somewhere in its gap before it moves first.
+        // The initial position in the backlash gap is arbitrary.
         Kind::Backlash => 0.25,
         // A surface warms before the core; sidebands.
         Kind::ThermalGrowthLag | Kind::ThermalZeroLag | Kind::TransmissionError => 0.03,
@@ -120,7 +121,7 @@ fn every_effect_is_the_same_in_two_formulations_that_share_nothing() {
             if kind.needs(if settled { Need::Path } else { Need::Poses }) {
                 continue;
             }
-            // Joint 3's pivot and joint 4's coincide: nothing there that could grow.
+            // Joint 3's pivot and joint 4's coincide: there is no link that could grow.
             let joint = if kind.name() == Some("thermal_growth") { 1 } else { 2 };
             let effect = Effect { kind, joint, other: 4, numbers: sizes(kind) };
             let alone = matches!(
@@ -142,7 +143,7 @@ fn every_effect_is_the_same_in_two_formulations_that_share_nothing() {
     assert!(faults.is_empty(), "{faults:#?}");
 }
 
-/// A solver that says the same whatever it is asked.
+/// A solver with a constant answer.
 fn solver(place: &Place, answer: &str) -> String {
     let script = format!(
         "while [ $# -gt 1 ]; do\n  case \"$1\" in --out) out=\"$2\"; shift;; --model) model=\"$2\"; shift;; esac\n  shift\ndone\n\
@@ -151,7 +152,7 @@ fn solver(place: &Place, answer: &str) -> String {
     scripted(place, "solver.sh", &script)
 }
 
-/// How a script of that place is called; nothing is started from there, where nothing may be.
+/// Command of a script in that place; it is not executed there, where execution may be forbidden.
 fn scripted(place: &Place, name: &str, script: &str) -> String {
     format!("sh {}", place.file(name, script).display())
 }
@@ -239,7 +240,7 @@ fn a_solver_that_fails_hangs_or_talks_nonsense_is_no_answer() {
     assert_eq!(again.code, Some(2), "a folder that holds something stays as it is");
 }
 
-/// What a solver that knows the truth would say of a case, and the model that it would write.
+/// The answer and the model of a solver that knows the truth of a case.
 fn perfect(index: usize, seed: u64) -> (String, String) {
     let drawn = draw::case(seed, index, Tier::mixed(index));
     let truth = Truth::of("", &drawn);

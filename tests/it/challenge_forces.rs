@@ -1,4 +1,5 @@
-//! `trued challenge --domain force`: the laws of what a cutter exerts and a sensor reads, held in two formulations against each other; files that read back.
+//! `trued challenge --domain force`: comparison of two formulations of cutting forces and sensor
+//! readings; files that are read back.
 
 use std::f64::consts::PI;
 
@@ -28,7 +29,8 @@ fn case(cut: Cut) -> Case {
     Case { tier, cut, scene, noise, known, hidden, seed: 1 }
 }
 
-/// A fluted slot, a straight mill that cuts down, a fluted one that cuts up, one in the middle of its arc, and a bar that is turned.
+/// A fluted slot, a straight mill in down milling, a fluted one in up milling, one in the middle of
+/// its arc, and a turned bar.
 fn cuts() -> [(&'static str, Cut); 5] {
     let chance = &mut Chance::new(5, 0);
     let slot = Cut { helix_rad: 0.5, entry_rad: 0.0, exit_rad: PI, ..Cut::mill(4, false, chance) };
@@ -66,7 +68,7 @@ fn simulated(case: &Case, ride: &Ride<'_>, effects: &[Effect]) -> Vec<[f64; 3]> 
     (0..seen.len()).map(|row| columns.map(|column| column[row])).collect()
 }
 
-/// Root of the mean square of what two lists differ in, over the rows that are asked.
+/// Root mean square of the difference of two lists, over the selected rows.
 fn apart(a: &[[f64; 3]], b: &[[f64; 3]], asked: &[bool]) -> f64 {
     let kept = a.iter().zip(b).zip(asked).filter(|(_, asked)| **asked);
     let squares = kept.flat_map(|((a, b), _)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)));
@@ -89,7 +91,8 @@ fn every_effect_of_forces_is_the_same_in_two_formulations_that_share_nothing() {
         if told > may * whole {
             faults.push(format!("{name}: told law {told:.2e} of {whole:.2e}, may {may:.1e}"));
         }
-        // Where chips are thin a tooth that runs out leaves the work: no chip is negative here, and the library's law goes on.
+        // For thin chips a tooth with runout leaves the work: here chips are never negative, but
+        // the library's law continues.
         let asks = |kind: &Kind| {
             fits(&case.cut, &case.scene, *kind) && (*kind != Kind::Runout || name == "side")
         };

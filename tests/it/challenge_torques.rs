@@ -1,4 +1,5 @@
-//! `trued challenge --domain torque`: the laws of what motors feel, held in two formulations against each other; the seal; injection into recordings.
+//! `trued challenge --domain torque`: comparison of two formulations of drive torques; the seal;
+//! injection into recordings.
 
 use ::challenge::arm::{JOINTS, Joints};
 use ::challenge::case::{Known, Tier};
@@ -20,7 +21,7 @@ use crate::program::Place;
 /// Rows that are simulated for each that is compared.
 const FINER: usize = 2;
 
-/// A case whose model knows viscous friction and a spring on joint `joint`; it warms.
+/// A case whose model has viscous friction and a spring on joint `joint`, with rising temperature.
 fn case(rig: Rig, joint: usize) -> Case {
     let room = rig.rooms[joint];
     let mut chance = Chance::new(12, 0);
@@ -82,14 +83,14 @@ fn simulated(case: &Case, effects: &[Effect]) -> Vec<Joints> {
     write::commanded(&case.motion, FINER).into_iter().map(row).collect()
 }
 
-/// Root of the mean square of what two lists differ in, all joints, over the rows that are asked.
+/// Root mean square of the difference of two lists, all joints, over the selected rows.
 fn apart(a: &[Joints], b: &[Joints], asked: &[bool]) -> f64 {
     let kept = a.iter().zip(b).zip(asked).filter(|(_, asked)| **asked);
     let squares = kept.flat_map(|((a, b), _)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)));
     (squares.sum::<f64>() / a.len() as f64).sqrt()
 }
 
-/// Rows beside which no joint turns round, starts or stops: there a sign turns over between two rows.
+/// Rows at which no joint reverses, starts or stops: there a sign changes between two rows.
 fn steady(case: &Case, ride: &Ride) -> Vec<bool> {
     let sign = |row: usize, i: usize| {
         let v = ride.states[row][i][1];
@@ -106,7 +107,7 @@ fn steady(case: &Case, ride: &Ride) -> Vec<bool> {
 /// How far the two may be apart, as a share of the effect.
 fn may_be_apart(kind: Kind) -> f64 {
     match kind {
-        // Springs that slip build up the first loading another way than after a reversal.
+        // The first loading of slipping springs differs from that after a reversal.
         Kind::Hysteresis => 0.2,
         _ => 0.01,
     }
@@ -130,7 +131,7 @@ fn every_effect_of_torques_is_the_same_in_two_formulations_that_share_nothing() 
         let asked = steady(&case, &ride);
         let whole = apart(&own, &vec![[0.0; JOINTS]; own.len()], &asked);
         let rigid = apart(&own, &theirs, &asked);
-        // Rates of what was asked for are differences of rows there.
+        // Rates of the commands are differences of rows there.
         if rigid > 2e-3 * whole {
             faults.push(format!("{name}: masses {rigid:.2e} of {whole:.2e}"));
         }

@@ -1,4 +1,4 @@
-//! `trued convert`: a black box becomes a recording, to the bit.
+//! `trued convert`: an MCAP recording becomes a table, bit for bit.
 
 use crate::program::Place;
 use physics::JointKind;

@@ -1,4 +1,5 @@
-//! `trued diagnose`: what is concealed from a model is named, what is not there is not, and what cannot be judged is not judged.
+//! `trued diagnose`: effects concealed from a model are found, absent ones are not, and invalid
+//! recordings are not evaluated.
 
 use std::fmt::Write as _;
 
@@ -22,7 +23,7 @@ const ROWS: u32 = 900;
 const ABOUT: &str =
     "schema = \"trued.recording/1\"\nsigma = { x_mm = 0.03, y_mm = 0.03, z_mm = 0.03 }\n";
 
-/// All joints swing, each at a pace of its own.
+/// All joints oscillate, each at its own frequency.
 pub(crate) fn path() -> String {
     path_of(0.02)
 }
@@ -76,7 +77,8 @@ fn a_concealed_backlash_is_named_with_its_joint_and_width_and_the_gain_is_proven
     assert!((number(after) / 0.03 - 1.0).abs() < 0.1, "down to the noise: {after}");
     assert_eq!(said["findings"].as_array().map(Vec::len), Some(1), "{said:#}");
     assert_eq!(said["candidates"], Value::Array(Vec::new()), "{said:#}");
-    // It alone is missing: what it does is what the error is larger by, and all of it is there without the finding.
+    // It alone is missing: its size is the increase of the error, which remains completely without
+    // the finding.
     let size = &finding["size"];
     let larger = (number(before).powi(2) - number(after).powi(2)).sqrt();
     assert!((number(&size["rms"]) / larger - 1.0).abs() < 0.2, "{size} beside {larger}");
@@ -85,7 +87,7 @@ fn a_concealed_backlash_is_named_with_its_joint_and_width_and_the_gain_is_proven
     assert!((without / number(before) - 1.0).abs() < 0.01, "{without} beside {before}");
     assert!(place.read("said/report.html").contains("backlash"));
     place.succeed(&["check", "said/model.toml"]);
-    // With what was found the same recording holds nothing more.
+    // With the finding in the model the same recording contains nothing more.
     let again =
         ["diagnose", "--model", "said/model.toml", "--out", "again", "--seed", "1", "seen.csv"];
     place.succeed(&again);
@@ -141,7 +143,8 @@ fn the_library_gives_what_the_command_writes_and_lists_the_largest_findings_firs
 
 #[test]
 fn the_probabilities_of_a_finding_and_of_what_else_it_may_be_add_up_to_one() {
-    // No load tells a sag from a compliance, and the few rows tell little of anything.
+    // Without load variation a sag is indistinguishable from a compliance, and few rows contain
+    // little information.
     let weak = "[[effect]]\nkind = \"joint_compliance\"\njoint = 2\ncompliance_mrad_per_kNm = 0.4\n\
                 [[effect]]\nkind = \"backlash\"\njoint = 5\nwidth_mrad = 0.08\n";
     let place = recorded(weak);
@@ -238,7 +241,7 @@ fn where_nothing_is_missing_nothing_is_found_and_the_same_seed_gives_the_same_by
 }
 
 #[test]
-fn swapped_columns_and_an_arm_that_stands_still_are_not_judged() {
+fn swapped_columns_and_an_arm_that_is_at_rest_are_not_judged() {
     let place = recorded("");
     let swapped = place.read("seen.csv").replacen("q2_deg,q3_deg", "q3_deg,q2_deg", 1);
     place.file("swapped.csv", &swapped);
@@ -277,7 +280,7 @@ fn cell(place: &Place) -> (Cell, impl Drop + use<>) {
     }
     let known = "[[effect]]\nkind = \"joint_offset\"\njoint = 2\noffset_mrad = 3.0\n";
     place.file("cell-model.toml", &format!("{}\n{known}", preset(BASE).expect("preset").text));
-    // Late commands are not what this is about.
+    // Late commands are not tested here.
     let config = "schema = \"trued.cell/1\"\ncell = \"cell\"\nmodel = \"cell-model.toml\"\nmode = \"full\"\n\
                   [cycle]\nstale_ms = 500.0\n[envelope]\nrate_mrad_s = 10.0\n";
     place.file("cell.toml", config);
@@ -296,7 +299,7 @@ fn apply(place: &Place, cell: &str, recording: &str) -> Done {
 }
 
 #[test]
-fn what_was_found_is_swapped_into_the_running_daemon_and_no_command_goes_unanswered() {
+fn the_findings_are_activated_in_the_running_daemon_without_a_missed_answer() {
     let place = recorded(BACKLASH);
     let (at, _daemon) = cell(&place);
     let (seen, (before, after)) = beside(&at, |monitor| {
@@ -332,7 +335,8 @@ fn only_missing_physics_is_applied_and_a_daemon_that_is_not_there_costs_no_diagn
     assert!(sound.names().contains(&"said".to_owned()));
 }
 
-/// Link sides of a path: joint 3 has play whose gap follows its own position, as worn teeth do; noise of 2 mdeg.
+/// Link sides of a path: joint 3 has backlash with a gap that depends on its position, as with worn
+/// teeth; noise of 2 mdeg.
 fn worn() -> String {
     let mut chance = Chance::new(5);
     let (mut text, mut link_deg) = (String::new(), None::<f64>);
@@ -365,7 +369,8 @@ fn play_whose_gap_follows_the_position_is_no_play() {
     assert!(words.contains(&"q3") && words.contains(&"direction_3"), "{said:#}");
 }
 
-/// Joint 2 alone, to and fro over ten degrees: what bends under gravity and what turns too far are nearly one thing there.
+/// Joint 2 alone, oscillating over ten degrees: gravity compliance and gear ratio error are nearly
+/// indistinguishable there.
 fn poor() -> Place {
     let place = recorded("");
     let header = "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n";
@@ -389,7 +394,7 @@ fn see(place: &Place, path: &str, name: &str) {
 }
 
 #[test]
-fn what_a_poor_motion_cannot_tell_the_proposed_experiment_tells() {
+fn the_proposed_experiment_identifies_what_a_poor_motion_cannot() {
     let place = poor();
     let said = diagnosed(&place, "seen.csv");
     assert_eq!(said["verdict"], "undetermined", "{said:#}");

@@ -1,11 +1,12 @@
-//! `trued diagnose` where one effect looks much like another, or like two together: the right name is told, and alone.
+//! `trued diagnose` for effects that resemble another one, or two together: the right one is found,
+//! and no other.
 
 use recording::model::presets::preset;
 
 use crate::diagnose::{BASE, path_of};
 use crate::program::Place;
 
-/// What the model knows, what the robot has, how it is seen.
+/// Model, robot, and measurement.
 struct Case<'a> {
     known: &'a str,
     truth: &'a str,
@@ -33,7 +34,7 @@ fn pushed(path: &str, wrench: [f64; 6]) -> String {
 }
 
 impl Case<'_> {
-    /// Every name that is told, with its joint.
+    /// Every finding, with its joint.
     fn told(&self) -> Vec<(String, u64)> {
         let place = Place::new();
         let base = preset(BASE).expect("preset").text;
@@ -112,8 +113,9 @@ fn a_gap_that_takes_several_rows_to_cross_is_backlash() {
     }
 }
 
-/// A loop whose distance is between those of the list, seen so well that its neighbours leave hundreds of times the noise; the last joint moves further from row
-/// to row than any loop is wide.
+/// A hysteresis whose distance is between those of the candidates, measured so accurately that the
+/// neighbours leave hundreds of times the noise; the last joint moves further from row to row than
+/// any hysteresis is wide.
 #[test]
 fn a_loop_is_no_gap_with_a_spike() {
     for (amplitude, reversal, noise_mm) in [(0.3, 1.0, 0.005), (1.0, 5.0, 0.01)] {
@@ -141,7 +143,8 @@ fn a_spike_at_few_reversals_is_no_reading_gone_wrong() {
     assert_eq!(case.told(), [("reversal_spike".to_owned(), 2)]);
 }
 
-/// What is missing stands hundreds of times above the noise and remembers itself as no noise does.
+/// The missing effect is hundreds of times above the noise, with an autocorrelation unlike that of
+/// noise.
 #[test]
 fn an_effect_far_above_the_noise_is_not_taken_for_noise() {
     let effects = [
@@ -184,7 +187,8 @@ fn a_light_joint_that_hardens_is_named() {
     assert_eq!(case.told(), [("stiffness_hardening".to_owned(), 5)]);
 }
 
-/// Five times as fast as its rows are recorded the arm goes to where it turns, and the gap is open from there.
+/// The arm approaches its reversals five times as fast as the rows are recorded, and the gap is
+/// open from there.
 #[test]
 fn play_that_turns_between_rows_is_no_hysteresis() {
     let truth = "[[effect]]\nkind = \"backlash\"\njoint = 2\nwidth_mrad = 0.2\n";
@@ -204,7 +208,8 @@ fn a_gear_that_is_stated_to_have_play_may_lack_hysteresis() {
     assert_eq!(case.told(), [("hysteresis".to_owned(), 3)]);
 }
 
-/// Moments of a newton metre say next to nothing of their scales, which then lie anywhere: that is no word against the forces'.
+/// Moments of a newton metre hardly determine their scales, which are then arbitrary: this must not
+/// exclude scales of the forces.
 #[test]
 fn a_scale_that_nothing_shows_bars_no_scales_that_show() {
     let known = [2, 3, 5].map(|joint| compliance(joint, 3.0, 0.03)).concat();
@@ -216,9 +221,10 @@ fn a_scale_that_nothing_shows_bars_no_scales_that_show() {
     assert_eq!(case.told(), [("wrench_scale".to_owned(), 0)]);
 }
 
-/// An upright axis feels no weight, and what the arm's own inertia bends there is next to nothing: one compliance by two words, of which one is said.
+/// A vertical axis is not loaded by gravity, and the arm's own inertia hardly deflects it: one
+/// compliance with two equivalent descriptions, of which one is reported.
 #[test]
-fn an_upright_joint_that_the_tool_bends_has_a_compliance_whatever_its_word() {
+fn a_vertical_joint_loaded_by_the_tool_has_a_compliance_under_either_name() {
     let truth =
         "[[effect]]\nkind = \"load_compliance\"\njoint = 1\ncompliance_mrad_per_kNm = 0.1\n";
     let wrench = [1200.0, 1600.0, 2000.0, 40.0, 40.0, 40.0];
@@ -226,7 +232,8 @@ fn an_upright_joint_that_the_tool_bends_has_a_compliance_whatever_its_word() {
     assert_eq!(case.told(), [("joint_compliance".to_owned(), 1)]);
 }
 
-/// A gap that is wider on one half of the joint's way is backlash for the most part; what it leaves is one law of that joint, and no dozen of names.
+/// A gap that is wider on one half of the joint's range is mostly backlash; the remainder is one
+/// law of that joint, and not a dozen effects.
 #[test]
 fn a_gap_that_is_wider_here_than_there_is_no_dozen_of_names() {
     let place = Place::new();
@@ -264,7 +271,8 @@ fn a_gap_that_is_wider_here_than_there_is_no_dozen_of_names() {
     );
 }
 
-/// Two hundred settled poses have no room for all that may pass for noise; what drifts with the hall is none of it.
+/// Two hundred settled poses do not constrain everything that resembles noise; a drift with the
+/// ambient temperature is not noise.
 #[test]
 fn a_link_that_grows_behind_the_air_is_no_noise_that_remembers_itself() {
     let place = Place::new();

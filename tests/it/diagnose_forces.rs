@@ -1,4 +1,5 @@
-//! `trued diagnose` on forces without a robot: what is told apart, what is found of the sensor, what is never claimed.
+//! `trued diagnose` on forces without a robot: segments, findings of the sensor, and claims that
+//! must not be made.
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -37,14 +38,14 @@ fn effects(json: &serde_json::Value) -> Vec<String> {
 }
 
 #[test]
-fn air_and_cut_are_told_apart_and_the_sensors_bias_goes_into_the_model() {
+fn air_and_cut_are_distinguished_and_the_sensors_bias_goes_into_the_model() {
     let place = Place::new();
     place.file("cut.csv", &recording(400.0, 0.0));
     place.succeed(&["diagnose", "cut.csv"]);
     let json = place.json("diagnosis/diagnosis.json");
     assert_eq!((json["domain"].as_str(), json["unit"].as_str()), (Some("force"), Some("N")));
     assert_eq!(effects(&json), ["wrench_bias"]);
-    // The edge of the cut falls into a block of 20 ms, which may count as an entry or exit of its own.
+    // The edge of the cut is inside a block of 20 ms, which may count as a separate entry or exit.
     let lasts = |one: &&serde_json::Value| {
         one["to_s"].as_f64().unwrap() - one["from_s"].as_f64().unwrap() > 0.03
     };
@@ -100,7 +101,8 @@ fn what_is_constant_empty_or_short_is_never_a_finding() {
     }
 }
 
-/// A milled cut of four feeds, air before it, run forward by `trued simulate` with effects that the model does not have.
+/// A milled cut with four feeds, with air before it, run forward by `trued simulate` with effects
+/// that the model lacks.
 fn milled(effects: &str) -> Place {
     let place = Place::new();
     let mut text = "t_s,spindle_rpm,feed_mm_s,fx_N,fy_N,fz_N\n".to_owned();
@@ -128,7 +130,7 @@ fn force(place: &Place, name: &str, column: usize) -> Vec<f64> {
 }
 
 #[test]
-fn what_a_told_cut_lacks_is_named_and_the_model_with_it_reads_the_same_forces() {
+fn what_a_stated_cut_lacks_is_named_and_the_model_with_it_reads_the_same_forces() {
     let place = milled(
         "[[effect]]\nkind = \"runout\"\nradial_um = 4.0\nphase_rad = 0.7\n\
          [[effect]]\nkind = \"edge_force\"\ncoefficient_N_per_mm = [4.0, 3.0, 1.0]\n",
@@ -144,7 +146,7 @@ fn what_a_told_cut_lacks_is_named_and_the_model_with_it_reads_the_same_forces() 
     assert_eq!(found, ["edge_force", "runout"]);
     let page = place.read("diagnosis/report.html");
     assert!(page.contains("Over one turn of the spindle"));
-    // The same model, told: nothing is missing any more.
+    // With the complete model nothing is missing any more.
     place.succeed(&["diagnose", "--model", "truth.toml", "--out", "told", "made.csv"]);
     assert_eq!(place.json("told/diagnosis.json")["verdict"], "consistent");
     let simulate = ["simulate", "--model"];
@@ -161,7 +163,7 @@ fn what_a_told_cut_lacks_is_named_and_the_model_with_it_reads_the_same_forces() 
 }
 
 #[test]
-fn a_broken_recording_of_a_told_cut_is_an_error_or_undetermined() {
+fn a_broken_recording_of_a_stated_cut_is_an_error_or_undetermined() {
     let place = milled("");
     let whole = place.read("made.csv");
     let about = place.read("made.toml");

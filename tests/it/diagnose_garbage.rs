@@ -1,4 +1,5 @@
-//! Recordings that are no recordings of this robot: a clear error with nothing written, or `undetermined` with a sentence that says why; never a finding.
+//! Invalid recordings: a clear error without output, or `undetermined` with the reason; never a
+//! finding.
 
 use serde_json::Value;
 
@@ -28,7 +29,7 @@ impl Sheet {
         self.header.iter().position(|own| own == name).expect(name)
     }
 
-    /// The same with numbers of these columns changed, by row.
+    /// The same with changed numbers in these columns, by row.
     fn with(&self, names: &[&str], change: impl Fn(usize, f64) -> f64) -> Self {
         let mut sheet = self.clone();
         for column in names.iter().map(|name| self.at(name)) {
@@ -71,7 +72,7 @@ fn said(place: &Place, name: &str, done: &Done) -> Value {
     place.json(&format!("{name}/diagnosis.json"))
 }
 
-/// A sentence that holds one of these words stands for why nothing was said.
+/// A sentence with one of these words states why there is no result.
 fn assert_undetermined(place: &Place, name: &str, text: &str, model: &str, words: &[&str]) {
     let said = said(place, name, &diagnose(place, name, text, model));
     assert_eq!(said["verdict"], "undetermined", "{name}: {said:#}");
@@ -87,7 +88,7 @@ fn assert_nothing_found(place: &Place, name: &str, text: &str, word: &str) {
     assert!(notes.contains(word), "{name}: {said:#}");
 }
 
-/// Numbers between −0.5 and 0.5 that follow nothing.
+/// Numbers between −0.5 and 0.5 without any pattern.
 fn chance(k: usize) -> f64 {
     let mixed = (k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let mixed = (mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -95,7 +96,7 @@ fn chance(k: usize) -> f64 {
 }
 
 #[test]
-fn what_is_no_recording_is_refused_and_nothing_is_written() {
+fn invalid_recordings_are_refused_without_output() {
     let (place, sheet) = seen();
     let whole = sheet.text();
     let still = sheet.with(&["t_s"], |_, _| 1.0).text();
@@ -218,7 +219,7 @@ fn readings_that_freeze_or_are_cut_off_or_break_off_are_left_out_and_nothing_is_
     assert_nothing_found(&place, "outliers", &far.text(), "lie far from the model");
 }
 
-/// Joint positions on the link side, with nothing else measured.
+/// Joint positions on the link side, without other measurements.
 #[test]
 fn link_side_positions_of_another_joint_or_unit_are_not_judged() {
     let place = recorded("");

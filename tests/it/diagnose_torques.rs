@@ -1,4 +1,5 @@
-//! `trued diagnose` on torques, through the program: what is left out of the model is named, with files that the contract has.
+//! `trued diagnose` on torques, through the program: effects left out of the model are found, with
+//! files of the documented formats.
 
 use std::fmt::Write as _;
 
@@ -7,12 +8,12 @@ use serde_json::Value;
 use crate::program::Place;
 use crate::simulate_torques::SLIDE;
 
-/// A slide whose mass is not told.
+/// A slide without a stated mass.
 fn slide() -> String {
     SLIDE.lines().filter(|line| !line.starts_with("link")).map(|line| format!("{line}\n")).collect()
 }
 
-/// 95 kg with 20 N of dry friction; `positions` adds a measured tool that stands where it should.
+/// 95 kg with 20 N of dry friction; `positions` adds a measured tool at its nominal position.
 fn recording(positions: bool) -> String {
     let mut text = String::from("t_s,qa1_m,tau1_N");
     text += if positions { ",x_mm,y_mm,z_mm\n" } else { "\n" };
@@ -56,7 +57,7 @@ fn dry_friction_that_was_left_out_is_named_in_the_torque_domain_and_written_into
     assert_eq!(said["candidates"], Value::Array(Vec::new()));
     let model = place.read("out/model.toml");
     assert!(model.contains("coulomb_friction") && model.contains("level_N"), "{model}");
-    // With what was found the same recording is consistent.
+    // With the findings in the model the same recording is consistent.
     place.succeed(&["diagnose", "--model", "out/model.toml", "--out", "again", "force.csv"]);
     let again: Value = serde_json::from_str(&place.read("again/diagnosis.json")).unwrap();
     assert_eq!(again["verdict"], "consistent", "{again}");

@@ -1,6 +1,7 @@
-//! Rigid-body dynamics against Pinocchio, which knows nothing of ours.
+//! Rigid-body dynamics compared with Pinocchio.
 //!
-//! Needs `python3` with `venv`, and the package registry for Pinocchio; where that cannot be had, it is SKIPPED.
+//! Needs `python3` with `venv`, and the package registry for Pinocchio; otherwise the test is
+//! SKIPPED.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -58,7 +59,7 @@ fn motion(chance: &mut Chance) -> Inputs {
     inputs
 }
 
-/// The arm in words that Pinocchio takes.
+/// The arm in Pinocchio's terms.
 fn told(arm: &Arm, inputs: &Inputs) -> serde_json::Value {
     let of_body = |body: &Body| {
         let DMat3 { x_axis: x, y_axis: y, z_axis: z } = body.inertia;
@@ -85,7 +86,7 @@ fn told(arm: &Arm, inputs: &Inputs) -> serde_json::Value {
 }
 
 #[test]
-fn drives_exert_what_pinocchio_says() {
+fn drive_torques_equal_pinocchios() {
     let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let python = match environment(&scratch.join("pinocchio"), &["pin>=3,<5"]) {
         Ok(python) => python,

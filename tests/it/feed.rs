@@ -1,4 +1,5 @@
-//! Feed adapted to force: what the override does to a cut, in virtual time with the daemon's own cycle and with real processes.
+//! Feed adapted to force: effect of the override on a cut, in virtual time with the daemon's own
+//! cycle and with real processes.
 //!
 //! `cargo test -p tests --test it feed:: -- --nocapture` prints the figures.
 
@@ -15,7 +16,7 @@ use trued_client::{Client, Health, Setpoint, WrenchFrame, monotonic_ns};
 
 const LIMIT: Duration = Duration::from_secs(20);
 
-/// A cell that keeps 40 N: 0.08 mm of its robot.
+/// A cell with a limit of 40 N: 0.08 mm of deflection of its robot.
 const TABLES: &str = "[cycle]\nperiod_ms = 4\nstale_ms = 20\n[wrench]\nsource = \"force\"\n\
                       [force]\nrate_Hz = 1000\n";
 
@@ -40,7 +41,7 @@ fn said(run: &Run<Tick>, tick: usize) -> (FeedState, FeedReason) {
     (run.ticks[tick].state, run.ticks[tick].reason)
 }
 
-/// The time of a constant slow feed whose largest deviation is that, s.
+/// The time of a constant slow feed with this largest deviation, s.
 fn constant(worst_m: f64, uncontrolled_m: f64) -> Run<Tick> {
     run(Plan {
         tables: TABLES.to_owned(),
@@ -112,7 +113,7 @@ fn whatever_befalls_the_sensor_the_override_holds_then_goes_to_the_one_for_a_los
         assert_eq!(run.broken, None, "{sensor:?}");
         let before = run.ticks[3999].feed_override;
         assert!(before > 0.2, "{before}");
-        // A wrench is old after 100 ms, and the override holds for 200 ms.
+        // A wrench is stale after 100 ms, and the override is held for 200 ms.
         assert_eq!(said(&run, 4030), (FeedState::Holding, reason), "{sensor:?}");
         assert!((run.ticks[4030].feed_override - before).abs() < 0.05, "{sensor:?}");
         assert_eq!(said(&run, 4999), (FeedState::Lost, reason), "{sensor:?}");
@@ -184,7 +185,7 @@ fn go_on(client: &mut Client, force_n: Option<f64>, is_so: impl Fn(f64) -> bool)
 }
 
 #[test]
-fn a_client_of_a_real_daemon_slows_with_the_force_and_goes_on_alone_when_the_daemon_is_killed() {
+fn a_client_of_a_real_daemon_slows_with_the_force_and_continues_alone_when_the_daemon_is_killed() {
     let tables = "[wrench]\nsource = \"command\"\n[feed]\nmode = \"adapt\"\nforce_limit_N = 100\n\
                   lost_percent = 40\nup_percent_s = 100\nlatency_ms = 20\n";
     let place = Place::new("full", tables);
@@ -193,7 +194,7 @@ fn a_client_of_a_real_daemon_slows_with_the_force_and_goes_on_alone_when_the_dae
     let mut client = Client::connect_to(&place.cell(), LIMIT).unwrap();
     assert_eq!(go_on(&mut client, None, |_| true), Some(0.4), "no force is known");
     assert!(go_on(&mut client, Some(1.0), |o| o == 1.0).is_some(), "in the air");
-    // A force that does not follow the feed takes it to the floor.
+    // A force that does not follow the feed lowers the override to the floor.
     assert!(go_on(&mut client, Some(300.0), |o| o == 0.1).is_some(), "in the cut");
     let floor = |client: &mut Client| client.status().map(|s| (s.feed_reason(), s.health()));
     let until = Instant::now() + Duration::from_secs(1);

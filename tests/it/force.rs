@@ -1,4 +1,5 @@
-//! The force stream over shared memory: nothing is lost unseen, and what is lost, repeated or begun anew is counted as what it is.
+//! The force stream over shared memory: losses, repetitions and restarts are detected and counted
+//! as such.
 
 use crate::TRUED;
 use shm_schema::{Cell, SensorFault, Status, Verdict, VibrationState, WatchState, monotonic_ns};
@@ -12,7 +13,7 @@ use trued_client::{ForceSamples, ForceSource, Monitor, Samples, WrenchFrame};
 
 const LIMIT: Duration = Duration::from_secs(20);
 
-/// A daemon that watches a stream of that rate and so many channels.
+/// A daemon that monitors a stream with that rate and number of channels.
 fn watching(rate_hz: f64, channels: u32) -> (Place, Process) {
     let tables = format!(
         "[force]\nrate_Hz = {rate_hz}\nchannels = {channels}\n{ANY_CLOCK}[vibration]\nenabled = true\n"
@@ -90,7 +91,7 @@ fn every_number_of_channels_and_every_rate_is_watched() {
 }
 
 #[test]
-fn a_gap_is_counted_to_the_block_and_the_watch_goes_on() {
+fn a_gap_is_counted_to_the_block_and_the_watch_continues() {
     let (place, _daemon) = watching(10_000.0, 3);
     let mut sensor = Sensor::join(&place, 10_000.0, 3);
     sensor.run(2.0, quiet);
@@ -107,7 +108,7 @@ fn a_gap_is_counted_to_the_block_and_the_watch_goes_on() {
 }
 
 #[test]
-fn a_sender_that_begins_anew_is_no_gap() {
+fn a_sender_that_restarts_is_no_gap() {
     let (place, _daemon) = watching(10_000.0, 3);
     let mut sensor = Sensor::join(&place, 10_000.0, 3);
     for _ in 0..2 {
@@ -139,7 +140,7 @@ fn blocks_that_come_twice_or_too_late_are_refused_and_change_nothing() {
     assert!((confirmed(&sensor.said).unwrap().frequency_hz - 72.0).abs() < 0.5);
 }
 
-/// What is said of samples in that precision, sent through the client library.
+/// The verdicts on samples of that precision, sent through the client library.
 fn said_of(cell: &Cell, single: bool) -> Vec<Verdict> {
     let mut source = ForceSource::connect_to(cell, LIMIT).unwrap();
     let mut monitor = Monitor::connect_to(cell, LIMIT).unwrap();

@@ -1,4 +1,5 @@
-//! A wrench that is no measurement does not reach the correction: blocks by another clock, channels that fail. Temperatures age.
+//! Invalid wrenches do not reach the correction: blocks with another clock, channels that fail.
+//! Temperatures expire.
 
 use crate::TRUED;
 use shm_schema::{ForceBlock, Health, SensorFault, Status, WrenchGate, monotonic_ns};
@@ -26,15 +27,15 @@ const AHEAD_NS: u64 = 5_000_000;
 /// How old a wrench may be, by default, ns.
 const STALE_NS: u64 = 100_000_000;
 
-/// What a test does to the samples of a block.
+/// A change of the samples of a block.
 type Change = fn(&mut ForceBlock);
 
-/// A robot that moves, with a force sensor that sends at its own pace.
+/// A moving robot with a force sensor that sends at its own rate.
 struct Bench {
     _place: Place,
     daemon: Process,
     sensor: Sensor,
-    /// When the next block is whole: blocks keep to the sensor's own pace.
+    /// When the next block is complete, at the sensor's own rate.
     due_ns: u64,
     over: Arc<AtomicBool>,
     cell: Option<JoinHandle<Vec<String>>>,
@@ -119,7 +120,7 @@ impl Drop for Bench {
     }
 }
 
-/// A channel that does not move.
+/// A channel with constant values.
 fn stuck(block: &mut ForceBlock) {
     let samples = block.samples as usize;
     block.data[Z * samples..(Z + 1) * samples].fill(3.25);
@@ -177,7 +178,8 @@ fn a_cell_may_go_on_with_a_channel_that_is_stuck() {
     assert!(open(&status) && is_told(&status), "{}", status.message);
 }
 
-/// Cycles at 1 ms for that long with what `setpoint` adds to each command; the largest step of a correction between two answers, rad.
+/// Cycles at 1 ms for that long with the additions of `setpoint` to each command; returns the
+/// largest step of a correction between two answers, rad.
 fn drive(client: &mut Client, time: Duration, setpoint: fn(Setpoint) -> Setpoint) -> f64 {
     let (start, mut last, mut step) = (Instant::now(), None, 0.0_f64);
     while start.elapsed() < time {
@@ -207,7 +209,7 @@ fn temperatures_hold_for_their_time_and_are_then_named_stale_without_a_step() {
     drive(&mut client, 3 * second, |setpoint| setpoint.temperatures(60.0, &[]));
     let wanted = |client: &mut Client| client.newest().unwrap().wanted;
     let warm = wanted(&mut client);
-    // The last number holds.
+    // The last value is kept.
     drive(&mut client, second / 2, |setpoint| setpoint);
     assert_eq!(client.status().unwrap().stale_temperatures, 0);
     let apart = |a: [f64; 16], b: [f64; 16]| {

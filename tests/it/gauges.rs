@@ -1,4 +1,5 @@
-//! `trued calibrate` without a tracker, or with little of one: a ballbar, three balls, a plate; each simulated robot's truth comes back.
+//! `trued calibrate` without a tracker: a ballbar, three balls, a plate; the truth of each
+//! simulated robot is found.
 
 use std::fmt::Write as _;
 
@@ -12,7 +13,7 @@ use tests::chance::Chance;
 use crate::program::Place;
 
 const BASE: &str = "irb1600-6-145";
-/// What the robot has and its controller does not know.
+/// Effects of the robot that its controller does not know.
 const EFFECTS: &str = "
 [[effect]]
 kind = \"joint_offset\"
@@ -53,12 +54,12 @@ fn any_pose(chance: &mut Chance) -> Joints {
     q
 }
 
-/// A normal deviate, as the sum of twelve even ones.
+/// A normally distributed number, as the sum of twelve uniform ones.
 fn normal(chance: &mut Chance) -> f64 {
     (0..12).map(|_| chance.unit()).sum::<f64>() - 6.0
 }
 
-/// A pose that brings the real tip to `at`: Newton steps of least length from a pose by chance.
+/// A pose with the real tip at `at`: minimum-norm Newton steps from a random pose.
 fn pose_at(truth: &Model, at: DVec3, chance: &mut Chance) -> Joints {
     loop {
         let mut q = any_pose(chance);
@@ -84,7 +85,7 @@ fn pose_at(truth: &Model, at: DVec3, chance: &mut Chance) -> Joints {
     }
 }
 
-/// A table: joint positions in degrees, and what else the rows hold.
+/// A table: joint positions in degrees, and the other columns.
 fn csv(head: &str, rows: &[(Joints, String)]) -> String {
     let mut text = String::from("t_s");
     (1..=6).for_each(|joint| write!(text, ",q{joint}_deg").unwrap());
@@ -109,8 +110,9 @@ fn mean(found: &Value, model: &str) -> f64 {
     found["heldout"][model]["mean"].as_f64().expect("a mean")
 }
 
-/// The first number of an effect is near the truth, which is one of the smallest errors that explain the readings. It is not identifiable: the axes after
-/// the joint, turned together, do the same.
+/// The first value of an effect is near the truth, which is one of the smallest errors that explain
+/// the readings. It is not identifiable: a common rotation of the axes after the joint has the same
+/// effect.
 fn is_near(found: &Value, effect: &str, joint: u8, truth: f64, most: f64) {
     let list = found["parameters"].as_array().expect("parameters");
     let is = |p: &&Value| p["effect"] == effect && p["joint"] == joint;
@@ -120,7 +122,7 @@ fn is_near(found: &Value, effect: &str, joint: u8, truth: f64, most: f64) {
     assert_eq!((&first["identifiable"], &first["sigma"]), (&Value::Bool(false), &Value::Null));
 }
 
-/// A fitted number of a thing, mm, and its standard uncertainty.
+/// A fitted value of an object, mm, and its standard uncertainty.
 fn thing(found: &Value, thing: &str, number: usize, what: &str) -> (f64, f64) {
     let list = found["things"].as_array().expect("things");
     let is = |t: &&Value| t["thing"] == thing && t["number"] == number && t["what"] == what;
@@ -161,7 +163,7 @@ fn a_ballbar_between_unknown_points_calibrates_and_its_own_offset_is_found() {
     is_near(&found, "joint_offset", 3, 1.5, 0.5);
     let (offset, sigma) = thing(&found, "distance", 2, "offset");
     assert!((offset - 3.2).abs() < 4.0 * sigma && sigma < 0.05, "{offset} ± {sigma}");
-    // Lengths do not tell how the first axis stands in the cell.
+    // Lengths do not determine the direction of the first axis in the cell.
     let open = found["undetermined"].as_array().expect("a list");
     let names = |word: &str| open.iter().any(|says| says.as_str().unwrap().contains(word));
     assert!(names("joint 1's") && names("fixed point"), "{open:#?}");
@@ -196,7 +198,8 @@ fn three_balls_of_unknown_place_calibrate() {
     for (a, b) in [(1, 2), (2, 3), (1, 3)] {
         let between = middle(&found, "sphere", a).distance(middle(&found, "sphere", b)) * 1e-3;
         let off = between - balls[a - 1].distance(balls[b - 1]);
-        // Where each stands about the first axis nothing tells, but what is between them: only the balls' radii carry a length.
+        // The rotation of the objects about the first axis is undetermined, their distances are
+        // not: only the balls' radii define a length.
         assert!(off.abs() < 2e-4, "balls {a} and {b}: {off} m");
     }
 }
@@ -235,7 +238,7 @@ fn touches_of_a_plate_and_few_points_go_together() {
     assert!(mean(&found, "advanced") < 0.03, "{:#}", found["heldout"]);
     is_near(&found, "joint_offset", 3, 1.5, 0.5);
     let (offset, sigma) = thing(&found, "plane", 1, "offset");
-    // A plate stands as surely as the base frame does, which the points' frame shares with joint 1.
+    // A plate is as accurate as the base frame, which the points' frame shares with joint 1.
     assert!((offset - 350.0).abs() < 1.0 && sigma.is_finite(), "{offset} ± {sigma}");
     let page = place.read("c.html");
     assert!(page.contains("plane 1"), "{page}");

@@ -1,4 +1,5 @@
-//! `trued gears`: cuts whose joint speeds follow from geometry by hand, lines of known meshes, and nothing where nothing is.
+//! `trued gears`: cuts whose joint speeds follow from geometry, lines of known meshes, and no
+//! result where there is none.
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -12,7 +13,8 @@ use crate::spectrum::geared_cut;
 const MODEL: &str = "irb1600-6-145-thesis";
 /// Whole ratios by table A III-1.
 const RATIO: [f64; 3] = [131.0 * 129.0 / 130.0, 131.0 * 129.0 / 130.0, 134.0 * 120.0 / 154.0];
-/// The tool looks down; the wrist stands this far from axis 1, as high over joint 2 as the upper arm is long.
+/// The tool points down; the wrist is this far from axis 1, and as high over joint 2 as the upper
+/// arm is long.
 const POSE: &str = "0,0,0,0,90,0";
 const WRIST_MM: f64 = 750.0;
 const UPPER_ARM_MM: f64 = 700.0;
@@ -53,18 +55,19 @@ fn across_the_arm_joint_one_turns_by_one_over_its_lever_and_the_teeth_carry_on()
     let second = wheel(&found, 1, 2, "turn").unwrap();
     assert!(near(mean(second), turns * 10.0 / 131.0, 1e-5), "{second:#}");
     assert!(near(mean(wheel(&found, 1, 2, "mesh").unwrap()), turns * 130.0 / 131.0, 1e-5));
-    // The tool keeps its orientation: joint 6, whose axis points down, turns as far.
+    // The tool keeps its orientation: joint 6, whose axis points down, rotates equally.
     assert!(near(mean(wheel(&found, 6, 1, "turn").unwrap()), 44.0 / (TAU * WRIST_MM), 1e-5));
     let alone = gears(&place, &["--from", POSE, "--cut", "0,2,0", "--wheels-of", "6"]);
     assert!(list(&alone, "wheels").iter().all(|wheel| wheel["joint"] == 6));
 }
 
 #[test]
-fn towards_the_base_the_arms_two_links_share_the_way_and_joint_one_stands() {
+fn towards_the_base_both_links_move_and_joint_one_is_at_rest() {
     let place = Place::new();
     let found = gears(&place, &["--from", POSE, "--cut=-1,0,0"]);
     assert!(wheel(&found, 1, 1, "turn").is_none() && wheel(&found, 6, 1, "turn").is_none());
-    // Upright upper arm, level forearm: joint 2 alone moves the wrist level, joint 3 turns back to keep its height.
+    // Vertical upper arm, horizontal forearm: joint 2 alone moves the wrist horizontally, joint 3
+    // rotates back to keep its height.
     for joint in [2, 3] {
         let motor = wheel(&found, joint, 1, "turn").unwrap();
         let known = RATIO[usize::from(joint) - 1] / (TAU * UPPER_ARM_MM);
@@ -109,12 +112,13 @@ fn a_profile_that_a_mesh_has_written_is_matched_with_it_and_one_of_noise_with_no
 fn a_line_between_the_wheels_fits_nothing_and_rivals_are_named() {
     let place = Place::new();
     let cut = ["--from", POSE, "--cut", "0,20,0"];
-    // The next wheels stand at 0.089 (3 × the third mesh of joint 6) and 0.13 (its second mesh).
+    // The next gear lines are at 0.089 (3 × the third mesh of joint 6) and 0.13 (its second mesh).
     let found = gears(&place, &[&cut[..], &["--lines", "0.11,0.0827"]].concat());
     let [bare, shared] = list(&found, "lines") else { panic!("{found:#}") };
     assert!(bare["match"].is_null() && bare["rivals"] == serde_json::json!([]), "{bare:#}");
     assert!(bare["by_chance"].as_f64().unwrap() < 0.3, "{bare:#}");
-    // Thrice the motor's turns, and thrice the teeth of the second shaft, 130 for 131: nobody can tell them apart.
+    // Three times the motor's rotation, and three times the teeth of the second shaft, 130 and 131:
+    // indistinguishable.
     let places =
         |fit: &Value| (fit["joint"].clone(), fit["shaft"].clone(), fit["multiple"].clone());
     let fits: Vec<_> =
@@ -125,7 +129,7 @@ fn a_line_between_the_wheels_fits_nothing_and_rivals_are_named() {
 }
 
 #[test]
-fn a_joint_that_speeds_up_along_the_cut_is_said_to_drift_and_not_matched() {
+fn a_joint_that_speeds_up_along_the_cut_is_reported_as_drifting_and_not_matched() {
     let place = Place::new();
     let line = format!("{}", 10.0 * RATIO[0] * (500.0_f64 / WRIST_MM).atan() / TAU / 500.0);
     let cut = ["--from", POSE, "--cut", "0,500,0", "--lines", &line];
@@ -160,7 +164,7 @@ fn forces_over_a_recorded_path_are_matched_as_trued_spectrum_matches_them() {
 }
 
 #[test]
-fn what_cannot_be_a_path_a_joint_or_a_line_is_refused_with_what_to_do() {
+fn what_cannot_be_a_path_a_joint_or_a_line_is_refused_with_a_remedy() {
     let place = Place::new();
     let refused = |arguments: &[&str], word: &str| {
         let done = place.run(&[&["gears", "--model", MODEL], arguments].concat());

@@ -1,4 +1,4 @@
-//! The guide's commands, in order, as they stand there: whoever follows it meets no surprise.
+//! The guide's commands, in order and unchanged.
 
 use crate::TRUED;
 use std::fs;
@@ -7,7 +7,7 @@ use std::process::Command;
 use tests::clients::root;
 use tests::place::Place;
 
-/// What stands in the blocks of that language.
+/// Content of the blocks in that language.
 pub(crate) fn blocks(text: &str, language: &str) -> String {
     let start = format!("```{language}\n");
     let block = |rest: &str| rest.split("```").next().unwrap_or_default().to_owned();
@@ -43,7 +43,8 @@ fn the_guide_leads_from_an_empty_machine_to_a_calibrated_cell_in_shadow() {
     assert!(fs::read_dir(work.join("recordings")).unwrap().count() > 0, "step 6 recorded");
 }
 
-/// After the guide's steps: the tool is bent by 1 mm, and step 5 is measured and judged again as the guide says.
+/// After the guide's steps: the tool is bent by 1 mm, and step 5 is measured and evaluated again as
+/// in the guide.
 fn bent_by_a_millimetre(work: &std::path::Path) {
     let trued = |arguments: &[&str]| {
         Command::new(TRUED).args(arguments).current_dir(work).output().unwrap()

@@ -1,5 +1,6 @@
-//! Errors in time, by the built program, on a robot that is made here: joints with delay, lag and a mode, integrated by Runge and Kutta's method. It shares
-//! nothing with the inverse but the geometry of the preset.
+//! Dynamic errors, through the built program, on a robot simulated here: joints with delay, lag and
+//! a mode, integrated by a Runge-Kutta method. It shares only the geometry of the preset with the
+//! inverse.
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -44,7 +45,8 @@ fn truth() -> [Servo; JOINTS] {
     [soft, soft, Servo { frequency_hz: 9.0, ..soft }, stiff, stiff, stiff]
 }
 
-/// The preset with delay, lags and modes from which the truth is `off` (delay, lag, frequency, damping), as shares of the model's numbers.
+/// The preset with delay, lags and modes; the truth deviates from it by `off` (delay, lag,
+/// frequency, damping), relative to the model's values.
 fn model_text(off: [f64; 4], sigma: f64) -> String {
     let preset = root().join("deploy/presets/irb1600-6-145.toml");
     let mut text = fs::read_to_string(preset).unwrap();
@@ -187,7 +189,7 @@ fn table(text: &str, name: &str, unit: &str) -> (Vec<f64>, Path6) {
     (column("t_s"), (1..=JOINTS).map(joint).collect())
 }
 
-/// What the tool of the virtual robot does.
+/// Errors of the virtual robot's tool.
 struct Error {
     from_path_m: f64,
     in_time_rms_m: f64,
@@ -240,7 +242,8 @@ impl Cell {
         self.error(&self.path.iter().map(extended).collect(), rest).0
     }
 
-    /// The table of a name, run: its error, and what the link encoders measured as a file.
+    /// Runs the table with this name: returns its error, and the measurements of the link encoders
+    /// as a file.
     fn run(&mut self, name: &str, measured: &str) -> Error {
         let (times_s, commanded) = table(&self.place.read(name), "c", "deg");
         let lead = times_s.iter().filter(|t_s| **t_s < -1e-9).count();
@@ -389,7 +392,7 @@ fn a_lead_breaks_no_bound_whatever_is_lost_or_changed() {
 }
 
 #[test]
-fn a_model_off_by_thirty_percent_makes_no_path_worse_in_time_and_learning_goes_on_from_there() {
+fn a_model_off_by_thirty_percent_makes_no_path_worse_in_time_and_learning_continues_from_there() {
     let mut cell = Cell::new();
     let before = cell.uncompensated();
     let offs = [
@@ -465,8 +468,9 @@ fn the_document_leads_from_a_model_to_what_was_learned_of_two_runs() {
     println!("{said}");
 }
 
-/// What `trued diagnose --model slide.toml --seed 1 DATA_EMPS.csv DATA_EMPS_PULSES.csv` found on the first of two recordings of a real axis (the second held out; `slide.toml` is
-/// that of `xtask`, `q_meas_m` read as `ql1_m`, no force).
+/// Result of `trued diagnose --model slide.toml --seed 1 DATA_EMPS.csv DATA_EMPS_PULSES.csv` on the
+/// first of two recordings of a real axis (the second held out; `slide.toml` is that of `xtask`,
+/// `q_meas_m` read as `ql1_m`, no force).
 const AXIS: &str = r#"
 [[effect]]
 kind = "time_delay"

@@ -1,6 +1,6 @@
-//! What the real daemon publishes while a client sends whatever it likes.
+//! Targets published by the real daemon while a client sends arbitrary messages.
 //!
-//! `TRUED_SEED` repeats a run, `TRUED_HOSTILE` asks for another number of bad messages.
+//! `TRUED_SEED` repeats a run, `TRUED_HOSTILE` sets the number of invalid messages.
 
 use crate::TRUED;
 use shm_schema::{
@@ -19,7 +19,7 @@ const LIMIT: Duration = Duration::from_secs(10);
 const MESSAGES: u64 = 3000;
 const ROUNDING: f64 = 1e-12;
 
-/// A client that trusts nothing, not even the client library.
+/// A client that bypasses the client library.
 struct Cell {
     _seats: [Seat; 2],
     commands: PeerPublisher<Command>,
@@ -65,7 +65,7 @@ impl Cell {
         assert_eq!(self.commands.send(command), SendOutcome::Delivered);
     }
 
-    /// Takes an answer if there is one, and holds it against every invariant.
+    /// Takes an answer if there is one, and checks it against every invariant.
     fn hear(&mut self) -> Option<Corrected> {
         let said = self.answers.take_newest()?;
         self.published += 1;
@@ -84,7 +84,7 @@ impl Cell {
         Some(said)
     }
 
-    /// Sends a command and waits for its own answer.
+    /// Sends a command and waits for its answer.
     fn ask(&mut self, command: &Command, limit: Duration) -> Option<Corrected> {
         self.hear();
         let sent_ns = monotonic_ns();
@@ -182,7 +182,7 @@ fn number(name: &str) -> Option<u64> {
     std::env::var(name).ok().and_then(|n| n.parse().ok())
 }
 
-/// A campaign against a daemon whose wrench comes from there.
+/// A campaign against a daemon with this source of the wrench.
 fn campaign(wrench: &str) {
     let seed = number("TRUED_SEED").unwrap_or_else(monotonic_ns);
     println!("TRUED_SEED={seed}");
@@ -211,7 +211,7 @@ fn campaign(wrench: &str) {
     assert!(daemon.end().success(), "{:#?}", daemon.lines());
 }
 
-/// After all that, good commands alone are corrected as if nothing had been.
+/// Afterwards valid commands are corrected as before.
 fn goes_on(cell: &mut Cell) {
     cell.sender.start_anew();
     let end = Instant::now() + LIMIT;

@@ -1,7 +1,8 @@
-//! Whoever is left after a `kill -9` goes on, or is joined again, and nothing stays behind: with the real program.
+//! After a `kill -9` the other processes continue and reconnect, and nothing is left behind: with
+//! the real program.
 //!
-//! `TRUED_SOAK_ROUNDS` asks for another number of rounds. A round must be over within ten seconds, as the machine may be
-//! busy; how many were over within one is printed.
+//! `TRUED_SOAK_ROUNDS` sets the number of rounds. A round has to be over within ten seconds, as the
+//! machine may be busy; the number of those over within one is printed.
 
 use crate::{PROGRAMS, TRUED};
 use std::time::{Duration, Instant};
@@ -31,7 +32,7 @@ fn round(pair: &mut Pair<'_>, number: u64, chance: &mut Chance) -> Duration {
 }
 
 #[test]
-fn whoever_is_left_goes_on_after_kill_9_at_any_time() {
+fn the_others_continue_after_kill_9_at_any_time() {
     let asked = std::env::var("TRUED_SOAK_ROUNDS").ok().and_then(|n| n.parse().ok());
     let seed = std::env::var("TRUED_SEED").ok().and_then(|n| n.parse().ok());
     let seed = seed.unwrap_or_else(monotonic_ns);
@@ -62,7 +63,7 @@ fn told(times: &mut [Duration]) {
 }
 
 #[test]
-fn the_client_ramps_the_correction_out_while_the_daemon_is_gone_and_says_so() {
+fn the_client_ramps_the_correction_out_while_the_daemon_is_gone_and_reports_it() {
     let place = Place::new("full", "");
     let mut daemon = Process::daemon(TRUED, &place);
     assert!(daemon.says("ready", JAM), "{:?}", daemon.lines());
@@ -71,7 +72,7 @@ fn the_client_ramps_the_correction_out_while_the_daemon_is_gone_and_says_so() {
         tick.source == Source::Corrected && tick.largest() > 1e-4
     };
     assert!(cell.tick_until(JAM, corrects));
-    // Until the correction has come in whole.
+    // Until the correction has ramped in completely.
     assert!(!cell.tick_until(Duration::from_secs(1), |_, _| false));
     while cell.client.next_event().is_some() {}
 
@@ -119,7 +120,7 @@ fn the_daemon_ramps_out_counts_and_serves_the_next_when_its_client_is_killed() {
 }
 
 #[test]
-fn what_two_killed_processes_leave_is_gone_after_the_next_daemon() {
+fn remains_of_two_killed_processes_are_removed_by_the_next_daemon() {
     let mut pair = Pair::start(PROGRAMS);
     pair.back();
     pair.daemon.kill();

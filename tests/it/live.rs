@@ -1,4 +1,5 @@
-//! A cell seen from outside: page, status, events, metrics and the stream for Foxglove, while the daemon lives, is bypassed, stalls and dies.
+//! A cell seen from outside: page, status, events, metrics and the stream for Foxglove, while the
+//! daemon runs, is bypassed, stalls and dies.
 
 use crate::TRUED;
 use rustix::process::Signal;
@@ -80,7 +81,7 @@ fn ticks(robot: &mut CellLoop, count: usize) {
     }
 }
 
-/// How long it takes until `is` holds.
+/// Time until `is` holds.
 fn within(is: impl Fn() -> bool) -> Duration {
     let begun = Instant::now();
     while !is() {
@@ -189,7 +190,7 @@ fn foxglove_gets_the_topics_of_the_recordings() {
 }
 
 #[test]
-fn what_stalls_garbles_or_kills_the_view_is_not_noticed_by_the_cell() {
+fn stalls_errors_and_kills_of_the_view_do_not_affect_the_cell() {
     let place = Place::new("full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let mut robot = CellLoop::join(&place.cell(), LIMIT).expect("a daemon");

@@ -1,4 +1,5 @@
-//! The daemon's log: what an operator must know stands in it at the default level, and no more lines than a person reads.
+//! The daemon's log: it contains what an operator must know at the default level, at a readable
+//! rate.
 
 use crate::TRUED;
 use std::time::{Duration, Instant};
@@ -11,7 +12,7 @@ const LIMIT: Duration = Duration::from_secs(10);
 /// Beyond the limits of joint 1 of the model, rad.
 const OUTSIDE_RAD: f64 = 3.2;
 
-/// Commands every millisecond, so many of them.
+/// Commands every millisecond, a number of them.
 fn command(client: &mut Client, q: &[f64], commands: u32) {
     for _ in 0..commands {
         let sent = client.send(&Setpoint::new(q));
@@ -25,7 +26,7 @@ fn with<'a>(lines: &'a [String], words: &str) -> Vec<&'a String> {
     lines.iter().filter(|line| line.contains(words)).collect()
 }
 
-/// The number behind `key` in a line.
+/// The number after `key` in a line.
 fn number(line: &str, key: &str) -> u64 {
     let digits: String = line.split_once(key).map_or_else(String::new, |(_, rest)| {
         rest.chars().take_while(char::is_ascii_digit).collect()

@@ -1,4 +1,5 @@
-//! What commands write: nothing over a file of the user's, all outputs or none, and none where the disk is full.
+//! Output files of commands: they never replace a user's file, are all written or none, and none if
+//! the disk is full.
 
 use std::fs;
 use std::path::Path;
@@ -115,7 +116,7 @@ fn no_result_takes_the_place_of_an_input() {
 }
 
 #[test]
-fn results_are_made_anew_without_asking() {
+fn results_are_created_again_without_asking() {
     let place = place();
     let names = ["o.json", "o.html"];
     let made = || {

@@ -1,4 +1,5 @@
-//! `trued plan`: poses that can be driven and measured, guided capture that says when it is enough, a check that names what moved, ISO 9283.
+//! `trued plan`: reachable and measurable poses, guided capture with a stopping rule, a check that
+//! identifies damage, ISO 9283.
 
 use diagnosis::{Fitted, from_recording, simulate};
 use glam::{DMat3, DVec3};
@@ -11,7 +12,7 @@ use crate::program::Place;
 
 const NOMINAL: &str = "irb1600-6-145";
 const CALIBRATED: &str = "irb1600-6-145-thesis";
-/// A reflector that looks along the tool's axis, a tracker before the robot.
+/// A reflector facing along the tool's axis, a tracker in front of the robot.
 const SETUP: [&str; 8] = [
     "--instrument",
     "3500,-1500,1000",
@@ -36,7 +37,8 @@ fn number(of: &Value, key: &str) -> f64 {
     of[key].as_f64().expect(key)
 }
 
-/// Fills the list of poses in a folder with what a tracker would see of `truth`; `known`: in the base frame, else in one of the tracker's own.
+/// Fills the list of poses in a folder with the measurements of a tracker for `truth`; `known`: in
+/// the base frame, otherwise in the tracker's own.
 fn measure(place: &Place, folder: &str, truth: &Model, known: bool, sigma: f64) {
     let path = place.path(&format!("{folder}/poses.csv"));
     let mut list = series::read(&path, None, Need::Path).expect("the list is a recording");
@@ -45,7 +47,7 @@ fn measure(place: &Place, folder: &str, truth: &Model, known: bool, sigma: f64) 
         .filter(|c| matches!(c, Channel::Target(..) | Channel::Position(_)))
         .collect();
     assert_eq!(columns.len(), 3);
-    // Any value: what is read is replaced.
+    // Any value: the readings are replaced.
     columns.iter().for_each(|column| list.set(*column, vec![1.0; list.len()]));
     let mut campaign =
         from_recording::campaign(&truth.arm, std::slice::from_ref(&list)).expect("a campaign");
@@ -162,7 +164,7 @@ fn a_list_for_a_ballbar_or_a_probe_is_a_recording_of_what_that_measures() {
 }
 
 #[test]
-fn guided_capture_goes_on_until_ten_more_poses_are_worth_nothing() {
+fn guided_capture_continues_until_ten_more_poses_are_worth_nothing() {
     let place = Place::new();
     let begin = [&["--model", NOMINAL, "--approach", "direct"], &SETUP[..]].concat();
     let first = plan(&place, &[&begin[..], &["--next"]].concat());
@@ -269,7 +271,7 @@ fn iso_9283_is_planned_and_evaluated() {
     truth
         .push(AnyEffect::build("joint_offset", &truth.arm, Some(1), Given(given)).expect("built"))
         .expect("room");
-    // The list says 0.05 mm: noise of 0.01 mm.
+    // The list states 0.05 mm: noise of 0.01 mm.
     measure(&place, "d", &truth, true, 0.2);
     let found = plan(&place, &["--model", NOMINAL, "--iso9283", "d/seen.csv"]);
     let poses = found["poses"].as_array().expect("poses");
@@ -292,7 +294,7 @@ fn iso_9283_is_planned_and_evaluated() {
 }
 
 #[test]
-fn what_cannot_be_planned_is_refused_with_what_to_do() {
+fn an_impossible_plan_is_refused_with_a_remedy() {
     let place = Place::new();
     let refused = |more: &[&str]| {
         let done = place.run(&[&["plan", "--seed", "1"], more].concat());

@@ -1,4 +1,4 @@
-//! What the cell and its commands tell of the process: by it the watch says what rings, and what would help.
+//! Process state from the cell and its commands: the monitor uses it for classes and advice.
 
 use crate::TRUED;
 use shm_schema::{Advice, Status, Verdict, VibrationClass, VibrationState};
@@ -90,7 +90,7 @@ fn what_would_help_stands_in_verdict_status_and_log() {
 }
 
 #[test]
-fn what_was_told_for_a_while_is_not_believed_for_ever() {
+fn a_report_with_a_time_limit_expires() {
     let (_place, daemon, mut sensor) = watching("spindle_rpm = 6000.0\nteeth = 3\n");
     assert_eq!(sensor.status().spindle_rpm, 6000.0, "as configured");
     tell(&mut sensor, &cutting(28_000.0, Some(Duration::from_millis(300))));
@@ -132,7 +132,7 @@ fn a_line_that_turns_with_a_wheel_at_two_feeds_is_named_with_its_joint_and_shaft
     };
     tell(&mut sensor, &cutting(28_000.0, None));
     sensor.run(2.0, quiet);
-    // Neither stands near a mode of the robot.
+    // Neither is near a mode of the robot.
     let mut last = Verdict::default();
     for wheel_hz in [25.0, 29.5] {
         let joint_rad_s = TAU * wheel_hz / RATIO;

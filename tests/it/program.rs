@@ -1,4 +1,4 @@
-//! The program as its users start it, in a folder of the test's own that is gone afterwards.
+//! The program as started by its users, in a temporary folder of the test.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use crate::schemas;
 /// A folder on tmpfs: files of the test, and its runtime directory.
 pub(crate) struct Place(PathBuf);
 
-/// How the program ended, and what it said.
+/// Exit code and output of the program.
 #[derive(Debug)]
 pub(crate) struct Done {
     pub(crate) code: Option<i32>,
@@ -45,7 +45,7 @@ impl Place {
         serde_json::from_str(&self.read(name)).unwrap()
     }
 
-    /// What stands in the folder, its runtime directory aside.
+    /// Contents of the folder, except its runtime directory.
     pub(crate) fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(&self.0).unwrap();
         let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
@@ -54,7 +54,7 @@ impl Place {
         names
     }
 
-    /// What runs left behind for shared memory.
+    /// Remains of runs in shared memory.
     pub(crate) fn litter(&self) -> Vec<PathBuf> {
         let entries = fs::read_dir(self.path("run")).unwrap();
         entries.map(|entry| entry.unwrap().path()).collect()
@@ -76,11 +76,11 @@ impl Place {
         done
     }
 
-    /// What `--json` wrote fits its schema, whatever the test asks of it.
+    /// Checks the output of `--json` against its schema, for every test.
     fn assert_result_fits(&self, arguments: &[&str], done: &Done) {
         let mut rest = arguments.iter().skip_while(|word| **word != "--json").skip(1);
         let Some(name) = rest.next() else { return };
-        // What is no result of this run (refused, or a stream that is cut off) is the test's own matter.
+        // Output that is not a result of this run (refused, or truncated) is left to the test.
         if !matches!(done.code, Some(0 | 1)) {
             return;
         }
@@ -94,8 +94,9 @@ impl Place {
         }
     }
 
-    /// The same within so much address space, MB. One heap for all threads: glibc gives each thread one of its own and
-    /// reserves 64 to 128 MB of addresses for it, or nothing where that much is not left, depending on which thread is first.
+    /// The same within a limited address space, MB. One heap for all threads: glibc otherwise gives
+    /// each thread its own, reserving 64 to 128 MB of addresses if available, depending on which
+    /// thread is first.
     pub(crate) fn run_within_mb(&self, megabytes: u32, arguments: &[&str]) -> Done {
         let plain = self.command(arguments);
         let mut limited = Command::new("sh");
@@ -105,7 +106,7 @@ impl Place {
         ended(limited)
     }
 
-    /// The same without the right to real-time scheduling and locked memory, whoever runs the tests.
+    /// The same without the right to real-time scheduling and locked memory, for any user.
     pub(crate) fn run_unprivileged(&self, arguments: &[&str]) -> Done {
         let plain = self.command(arguments);
         if !rustix::process::geteuid().is_root() {
@@ -119,19 +120,19 @@ impl Place {
         ended(command)
     }
 
-    /// The same where no other program can be found.
+    /// The same without access to other programs.
     pub(crate) fn run_alone(&self, arguments: &[&str]) -> Done {
         self.run_beside(Path::new("/nowhere"), arguments)
     }
 
-    /// The same where no other programs can be found than those in that folder.
+    /// The same with access to the programs of that folder only.
     pub(crate) fn run_beside(&self, folder: &Path, arguments: &[&str]) -> Done {
         let mut command = self.command(arguments);
         command.env("PATH", folder);
         ended(command)
     }
 
-    /// The same where it must do what it was asked.
+    /// The same, and it has to succeed.
     pub(crate) fn succeed(&self, arguments: &[&str]) -> Done {
         let done = self.run(arguments);
         assert_eq!(done.code, Some(0), "{arguments:?}: {done:#?}");

@@ -1,4 +1,5 @@
-//! The README says what is: its code is the compiled example, its commands are the ones that CI runs, its links lead somewhere.
+//! The README is correct: its code is the compiled example, its commands are those of CI, its links
+//! resolve.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,6 +1,7 @@
-//! What a running daemon records: read by the public Python package `mcap`, after kills too, with the model that made each cycle.
+//! Recordings of a running daemon: read by the public Python package `mcap`, also after kills, with
+//! the model of each cycle.
 //!
-//! `TRUED_SOAK_ROUNDS` asks for another number of kills.
+//! `TRUED_SOAK_ROUNDS` sets the number of kills.
 
 use crate::TRUED;
 use recording::blackbox::{self, Contents, End, Record};
@@ -18,9 +19,9 @@ use trued_client::{Answer, Monitor, monotonic_ns};
 
 const LIMIT: Duration = Duration::from_secs(10);
 const RECORDER: &str = "[recorder]\ndir = \"recordings\"\nkeep_files = 1000\n";
-/// Kills, unless asked otherwise.
+/// Default number of kills.
 const KILLS: u64 = 12;
-/// At most this much of what was answered may be missing after a kill.
+/// Largest part of the answers that may be missing after a kill.
 const LOST_MAX: Duration = Duration::from_secs(1);
 
 /// The files of that place, oldest first.
@@ -41,7 +42,7 @@ fn said(output: &Output) -> String {
     String::from_utf8_lossy(&[&output.stdout[..], &output.stderr].concat()).into_owned()
 }
 
-/// When the last cycle was taken, ns.
+/// When the last cycle was received, ns.
 fn last_ns(contents: &Contents) -> u64 {
     let cycles = contents.records.iter().filter_map(|record| match record {
         Record::Cycle(cycle) => Some(cycle.received_ns),
@@ -90,13 +91,13 @@ fn recordings_that_kills_left_are_whole_again_and_lack_less_than_a_second() {
         });
         daemon.kill();
         let newest = files(&place).pop().unwrap();
-        // One that was killed before it wrote anything holds nothing.
+        // A file that was killed before anything was written is empty.
         let recorded_ns = blackbox::read(&newest).map_or(0, |contents| last_ns(&contents));
         let lost = Duration::from_nanos(answered_ns.saturating_sub(recorded_ns)).min(until);
         assert!(lost < LOST_MAX, "{lost:?} are missing");
         worst = worst.max(lost);
     }
-    // The last one by the command, the others by the daemons that came after.
+    // The last one by the command, the others by later daemons.
     let newest = files(&place).pop().unwrap();
     let done = trued(&place, &["info", "--repair"], &[&newest]);
     assert!(done.status.success() && said(&done).contains("repaired"), "{}", said(&done));
@@ -173,7 +174,7 @@ fn a_recording_holds_wall_clock_times_states_and_the_log() {
     }
 }
 
-/// The words of the request's answer, which ends with this code.
+/// The message of the answer to a request, which ends with this exit code.
 fn asks(place: &Place, arguments: &[&str], code: i32) -> String {
     let done = trued(place, arguments, &[]);
     assert_eq!(done.status.code(), Some(code), "{arguments:?}: {}", said(&done));
@@ -219,7 +220,7 @@ fn recording_starts_and_stops_when_it_is_asked_to_and_what_is_kept_is_not_remove
 }
 
 #[test]
-fn a_cell_without_a_recorder_says_what_to_do() {
+fn a_cell_without_a_recorder_states_the_remedy() {
     let place = Place::new("full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     assert!(asks(&place, &["record", "start"], 1).contains("[recorder]"));
@@ -269,7 +270,7 @@ fn after_a_reload_each_cycle_is_replayed_with_the_model_that_made_it() {
 }
 
 #[test]
-fn a_folder_that_is_removed_is_made_anew_and_written_on() {
+fn a_folder_that_is_removed_is_created_again_and_written_on() {
     let place = Place::new("full", RECORDER);
     let mut daemon = Process::ready_daemon(TRUED, &place);
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();

@@ -1,4 +1,5 @@
-//! The reference pages: their examples load, and they name every effect with its keys, every code and every schema that the source has.
+//! The reference pages: their examples load, and they list every effect with its keys, every code
+//! and every schema of the source.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,7 +19,7 @@ fn page(name: &str) -> String {
     fs::read_to_string(root().join("docs").join(name)).expect(name)
 }
 
-/// The files in a page: fenced blocks, each below a line that holds nothing but the file's name in backticks.
+/// The files in a page: fenced blocks, each below a line with only the file's name in backticks.
 fn files(page: &str) -> Vec<(String, String)> {
     let mut files = Vec::new();
     let mut name = None;
@@ -92,7 +93,7 @@ fn the_reference_names_every_effect_with_all_its_keys() {
     assert_eq!(sections.len(), all.len(), "no section of an effect that the source has not");
 }
 
-/// Asserts that the page has each code of these lists with its word, in a table of its own or in a line.
+/// Asserts that the page has each code of these lists with its name, in a table or in a line.
 macro_rules! assert_codes {
     ($page:expr, $($list:ty),+ $(,)?) => {
         $(for one in <$list>::ALL {
@@ -104,7 +105,7 @@ macro_rules! assert_codes {
 }
 
 #[test]
-fn the_reference_has_every_code_with_its_word() {
+fn the_reference_has_every_code_with_its_name() {
     let text = page("reference/status.md");
     assert_codes!(
         text,

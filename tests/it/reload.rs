@@ -1,4 +1,5 @@
-//! A model is swapped while the cycle runs: no command goes unanswered, no correction steps, no broken model gets in.
+//! Change of the model while the cycle runs: no missed answer, no step of the correction, no
+//! invalid model.
 
 use crate::TRUED;
 use shm_schema::{Cell, Status};
@@ -14,18 +15,18 @@ use trued_client::{Answer, Monitor, Response, Source};
 const LIMIT: Duration = Duration::from_secs(10);
 const SWAPS: u64 = 40;
 
-/// What a second of the loop came to.
+/// Result of a second of the loop.
 pub(crate) struct Seen {
     pub(crate) ticks: u64,
     pub(crate) unanswered: u64,
     epochs: u64,
     pub(crate) broken: Vec<String>,
     last: Option<Tick>,
-    /// The last tick that was corrected in full; this machine may hold up one or the other.
+    /// The last tick with a full correction; the machine may delay others.
     corrected: Option<(u64, Tick)>,
 }
 
-/// Runs the loop in another thread while `meanwhile` asks the daemon.
+/// Runs the loop in another thread while `meanwhile` sends requests to the daemon.
 pub(crate) fn beside<R>(at: &Cell, meanwhile: impl FnOnce(&mut Monitor) -> R) -> (Seen, R) {
     let mut cell = CellLoop::join(at, LIMIT).unwrap();
     assert!(cell.tick_until(LIMIT, |_, tick| tick.largest() > 1e-3), "the correction comes in");
@@ -35,7 +36,7 @@ pub(crate) fn beside<R>(at: &Cell, meanwhile: impl FnOnce(&mut Monitor) -> R) ->
         let (ticks, unanswered, epochs, broken) = (0, 0, 0, Vec::new());
         let mut seen = Seen { ticks, unanswered, epochs, broken, last: None, corrected: None };
         let (mut epoch, since) = (0, Instant::now());
-        // Where others take the cores, answers are late and blended in: it goes on until one comes in time.
+        // On a busy machine answers are late and blended in: it continues until one is in time.
         let is_over = |seen: &Seen| {
             let fresh = seen.last.as_ref().is_some_and(|tick| tick.source == Source::Corrected);
             end.load(Relaxed) && (fresh || since.elapsed() > 2 * LIMIT)
@@ -66,13 +67,13 @@ fn ask(monitor: &mut Monitor, model: Option<&Path>) -> Response {
 }
 
 pub(crate) fn status(monitor: &mut Monitor) -> Status {
-    // One that was made after what was asked.
+    // A status made after the request.
     std::thread::sleep(Duration::from_millis(150));
     monitor.status().unwrap()
 }
 
 fn running(mode: &str) -> (Place, Process) {
-    // Late commands are not what this is about.
+    // Late commands are not tested here.
     let place = Place::new(mode, "[cycle]\nstale_ms = 500.0\n");
     let daemon = Process::daemon(TRUED, &place);
     assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());

@@ -1,4 +1,5 @@
-//! A recording through the daemon: the same bits each time, the same as without a daemon, and physically right.
+//! A recording through the daemon: the same bits each time, the same as without a daemon, and
+//! physically correct.
 
 use crate::program::{Place, real_data, signal, workspace};
 use physics::{Chain, Inputs, JOINTS_MAX, Memories, Wrench};
@@ -80,14 +81,14 @@ fn a_replay_gives_the_same_bits_twice_and_those_of_the_corrector_alone() {
     assert!(place.litter().is_empty(), "{:?}", place.litter());
 }
 
-/// A column of numbers of a table in which no row is empty there.
+/// A numeric column of a table without empty cells in it.
 fn column(table: &str, name: &str) -> Vec<f64> {
     let mut lines = table.lines().map(|line| line.split(','));
     let at = lines.next().unwrap().position(|column| column == name).unwrap();
     lines.map(|mut fields| fields.nth(at).unwrap().parse().unwrap()).collect()
 }
 
-/// The same path, its input, its answer: what is corrected is replaced, not doubled.
+/// The same path, as input and corrected: an existing correction is replaced, not doubled.
 #[test]
 fn what_was_corrected_can_be_corrected_again() {
     let place = Place::new();
@@ -97,7 +98,7 @@ fn what_was_corrected_can_be_corrected_again() {
     assert_eq!(place.read("one.csv"), place.read("two.csv"));
 }
 
-/// Of the poses that stand there already: what their rows leave decides, whatever limited them.
+/// For settled poses the remaining error decides, whatever limited the correction.
 fn what_is_left_is_held_against_a_tolerance(place: &Place) {
     let asked = ["correct", "--model", THESIS, "--overwrite", "--out", "t.csv", "--json", "t.json"];
     let within = |mm: &str| {
@@ -242,7 +243,8 @@ fn an_interrupted_replay_ends_at_once_and_leaves_nothing() {
     assert!(place.litter().is_empty(), "{:?}", place.litter());
 }
 
-/// A model of a robot whose recordings are at hand and whose geometry is not: the corrections are no truth, the way is.
+/// A model of a robot with recordings but without known geometry: the corrections are arbitrary,
+/// the path is real.
 fn made(preset: &str, joints: usize) -> ModelFile {
     let mut file = presets::preset(preset).unwrap().model().unwrap().file;
     assert_eq!(file.joints.len(), joints);
@@ -269,7 +271,8 @@ fn made(preset: &str, joints: usize) -> ModelFile {
     file
 }
 
-/// Replays a real recording and holds it against the corrector alone; tells the share of rows that were corrected.
+/// Replays a real recording and compares it with the corrector alone; returns the share of
+/// corrected rows.
 fn replay_real(data: &Path, mapping: &str, file: &ModelFile) -> f64 {
     let place = Place::new();
     let model = RobotModel::of_file("made", file.clone()).unwrap();

@@ -1,7 +1,8 @@
-//! The JSON Schemas under `schemas/`: they are those of the source, and results fit them.
+//! The JSON Schemas under `schemas/`: they match the source, and results match them.
 //!
-//! Whether a result fits is asked after every command that any test runs: `Place::run`. The validator is the crate `jsonschema`, written by others.
-//! Schemas of files beside their readers: `recording/tests/schemas`.
+//! Results are checked after every command that any test runs: `Place::run`. The validator is the
+//! crate `jsonschema`. Schemas of files are compared with their readers in
+//! `recording/tests/schemas`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use tests::clients::root;
 
 use crate::program::Place;
 
-/// A schema with the name of the format that its files give themselves.
+/// A schema and the name of its format in files.
 struct Known {
     place: PathBuf,
     format: Option<String>,
@@ -32,7 +33,8 @@ fn known() -> &'static [Known] {
     })
 }
 
-/// What is wrong with a value by its own schema, or by the nearest of those that share its format; nothing where it fits one.
+/// Errors of a value by its own schema, or by the nearest of those with the same format; empty if
+/// it fits one.
 fn faults(value: &Value) -> Vec<String> {
     let format = value["schema"].as_str();
     let is_of = |known: &&Known| {

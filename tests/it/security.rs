@@ -1,4 +1,5 @@
-//! What the threat model says (docs/threat-model.md): one user, no network, nothing that others can read or fill.
+//! The threat model (docs/threat-model.md): one user, no network, nothing that others can read or
+//! fill.
 
 use crate::{PROGRAMS, TRUED};
 use std::collections::BTreeSet;
@@ -13,7 +14,7 @@ use tests::process::Process;
 use trued_client::Client;
 
 const LIMIT: Duration = Duration::from_secs(20);
-/// `nobody`, on every Linux.
+/// The user `nobody` of every Linux.
 const NOBODY: u32 = 65_534;
 
 /// Whether this test may become another user.
@@ -25,7 +26,7 @@ fn may_become_others(claim: &str) -> bool {
     root
 }
 
-/// What comes next, as that user.
+/// Prefix of a command to run as that user.
 fn as_nobody() -> Command {
     let id = NOBODY.to_string();
     let mut command = Command::new("setpriv");
@@ -33,8 +34,8 @@ fn as_nobody() -> Command {
     command
 }
 
-/// A copy of a program that every user may start: the tree's own folders may be closed to others, and nothing may be
-/// started from `/dev/shm` where it is mounted so.
+/// A copy of a program that every user may start: the tree's own folders may be closed to others,
+/// and execution from `/dev/shm` may be forbidden.
 fn program_for_all(program: &str) -> PathBuf {
     let copy = Path::new("/var/tmp").join(format!("trued-it-{:016x}", shm_schema::new_session()));
     fs::copy(program, &copy).unwrap();
@@ -42,7 +43,7 @@ fn program_for_all(program: &str) -> PathBuf {
     copy
 }
 
-/// All of a cell that stands where others may look: its directory, which closes all that is in it, and its blocks.
+/// Parts of a cell in shared folders: its directory, which protects its contents, and its blocks.
 fn in_memory(place: &Place) -> Vec<PathBuf> {
     let mut found = vec![place.cell().dir().to_path_buf()];
     let prefix = place.cell().shared_memory_prefix();
@@ -75,10 +76,10 @@ fn the_daemon_opens_no_network_socket() {
 }
 
 #[test]
-fn what_a_cell_has_in_memory_is_closed_to_all_others() {
+fn the_shared_memory_of_a_cell_is_closed_to_other_users() {
     let place = Place::new("full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
-    // What joins later makes memory of its own.
+    // A later client creates further memory.
     let _client = Client::connect_to(&place.cell(), LIMIT).unwrap();
     let found = in_memory(&place);
     assert!(found.len() > 10, "{found:?}");
@@ -89,7 +90,7 @@ fn what_a_cell_has_in_memory_is_closed_to_all_others() {
 }
 
 #[test]
-fn another_user_is_refused_by_name_and_can_open_nothing() {
+fn another_user_is_refused_with_the_reason_and_can_open_nothing() {
     if !may_become_others("a cell is closed to other users") {
         return;
     }

@@ -1,5 +1,5 @@
-//! A force sensor that fails: whatever is wrong is named in the status and in the log, with what to do; the watch over what is
-//! healthy goes on.
+//! A failing force sensor: every fault is reported in the status and in the log, with its remedy;
+//! healthy channels are still monitored.
 
 use crate::TRUED;
 use shm_schema::{ForceBlock, Health, SensorFault, Status, VibrationState, WatchState};
@@ -15,7 +15,7 @@ const RATE_HZ: f64 = 10_000.0;
 const Z: usize = 2;
 const FULL_SCALE_N: f64 = 50.0;
 
-/// A fault, what must be said of it, and what makes it.
+/// A fault, its message, and its cause.
 type Case = (SensorFault, &'static str, fn(&mut ForceBlock));
 
 fn daemon(tables: &str) -> (Place, Process) {
@@ -52,7 +52,7 @@ fn on_z(block: &mut ForceBlock, bad: impl Fn(usize, f64) -> f64) {
     }
 }
 
-/// The status names the fault of the channel (none: of the stream), in bits and in words.
+/// The status reports the fault of the channel (`None`: of the stream), as bits and as text.
 fn names(status: &Status, channel: Option<usize>, fault: SensorFault, words: &str) {
     let set = channel.map_or(status.stream_faults, |channel| status.channel_faults[channel]);
     assert_ne!(set & fault.bit(), 0, "{fault}: {}", status.message);
@@ -106,11 +106,11 @@ fn a_channel_that_fails_is_named_while_the_others_are_watched_on() {
 }
 
 #[test]
-fn a_channel_that_comes_back_is_learned_anew_and_rings_no_bell() {
+fn a_channel_that_recovers_is_learned_again_without_an_alarm() {
     let (_place, _daemon, mut sensor) = watching();
     sensor.run_broken(3.0, quiet, |block| on_z(block, |_, _| 0.0));
     assert_eq!(sensor.settled().watch(), Ok(WatchState::Watching), "the others are known");
-    // Loud enough that against a floor of nothing its noise would be full of lines.
+    // So loud that its noise would be full of lines against a floor of zero.
     let loud = |block: &mut ForceBlock| on_z(block, |_, x| 20.0 * x);
     sensor.run_broken(1.2, quiet, loud);
     assert_eq!(sensor.settled().watch(), Ok(WatchState::Learning), "its noise");

@@ -1,4 +1,5 @@
-//! What the package installs: units that a service manager takes, closed as far as is promised, and a cell that starts in shadow.
+//! Contents of the package: units for a service manager with the documented restrictions, and a
+//! cell that starts in shadow mode.
 
 use crate::TRUED;
 use recording::cell::{CellConfig, Mode};
@@ -20,7 +21,7 @@ fn deploy(name: &str) -> PathBuf {
     root().join("deploy").join(name)
 }
 
-/// Whether a tool is there; else that it is not is said and counted.
+/// Whether a tool is available; otherwise this is reported and counted.
 fn can(tool: &str, claim: &str) -> bool {
     let there = has(tool);
     if !there {
@@ -46,7 +47,7 @@ fn a_bridge_tells_its_service_manager_that_it_is_ready_alive_and_ending() {
     attended(&place, &["bridge", "egm", "--config"], "bridge.toml");
 }
 
-/// A process says to a stand-in for the service manager that it is ready, lives, and ends.
+/// A process notifies a simulated service manager that it is ready, alive, and ending.
 fn attended(place: &Place, arguments: &[&str], config: &str) {
     let path = place.file("notify");
     let manager = UnixDatagram::bind(&path).unwrap();
@@ -144,14 +145,14 @@ fn the_cell_that_is_installed_starts_as_it_is_and_changes_nothing() {
     );
     let recorder = config.recorder.unwrap();
     assert!(recorder.dir.starts_with("/var/lib/trued"), "where the unit may write");
-    // What stands behind a comment sign is as good as what does not.
+    // Commented settings are valid too.
     let text = fs::read_to_string(deploy("etc/cell.toml")).unwrap();
     let all = text.replace("\n#[", "\n[").lines().map(uncommented).collect::<Vec<_>>().join("\n");
     let whole = CellConfig::parse("cell.toml", &all).unwrap();
     assert!(whole.force.is_some() && whole.vibration.is_some() && whole.realtime.core.is_some());
 }
 
-/// A key behind a comment sign without a space is one that may be switched on.
+/// A key after a comment sign without a space can be enabled.
 fn uncommented(line: &str) -> &str {
     let key = line.strip_prefix('#').filter(|rest| rest.starts_with(|c: char| c.is_lowercase()));
     key.filter(|rest| rest.contains(" = ")).unwrap_or(line)

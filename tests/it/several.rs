@@ -1,4 +1,4 @@
-//! One daemon for several cells: each is served, none of them starts or ends without the others.
+//! One daemon for several cells: each is served; they start and end together.
 
 use crate::TRUED;
 use shm_schema::Cell;
@@ -13,7 +13,7 @@ const OTHER: &str = "other";
 /// Inside the limits of the model's joints, rad.
 const POSE: [f64; 6] = [0.1, 0.2, -0.3, 0.2, 0.5, 0.1];
 
-/// The place's own cell, and another one of which this is wrong.
+/// The place's own cell, and another one with this error.
 fn two(place: &Place, wrong: (&str, &str)) -> Process {
     let first = place.file("cell.toml");
     let text = fs::read_to_string(&first).unwrap();
@@ -51,7 +51,7 @@ fn one_daemon_serves_two_cells_and_ends_both() {
     for _ in 0..2 {
         assert!(clients.iter_mut().all(is_served), "{:?}", daemon.lines());
     }
-    // What is asked of one is not asked of the other.
+    // A request to one does not affect the other.
     clients[0].bypass(true, LIMIT).unwrap();
     assert!(is_served(&mut clients[1]));
     drop(clients);

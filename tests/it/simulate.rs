@@ -1,4 +1,5 @@
-//! `trued simulate`: the model's own figures in the recording's layout, the same bytes by seed, and noise of the size that was asked for.
+//! `trued simulate`: the model's results in the layout of the recording, the same bytes by seed,
+//! and noise of the requested size.
 
 use std::fmt::Write as _;
 
@@ -12,7 +13,7 @@ use crate::program::Place;
 const BASE: &str = "irb1600-6-145";
 const RATE_HZ: f64 = 100.0;
 
-/// Joints 2 and 3 swing; a tracker looks at every second row from row 10 on.
+/// Joints 2 and 3 oscillate; a tracker measures every second row from row 10 on.
 fn path(rows: usize) -> String {
     let mut text =
         String::from("t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm,tau2_Nm,note\n");
@@ -74,7 +75,7 @@ fn the_layout_stays_and_what_was_measured_is_the_models() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bytes_and_noise_is_of_the_size_asked_for() {
+fn the_same_seed_gives_the_same_bytes_and_noise_is_of_the_requested_size() {
     let place = place(2000, "", IN_BASE);
     let clean = simulated(&place, "clean", &["--seed", "1"]);
     let noisy = simulated(&place, "noisy", &["--seed", "5", "--noise", "0.04"]);
@@ -92,7 +93,7 @@ fn the_same_seed_gives_the_same_bytes_and_noise_is_of_the_size_asked_for() {
 }
 
 #[test]
-fn what_is_stated_of_an_instrument_stays_and_noise_beyond_it_is_said() {
+fn what_is_stated_of_an_instrument_stays_and_noise_beyond_it_is_reported() {
     let place = place(100, "", &format!("{IN_BASE}sigma = {{ x_mm = 0.15, y_mm = 0.01 }}\n"));
     let arguments =
         ["simulate", "--model", "robot.toml", "--out", "made", "--noise", "0.04", "path.csv"];
@@ -143,7 +144,7 @@ fn effects_that_lag_ring_or_remember_move_the_tool() {
 fn an_unknown_frame_is_found_from_what_was_recorded_and_an_empty_one_is_the_base() {
     let place = place(400, "", IN_BASE);
     let exact = simulated(&place, "exact", &[]);
-    // The same, seen from a tracker that stands somewhere else.
+    // The same, measured by a tracker at another position.
     let turn = glam::DMat3::from_rotation_z(2.0) * glam::DMat3::from_rotation_x(0.05);
     let mut moved = exact.clone();
     moved.about.measured_in_base = false;

@@ -1,4 +1,4 @@
-//! `trued simulate` in the force domain: what a sensor reads of a cut that the recording tells of, without any robot.
+//! `trued simulate` in the force domain: sensor readings of a recorded cut, without a robot.
 
 use std::f64::consts::PI;
 use std::fmt::Write as _;
@@ -10,7 +10,7 @@ use crate::program::Place;
 const RATE_HZ: f64 = 10_000.0;
 const SPINDLE_HZ: f64 = 50.0;
 const FEED_MM_S: f64 = 4.0;
-/// A turn is a whole number of rows.
+/// Number of rows per turn, an integer.
 const TURN: usize = (RATE_HZ / SPINDLE_HZ) as usize;
 
 pub(crate) const CUT: &str = r#"
@@ -60,7 +60,8 @@ fn a_slot_exerts_the_mean_forces_of_the_closed_form_and_air_none() {
         n * a / PI * 150.0 * feed_per_tooth_mm + n * a / 2.0 * 2.0,
     ];
     for (axis, expected) in expected.into_iter().enumerate() {
-        // A turn of so many instants: the jump of the edge force as a tooth enters falls between two.
+        // This number of samples per turn: the jump of the edge force at a tooth's entry is between
+        // two of them.
         let found = mean(&made, axis);
         assert!((found - expected).abs() < 0.02 * 5.0, "{axis}: {found} {expected}");
         let air = &made.column(Channel::Wrench(axis)).unwrap()[..TURN];
@@ -108,7 +109,7 @@ fn every_effect_of_cutter_and_sensor_changes_what_is_read() {
 }
 
 #[test]
-fn noise_of_forces_is_of_the_size_asked_for_and_a_cut_without_a_speed_is_an_error() {
+fn noise_of_forces_is_of_the_requested_size_and_a_cut_without_a_speed_is_an_error() {
     let place = place(CUT, "");
     let exact = simulated(&place, &[]);
     let noisy = simulated(&place, &["--seed", "3", "--force-noise", "0.4"]);

@@ -1,4 +1,5 @@
-//! `trued simulate` in the torque domain: what the drives exert, in the recording's layout, with or without a controller in the loop.
+//! `trued simulate` in the torque domain: drive torques in the layout of the recording, with or
+//! without a controller in the loop.
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -83,7 +84,7 @@ fn a_slide_with_dry_friction_asks_its_level_against_the_motion() {
     let force = column(&made, Channel::Torque(0));
     let (forth, back) = runs(&force);
     assert!((forth - LEVEL).abs() < 1e-6 && (back + LEVEL).abs() < 1e-6, "{forth} {back}");
-    // The turn stands at 0.9 s; speeds are taken over 16 ms.
+    // The reversal is at 0.9 s; speeds are averaged over 16 ms.
     let jump = force[900 - 10] - force[900 + 10];
     assert!((jump - 2.0 * LEVEL).abs() < 1.0, "{jump} N");
     assert_eq!(made.len(), ROWS);
@@ -91,7 +92,7 @@ fn a_slide_with_dry_friction_asks_its_level_against_the_motion() {
 }
 
 #[test]
-fn noise_of_forces_is_of_the_size_asked_for_and_of_that_seed() {
+fn noise_of_forces_is_of_the_requested_size_and_of_that_seed() {
     let place = place(&coulomb(), ",tau1_N");
     let clean = column(&simulated(&place, "clean", &[]), Channel::Torque(0));
     let noise = ["--seed", "5", "--torque-noise", "1.5"];

@@ -1,5 +1,5 @@
-//! The daemon's logic under random faults in virtual time. `TRUED_SIM_CYCLES` asks for another length (1e7 is the long form, as CI runs it),
-//! `TRUED_SEED` repeats a run; without it the seed is another each time.
+//! The daemon's logic under random faults in virtual time. `TRUED_SIM_CYCLES` sets the length (1e7
+//! in CI), `TRUED_SEED` repeats a run; otherwise the seed is random.
 
 use tests::simulation::{bridges, run};
 use trued_client::monotonic_ns;

@@ -1,4 +1,4 @@
-//! `trued spectrum` on recordings whose content is known, on real ones, and on bad ones.
+//! `trued spectrum` on recordings with known content, on real ones, and on invalid ones.
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -83,7 +83,7 @@ fn known_tones_are_found_with_frequency_amplitude_and_time() {
         list(&found, "lines").iter().find(near).expect("the line")
     };
     assert!((number(line(35.3, "fx_N"), "amplitude") - 2.0).abs() < 0.06);
-    // The second tone is there for six of ten seconds: its power is 0.6 of what it was.
+    // The second tone lasts six of ten seconds: its mean power is 0.6 of its own.
     assert!((number(line(71.37, "fy_N"), "amplitude") - 5.0 * 0.6_f64.sqrt()).abs() < 0.2);
     let began = |episode: &&Value| (number(episode, "frequency_Hz") - 71.37).abs() < 0.1;
     let episode = list(&found, "episodes").iter().find(began).expect("the second tone");
@@ -94,7 +94,7 @@ fn known_tones_are_found_with_frequency_amplitude_and_time() {
 }
 
 #[test]
-fn the_command_says_what_the_daemons_watch_says() {
+fn the_command_reports_the_same_verdicts_as_the_daemon() {
     let place = Place::new();
     let made = tones(2000.0);
     place.file("run.csv", &made.csv());
@@ -103,7 +103,7 @@ fn the_command_says_what_the_daemons_watch_says() {
     let mut watch = Watch::new(config).unwrap();
     watch.process_state(ProcessState { spindle_rpm: 2400.0, teeth: 2, ..ProcessState::default() });
     let mut said = Vec::new();
-    // Blocks of another length than the command's: what is said does not depend on it.
+    // Blocks of another length than the command's: the verdicts do not depend on it.
     for (seq, from) in (0..20_000).step_by(64).enumerate() {
         let to = (from + 64).min(20_000);
         let rounded = |x: f64| format!("{x:.6}").parse::<f64>().unwrap();
@@ -171,7 +171,8 @@ fn waviness_is_one_line_over_the_path_whatever_the_feed() {
     }
 }
 
-/// The joints of a cut by joint 1 alone, at three speeds, and a force line of the teeth of its first gear pair.
+/// The joints of a cut by joint 1 alone, at three speeds, and a force line of the teeth of its
+/// first gear pair.
 pub(crate) fn geared_cut() -> Made {
     let q1_rad = |t: f64| match t {
         t if t < 10.0 => 0.012 * t,
@@ -247,7 +248,7 @@ fn the_folded_tooth_passing_is_a_suspect_alias_and_no_chatter() {
 }
 
 #[test]
-fn holes_and_a_stuck_channel_are_told_and_do_no_harm() {
+fn holes_and_a_stuck_channel_are_reported_and_do_no_harm() {
     let place = Place::new();
     let mut lines: Vec<String> = tones(2000.0).csv().lines().map(str::to_owned).collect();
     for (row, line) in lines.iter_mut().enumerate().skip(1) {
@@ -308,7 +309,7 @@ fn the_page_is_whole_and_says_what_the_console_says() {
 }
 
 #[test]
-fn bad_input_is_refused_with_what_to_do_and_nothing_is_written() {
+fn bad_input_is_refused_with_a_remedy_and_nothing_is_written() {
     let place = Place::new();
     place.file("rateless.csv", "sample,force\n1,2\n2,3\n3,5\n4,1\n5,2\n");
     place.file("run.csv", &tones(1000.0).csv());

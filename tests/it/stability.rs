@@ -1,4 +1,4 @@
-//! `trued stability`: the worked example of the documents, modes of tap tests, what is refused.
+//! `trued stability`: the worked example of the documents, modes of tap tests, refused input.
 
 use crate::program::Place;
 use std::fs;
@@ -20,7 +20,7 @@ fn example() -> Place {
 }
 
 #[test]
-fn the_worked_example_says_what_the_page_shows() {
+fn the_worked_example_matches_the_page() {
     let place = example();
     let commands = blocks("sh");
     let words: Vec<&str> = commands[0].split_whitespace().skip(1).collect();
@@ -107,7 +107,7 @@ fn where_a_recorded_cut_chatters_the_prediction_stands_beside_the_advice() {
 }
 
 #[test]
-fn what_cannot_be_a_cut_is_refused_with_every_fault() {
+fn an_invalid_cut_is_refused_with_every_fault() {
     let place = example();
     let text = place.read("cut.toml");
     place.file(

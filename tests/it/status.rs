@@ -1,4 +1,5 @@
-//! What the cell is told: versions that do not fit, a cell that is served already, a place that cannot be, shadow, bypass.
+//! Messages to the cell: incompatible versions, a cell that is already served, an invalid runtime
+//! directory, shadow mode, bypass.
 
 use crate::TRUED;
 use rustix::process::Signal;
@@ -17,7 +18,7 @@ const SYSTEM_FAILED: Option<i32> = Some(3);
 fn another_contract_is_refused_at_once_and_both_versions_are_named() {
     let place = Place::new("full", "");
     let daemon = Process::ready_daemon(TRUED, &place);
-    // One that runs would put right what is changed here.
+    // A running daemon would restore what is changed here.
     daemon.signal(Signal::STOP);
     let current = place.cell().dir().join("current");
     let text = fs::read_to_string(&current).unwrap();
@@ -48,7 +49,7 @@ fn a_second_daemon_for_a_cell_is_refused_with_the_process_of_the_first() {
 }
 
 #[test]
-fn a_daemon_without_a_usable_runtime_directory_fails_and_says_where() {
+fn a_daemon_without_a_usable_runtime_directory_fails_and_reports_where() {
     let place = Place::new("full", "");
     let missing = place.root().join("missing").join("deep");
     let long = place.root().join("x".repeat(120));
@@ -83,7 +84,7 @@ fn bits(q: &[f64]) -> Vec<u64> {
 }
 
 #[test]
-fn in_shadow_mode_commands_go_out_bit_for_bit_and_what_is_wanted_is_told() {
+fn in_shadow_mode_commands_go_out_bit_for_bit_and_what_is_wanted_is_reported() {
     let place = Place::new("shadow", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
@@ -105,7 +106,8 @@ fn in_shadow_mode_commands_go_out_bit_for_bit_and_what_is_wanted_is_told() {
     assert_eq!(cell.broken, Vec::<String>::new());
 }
 
-/// Ticks until the daemon says that and the correction is (or is not) zero; all on the way is bounded.
+/// Runs ticks until the daemon reports this status and the correction is (or is not) zero; all
+/// intermediate targets are within the limits.
 fn until(cell: &mut CellLoop, status: CorrectionStatus, zero: bool) -> u32 {
     let mut ramping = 0;
     let reached = cell.tick_until(LIMIT, |cell, tick: &Tick| {
@@ -137,7 +139,7 @@ fn arming_and_bypass_ramp_the_correction_in_and_out() {
 }
 
 #[test]
-fn a_cell_that_is_configured_to_look_on_refuses_to_be_armed_and_says_what_to_do() {
+fn a_cell_that_is_configured_to_look_on_refuses_to_be_armed_and_states_the_remedy() {
     let place = Place::new("shadow", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();

@@ -1,4 +1,4 @@
-//! A running cell, seen and steered from the shell.
+//! A running cell, monitored and controlled from the shell.
 
 use crate::TRUED;
 use crate::program::Place as Folder;
@@ -97,7 +97,7 @@ fn modes_change_without_a_restart_and_the_robot_never_steps() {
         assert!(largest > 1e-4, "{word}: {largest} rad");
         assert!(mode == Mode::Full || largest <= LIMITED_RAD, "{word}: {largest} rad");
     }
-    // Not for long: the loop takes shadow mode as said until a status says otherwise.
+    // Short: the loop assumes shadow mode until a status says otherwise.
     assert_eq!(trued(&place, &["mode", "shadow"]).code, Some(0));
     assert!(cell.tick_until(LIMIT, |_, tick| tick.largest() == 0.0), "shadow");
     assert_eq!(trued(&place, &["arm"]).code, Some(0));
@@ -147,7 +147,7 @@ fn a_cell_needs_no_name_where_it_is_the_only_one() {
     assert_eq!(several.code, Some(2), "{}", several.said);
     assert!(several.said.contains(&format!("{CELL}, second")), "{}", several.said);
     assert_eq!(trued(&place, &["status", "second"]).code, Some(0));
-    // Of the place's own cell alone nothing is left after a kill.
+    // After a kill nothing of the place's own cell is left.
     assert!(second.end().success(), "{:?}", second.lines());
 }
 
@@ -177,7 +177,7 @@ fn a_status_fits_a_terminal_and_its_keys_stand_in_the_reference() {
         let named = [format!("`{key}`"), format!("`{key}[]`")];
         assert!(named.iter().any(|named| page.contains(named.as_str())), "{key}");
     }
-    // Another one looks on while the daemon goes.
+    // A monitor watches while the daemon ends.
     let watch = Process::start(TRUED, &["status", "--watch", CELL], &place);
     assert!(watch.says("health    idle", LIMIT), "{:?}", watch.lines());
     daemon.kill();

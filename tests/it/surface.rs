@@ -1,4 +1,5 @@
-//! `trued surface`: known profiles, what is refused, and the National Physical Laboratory's reference profiles.
+//! `trued surface`: known profiles, refused input, and the National Physical Laboratory's reference
+//! profiles.
 
 use crate::program::{Done, Place, real_data};
 use std::f64::consts::TAU;
@@ -95,7 +96,7 @@ fn millimetres_heights_alone_and_brackets_are_the_same_profile() {
 }
 
 #[test]
-fn what_is_no_profile_is_refused_with_what_to_do() {
+fn anything_but_a_profile_is_refused_with_a_remedy() {
     let place = Place::new();
     let good = profile("x_um,z_um\n", |i, z| format!("{i},{z:.6}"));
     place.file("good.csv", &good);

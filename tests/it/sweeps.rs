@@ -1,4 +1,5 @@
-//! `trued calibrate` on sweeps of single joints and on loaded poses: what they say by themselves is the truth of the simulated robot.
+//! `trued calibrate` on sweeps of single joints and on loaded poses: their direct results are the
+//! truth of the simulated robot.
 
 use std::fmt::Write as _;
 
@@ -91,7 +92,7 @@ fn seen(rows: &[Row]) -> Vec<[DVec3; 3]> {
     seen
 }
 
-/// Each joint alone, there and back, from where the others stand.
+/// Each joint alone, there and back, from the position of the others.
 fn sweeps() -> Vec<Row> {
     let home = [10.0, -15.0, 20.0, 5.0, 40.0, 0.0];
     let steps = |joint: usize| {
@@ -105,7 +106,7 @@ fn sweeps() -> Vec<Row> {
     (0..6).flat_map(steps).collect()
 }
 
-/// Poses by chance, each without and then with a force.
+/// Random poses, each without and then with a force.
 fn loaded() -> Vec<Row> {
     let mut chance = Chance::new(3);
     let mut pair = || {
@@ -139,7 +140,7 @@ fn number(of: &Value) -> f64 {
 }
 
 #[test]
-fn sweeps_and_loads_say_by_themselves_what_the_robot_has() {
+fn sweeps_and_loads_identify_the_robots_effects() {
     let place = place();
     let found = calibrated(&place, &[]);
     let swept = found["single_joint"].as_array().expect("sweeps");
@@ -149,7 +150,7 @@ fn sweeps_and_loads_say_by_themselves_what_the_robot_has() {
     for (k, truth) in [0.8, -0.6].into_iter().enumerate() {
         let (tilt, sigma) =
             (number(&fourth["tilt_mrad"][k]), number(&fourth["sigma_tilt_mrad"][k]));
-        // The frame that all is told in is the whole fit's, which is not without error.
+        // The common frame is that of the whole fit, which has an error.
         assert!((tilt - truth).abs() < 4.0 * sigma + 0.03, "{tilt} ± {sigma}: {truth}");
     }
     // Noise that the circles leave is the tracker's.
@@ -179,7 +180,7 @@ fn sweeps_and_loads_say_by_themselves_what_the_robot_has() {
 }
 
 #[test]
-fn the_sag_of_the_others_may_stay_in_and_that_is_said() {
+fn the_sag_of_the_others_may_stay_in_and_that_is_reported() {
     let place = place();
     let [on, off] = [["--sag", "on"], ["--sag", "off"]].map(|sag| calibrated(&place, &sag));
     let third = |found: &Value| found["single_joint"][2].clone();
@@ -221,7 +222,7 @@ fn with_links() -> String {
 }
 
 #[test]
-fn targets_on_links_tell_the_stiffness_of_one_joint_and_how_the_base_stands() {
+fn targets_on_links_identify_the_stiffness_of_one_joint_and_the_tilt_of_the_base() {
     let place = Place::new();
     place.file("links.csv", &with_links());
     let on = "target4_on_link = 0\ntarget5_on_link = 0\ntarget6_on_link = 2\n";
@@ -233,7 +234,7 @@ fn targets_on_links_tell_the_stiffness_of_one_joint_and_how_the_base_stands() {
     let second = list.iter().find(|j| j["joint"] == 2).expect("joint 2");
     let (value, sigma) = (number(&second["compliance_mrad_per_knm"]), number(&second["sigma"]));
     assert!((value - 4.0).abs() < 4.0 * sigma && sigma < 0.2, "{value} ± {sigma}");
-    // The base stands still: what shows of a tilt is noise.
+    // The base is at rest: any tilt is noise.
     let tilt = &found["base_tilt"];
     let turn: f64 = (0..3).map(|k| number(&tilt["turn_mrad"][k]).powi(2)).sum::<f64>().sqrt();
     assert!(turn < 5.0 * number(&tilt["sigma_mrad"]) && tilt["poses"] == 79, "{tilt:#}");

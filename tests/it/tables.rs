@@ -1,4 +1,4 @@
-//! Tables of others through the program: what `check` shows of them, what is refused, and what counts twice.
+//! Tables of other programs: the output of `check`, refused tables, and duplicate columns.
 
 use crate::program::Place;
 
@@ -41,7 +41,8 @@ fn check_shows_the_first_rows_of_a_mapping_as_they_are_understood() {
     };
     assert_eq!(column("z_mm")["first"], serde_json::json!([1050.0, 1048.0]));
     assert_eq!(column("q1_deg")["from"], "J1");
-    // Beside no recording, the mapping alone is checked; beside one that it does not fit, the recording's faults are its own.
+    // Without a recording, the mapping alone is checked; with one that it does not fit, the faults
+    // are the recording's.
     place.file("alone.mapping.toml", MAPPING);
     place.succeed(&["check", "alone.mapping.toml"]);
     place.file("poses.csv", &POSES.replace("Rx", "RX"));
@@ -70,7 +71,7 @@ fn thousands_that_may_be_decimals_are_refused_with_line_column_and_way_out() {
 }
 
 #[test]
-fn readings_under_two_names_are_told_by_check_and_refused_by_a_fit() {
+fn readings_under_two_names_are_reported_by_check_and_refused_by_a_fit() {
     let place = Place::new();
     let mut text = "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg".to_owned();
     for target in 1..=2 {

@@ -1,4 +1,5 @@
-//! `trued tap`: hits with known modes, what is refused, the modal list of a model, a real tool and holder.
+//! `trued tap`: hits with known modes, refused input, the modal list of a model, a real tool and
+//! holder.
 
 use crate::program::{Done, Place, real_data};
 use spectrum::Complex;
@@ -96,7 +97,7 @@ fn the_library_gives_the_modes_the_text_and_the_result_that_the_command_writes()
         let off_hz = (mode.frequency_hz - frequency_hz).abs();
         assert!(analysis.is_verified(mode) && off_hz < 0.1, "{frequency_hz} Hz");
     }
-    // Where more coherence is asked for than there can be, no mode is verified.
+    // If more coherence is required than possible, no mode is verified.
     let source = read(&[place.path("run.csv")], &Channels::default()).expect("a record");
     let settings = Settings { coherence_least: 1.1, ..Settings::default() };
     let strict = analyse(source, &settings).expect("hits");
@@ -153,7 +154,7 @@ fn one_hit_gives_its_response_function_and_modes_that_are_unverified() {
 }
 
 #[test]
-fn what_cannot_be_a_tap_test_is_refused_with_what_to_do() {
+fn an_invalid_tap_test_is_refused_with_a_remedy() {
     let place = Place::new();
     place.file("one.csv", &csv(&[(0.3, 200.0)], 2.0));
     refused(

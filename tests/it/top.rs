@@ -1,4 +1,4 @@
-//! `trued top` as an operator has it: in a terminal of 80 × 24, by keys (needs `tmux`; SKIPPED where there is none).
+//! `trued top` in a terminal of 80 × 24, operated by keys (needs `tmux`; SKIPPED without it).
 
 use crate::TRUED;
 use std::path::Path;
@@ -13,7 +13,7 @@ use trued_client::Monitor;
 const LIMIT: Duration = Duration::from_secs(10);
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// A terminal of its own with one command in it.
+/// A separate terminal with one command.
 struct Terminal {
     socket: String,
 }
@@ -44,12 +44,12 @@ impl Terminal {
         self.tmux(&["send-keys", "-t", "top", key]);
     }
 
-    /// The rows once they hold `wanted`.
+    /// The rows once they contain `wanted`.
     fn shows(&self, wanted: &str) -> Vec<String> {
         self.comes_to_show(wanted, |rows| rows.iter().any(|row| row.contains(wanted)))
     }
 
-    /// The rows once they are as they should be; `what` that is.
+    /// The rows once `is_so` holds; `what` describes it.
     fn comes_to_show(&self, what: &str, is_so: impl Fn(&[String]) -> bool) -> Vec<String> {
         let begun = Instant::now();
         loop {

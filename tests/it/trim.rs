@@ -1,4 +1,5 @@
-//! Measurement in the loop: what the trim does to the tool, in virtual time with the daemon's own cycle and with real processes.
+//! Measurement in the loop: effect of the trim on the tool, in virtual time with the daemon's own
+//! cycle and with real processes.
 //!
 //! `cargo test -p tests --test it trim:: -- --nocapture` prints the figures.
 
@@ -32,7 +33,7 @@ fn said(run: &Run<Tick>, tick: usize) -> (TrimState, TrimReason) {
 #[test]
 fn an_instrument_as_it_is_takes_the_static_error_below_30_um_within_two_seconds() {
     for seed in 1..=5 {
-        // The correction of the model alone has come in by then; the trim begins with it.
+        // The correction of the model alone has ramped in by then; the trim begins with it.
         let run = run(&measured("trim"), Truth::stated(), 12_000, Vec::new(), seed);
         assert_eq!(run.broken, None, "seed {seed}");
         let (first, after) = (run.ticks[0].off_m.length(), run.worst_m(2000..12_000));
@@ -69,7 +70,7 @@ fn the_error_along_a_path_is_halved_at_least_beyond_the_model() {
 
 #[test]
 fn delays_up_to_twice_the_stated_ones_do_not_oscillate() {
-    // An instrument without stamps of its own: the daemon believes what the cell states.
+    // An instrument without its own stamps: the daemon uses the values stated by the cell.
     for (latency_ms, reaction_ms) in [(0, 0), (10, 5), (20, 10), (40, 20), (50, 20)] {
         let truth = Truth {
             latency_ms,
@@ -79,7 +80,8 @@ fn delays_up_to_twice_the_stated_ones_do_not_oscillate() {
             jumps: 0.0,
             ..Truth::stated()
         };
-        // The beam is free once the model's own correction has come in: of its motion a wrong delay makes an error.
+        // The beam is interrupted until the model's own correction has ramped in: with a wrong
+        // delay its motion would cause an error.
         let events = vec![(0, Event::Blind(true)), (1500, Event::Blind(false))];
         let run = run(&measured("trim"), truth, 8000, events, 3);
         assert_eq!(run.broken, None);
@@ -163,7 +165,8 @@ fn tool(model: &Model, target: &[f64; JOINTS]) -> DVec3 {
     model.evaluate(&inputs, &memories).real.base_from_tool.origin
 }
 
-/// The instrument moves: neither time nor a change of mode makes the daemon believe it, `arm` does.
+/// The instrument moves: the daemon accepts it only after `arm`, not after some time or a change of
+/// mode.
 fn a_jump_is_followed_once_it_is_armed(
     cell: &mut CellLoop,
     instrument: &mut Instrument,

@@ -4,7 +4,8 @@ use crate::program::Place;
 use std::f64::consts::TAU;
 use tests::chance::Chance;
 
-/// Interleaved 16-bit samples at 20 kHz with one line in every channel, and another in the last tenth of the last channel alone.
+/// Interleaved 16-bit samples at 20 kHz with one line in every channel, and another in the last
+/// tenth of the last channel only.
 fn long_wav(channels: u16, seconds: u32, line_hz: f64, late_hz: f64) -> Vec<u8> {
     const RATE_HZ: u32 = 20_000;
     let bytes = RATE_HZ * seconds * u32::from(channels) * 2;

@@ -1,6 +1,7 @@
-//! What a bridge does with a datagram takes nothing from the heap: reading, judging, changing in place, writing an answer.
+//! A bridge handles a datagram without allocation: reading, checking, changing in place, writing an
+//! answer.
 //!
-//! Without a daemon: what a command costs beside, `cycle` and the client's own tests count.
+//! Without a daemon: allocations of a command are counted in `cycle` and in the client's own tests.
 
 use crate::heap_of;
 use bridge::Counts;

@@ -180,7 +180,8 @@ fn the_vibration_thread_takes_one_block_per_verdict_and_gives_it_back() {
     assert_eq!((heap.count_current, heap.bytes_current), (0, 0), "each given back: {heap:?}");
 }
 
-/// Everything that may be wrong with a block, now and then, while all is counted and nothing rings.
+/// Every kind of invalid block, occasionally, while faults are counted and no vibration is
+/// reported.
 fn spoil(block: &mut ForceBlock, seq: u64) {
     (block.rate_hz, block.channels) = (10_000.0, 3);
     // Another session, and a block that is missing.

@@ -1,7 +1,8 @@
-//! What the cycle of the real daemon asks of the kernel: nothing where it spins; where it sleeps, its sleep alone.
+//! System calls of the real daemon's cycle: none while it spins; only its sleep if it sleeps.
 //!
-//! System calls are counted by `strace` on the cycle's thread alone, page faults and switches read from `/proc`. A round trip is a
-//! cycle; `TRUED_QUIET_CYCLES` asks for another number of them: `.ci/run` for a million, with nothing else running.
+//! System calls are counted by `strace` on the cycle's thread alone, page faults and switches read
+//! from `/proc`. A round trip is a cycle; `TRUED_QUIET_CYCLES` sets their number: a million in
+//! `.ci/run`, with nothing else running.
 
 use shm_schema::{Command, Corrected, JOINTS_MAX, Role, Seat, monotonic_ns};
 use std::path::{Path, PathBuf};
@@ -21,11 +22,11 @@ const WARM_UP: u64 = 6_000;
 /// However busy the machine is.
 const LIMIT: Duration = Duration::from_secs(480);
 
-/// What a thread has cost the kernel so far.
+/// Kernel counters of a thread so far.
 #[derive(Clone, Copy, Debug)]
 struct Cost {
     faults: u64,
-    /// Switches that the thread asked for.
+    /// Voluntary context switches.
     slept: u64,
     /// Switches that others forced on it.
     preempted: u64,
@@ -35,7 +36,7 @@ impl Cost {
     fn of(process: &Process, thread: u32) -> Self {
         let folder = format!("/proc/{}/task/{thread}", process.id());
         let stat = std::fs::read_to_string(format!("{folder}/stat")).unwrap();
-        // Behind the name, which may hold blanks: state is field 3, faults are 10 and 12.
+        // After the name, which may contain blanks: state is field 3, faults are 10 and 12.
         let fields: Vec<&str> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
         let status = std::fs::read_to_string(format!("{folder}/status")).unwrap();
         let line = |name: &str| -> u64 {
@@ -65,7 +66,7 @@ struct Trace {
 }
 
 impl Trace {
-    /// None where the system lets nobody trace.
+    /// `None` if tracing is not permitted.
     fn start(place: &Place, thread: u32) -> Option<Self> {
         let file = place.file("trace");
         let mut strace = std::process::Command::new("strace")
@@ -102,7 +103,7 @@ impl Trace {
     }
 }
 
-/// A client that asks and is answered, as fast as it goes or with a pause after each.
+/// A client that sends commands and awaits answers, back-to-back or with a pause after each.
 struct Asker {
     _seat: Seat,
     commands: shm_schema::PeerPublisher<Command>,
@@ -147,7 +148,8 @@ impl Asker {
     }
 }
 
-/// What so many cycles of a daemon that waits so cost the kernel: its account, and the calls; none of these where nobody may trace.
+/// Kernel counters for a number of cycles of a daemon that waits in this way, and its system calls;
+/// none of these if tracing is not permitted.
 fn cost_of(wait: &str, rounds: u64, pause: Duration) -> (Cost, Option<Vec<String>>) {
     let tables = format!("[cycle]\nwait = \"{wait}\"\nstale_ms = 5000.0\n{}", recorder("box"));
     let place = Place::new("full", &tables);
@@ -183,7 +185,7 @@ fn a_sleeping_cycle_calls_its_sleep_alone() {
     assert_eq!(cost.faults, 0, "{cost:?}");
     let Some(calls) = calls else { return };
     assert!(calls.len() > 100, "{} calls", calls.len());
-    // A trace that begins amid a sleep sees it resumed.
+    // A trace that begins during a sleep shows it as resumed.
     let others: Vec<_> = calls
         .iter()
         .filter(|name| !["clock_nanosleep", "restart_syscall"].contains(&name.as_str()))

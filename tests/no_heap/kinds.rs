@@ -1,4 +1,4 @@
-//! The corrector, with every kind of effect that there is.
+//! The corrector, with every kind of effect.
 
 use crate::heap_of;
 use corrector::{Command, Corrector, Mode, Outcome, Settings, World, WrenchSample};
@@ -63,7 +63,7 @@ fn effect(spec: &Spec, arm: &Arm) -> Option<AnyEffect> {
     })
 }
 
-/// Every kind of effect in a model of its own, and a whole calibrated robot.
+/// Every kind of effect in a separate model, and a whole calibrated robot.
 fn models() -> Vec<(String, Model)> {
     let thesis = preset("irb1600-6-145-thesis").unwrap().model().unwrap().physics;
     let mut models: Vec<(String, Model)> = physics::effects::SPECS

@@ -1,8 +1,10 @@
-//! Nothing under the cycle takes from the heap, but for the transport's one block per published message; nor calls the kernel.
+//! Nothing under the cycle allocates, apart from the transport's one block per published message,
+//! or calls the kernel.
 //!
-//! A program of its own, as its allocator counts, by thread. Chosen: `allocation-counter`, since it brings the allocator with
-//! it (no `unsafe` of ours) and counts by thread, so that the daemon's other threads do not mix in; `assert_no_alloc` aborts at the
-//! first allocation and so cannot show "exactly one", `stats_alloc` counts all threads together.
+//! A separate program, because its allocator counts by thread. Chosen: `allocation-counter`, since
+//! it contains the allocator (no `unsafe` of ours) and counts by thread, so that the daemon's other
+//! threads are excluded; `assert_no_alloc` aborts at the first allocation and so cannot show
+//! "exactly one", `stats_alloc` counts all threads together.
 #![expect(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -20,7 +22,7 @@ mod watch;
 
 use allocation_counter::{AllocationInfo, measure};
 
-/// What `work` takes from the heap and gives back, in this thread.
+/// Allocations and deallocations by `work`, in this thread.
 fn heap_of(work: impl FnOnce()) -> AllocationInfo {
     measure(work)
 }

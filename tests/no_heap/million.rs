@@ -1,4 +1,4 @@
-//! A million cycles of the daemon's own cycle, over a link that takes and gives at once.
+//! A million cycles of the daemon's own cycle, over a link without waiting.
 
 use crate::heap_of;
 use corrector::{Corrector, Mode, Settings};
@@ -21,7 +21,8 @@ use tests::place::MODEL;
 
 const CYCLES: u64 = 1_000_000;
 
-/// Commands at an even pace, some of them bad, with a pause now and then; models and orders come as from the supervisor.
+/// Commands at an even pace, some of them invalid, with occasional pauses; models and orders as
+/// from the supervisor.
 struct Even {
     exchange: Arc<Exchange>,
     now_ns: u64,
@@ -94,7 +95,7 @@ impl Link for Even {
 }
 
 impl Even {
-    /// What the other threads do to a cycle, with boxes that were made before.
+    /// Actions of the other threads on a cycle, with boxes allocated before.
     fn trouble(&mut self) {
         if self.seq % 10_000 == 777 {
             let turn = self.seq / 10_000;

@@ -1,5 +1,5 @@
-//! A robot's loop at 1 kHz: all joints on sines. Every target that it would send is held against the oracle, in every state; what breaks
-//! is kept in words.
+//! A robot's loop at 1 kHz: all joints on sines. Every target that it would send is checked by the
+//! oracle, in every state; violations are kept as text.
 
 use crate::oracle::Oracle;
 use shm_schema::Cell;
@@ -16,7 +16,7 @@ pub const TICK_NS: u64 = 1_000_000;
 pub const MIDDLE: [f64; JOINTS] = [0.2, 0.3, -0.2, 0.3, 0.8, 0.1];
 const SWING_RAD: f64 = 0.05;
 const PERIOD_S: f64 = 5.0;
-/// How late the client may know of other bounds, s: a status comes every 40 ms.
+/// Largest delay of the client's knowledge of changed limits, s: a status is published every 40 ms.
 pub(crate) const STATUS_S: f64 = 0.2;
 
 /// The command at a time of `CLOCK_MONOTONIC`.
@@ -30,7 +30,7 @@ pub fn path(t_ns: u64) -> [f64; JOINTS] {
     q
 }
 
-/// What one tick came to.
+/// Result of one tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Tick {
     /// The command, rad.
@@ -61,12 +61,12 @@ pub struct CellLoop {
     pub client: Client,
     /// Ticks so far.
     pub ticks: u64,
-    /// What broke, in words.
+    /// Violations, as text.
     pub broken: Vec<String>,
     oracle: Oracle,
     status: Status,
     patience: Duration,
-    /// By how much the clock that stamps the commands has been set, ns.
+    /// Offset of the clock that stamps the commands, ns.
     pub clock_set_ns: i64,
     due_ns: u64,
     /// Stamp of the command sent last, ns.
@@ -96,7 +96,7 @@ impl CellLoop {
         })
     }
 
-    /// Waits until the next tick is due, commands, and looks at what comes.
+    /// Waits until the next tick is due, sends a command, and checks the answer.
     pub fn tick(&mut self) -> Tick {
         self.due_ns = (self.due_ns + TICK_NS).max(monotonic_ns().saturating_sub(TICK_NS));
         let early_ns = self.due_ns.saturating_sub(monotonic_ns());
@@ -105,7 +105,7 @@ impl CellLoop {
         let sent_ns = monotonic_ns();
         let t_ns = sent_ns.saturating_add_signed(self.clock_set_ns);
         let sent = self.client.send(&Setpoint::new(&q_cmd).at_ns(t_ns));
-        // The client paces itself by the stamp of what it has sent.
+        // The client paces itself by the stamp of the last target sent.
         if matches!(sent, Ok(_) | Err(NotSent::Lost)) {
             self.stamp_ns = t_ns;
         }
@@ -130,7 +130,7 @@ impl CellLoop {
         tick
     }
 
-    /// Ticks until `enough` holds, or `limit` is over.
+    /// Ticks until `enough` holds, or `limit` has passed.
     pub fn tick_until(
         &mut self,
         limit: Duration,

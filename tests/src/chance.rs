@@ -1,6 +1,6 @@
 //! Random numbers by seed, the same on every machine.
 
-/// A row of numbers (xorshift).
+/// A pseudo-random generator (xorshift).
 #[derive(Clone, Debug)]
 pub struct Chance(u64);
 

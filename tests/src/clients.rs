@@ -1,6 +1,6 @@
 //! The client library as installed by users: under a prefix, linked by programs built outside the tree.
 //!
-//! Promises: what a machine lacks is said as SKIPPED and counted in `target/tmp/skipped`, never passed over in silence.
+//! Missing tools of a machine are reported as SKIPPED and counted in `target/tmp/skipped`.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -30,7 +30,7 @@ pub fn has(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
 }
 
-/// Runs a command to its end; where it fails, all that it said is told.
+/// Runs a command to its end; on failure its whole output is reported.
 pub fn run(command: &mut Command) -> Output {
     let output = command.output().expect("a program that can be started");
     assert!(
@@ -76,7 +76,7 @@ impl Language {
     }
 }
 
-/// Warnings that a header must not cause in somebody else's program.
+/// Warnings that a header must not cause in users' programs.
 const STRICT: [&str; 7] =
     ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"];
 
@@ -88,7 +88,7 @@ pub struct Prefix {
 }
 
 impl Prefix {
-    /// Installs what this build made into a fresh folder outside the tree.
+    /// Installs the build products into a new folder outside the tree.
     #[must_use]
     pub fn install(name: &str) -> Self {
         let session = shm_schema::new_session();
@@ -102,7 +102,7 @@ impl Prefix {
         Self { folder, prefix }
     }
 
-    /// Where it stands.
+    /// Path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.prefix
@@ -114,7 +114,7 @@ impl Prefix {
         &self.folder
     }
 
-    /// Moves it; nothing of the old place is left.
+    /// Moves it; nothing of the old folder is left.
     pub fn move_away(&mut self) {
         let to = self.folder.join("moved/else where");
         fs::create_dir_all(to.parent().expect("a parent")).expect("a folder");
@@ -133,14 +133,15 @@ impl Prefix {
         here
     }
 
-    /// Builds an example by what `pkg-config` says.
+    /// Builds an example with the flags of `pkg-config`.
     #[must_use]
     pub fn build(&self, language: Language, source: &str) -> PathBuf {
         let name = format!("{source}-{language:?}");
         self.build_of(language, &[self.source(language, source)], &[], &name)
     }
 
-    /// Builds a program of these sources, with these folders of headers, by what `pkg-config` says.
+    /// Builds a program of these sources, with these folders of headers, with the flags of
+    /// `pkg-config`.
     #[must_use]
     pub fn build_of(
         &self,
@@ -154,7 +155,7 @@ impl Prefix {
             .env("PKG_CONFIG_PATH", self.prefix.join("lib/pkgconfig")));
         let flags = String::from_utf8(flags.stdout).expect("UTF-8");
         let program = self.folder.join(name);
-        // Blanks within a path come with a backslash.
+        // Blanks within a path are escaped by a backslash.
         let flags = flags.trim().replace("\\ ", "\u{1}");
         run(Command::new(language.compiler())
             .args([language.standard(), "-O2", "-g", "-D_POSIX_C_SOURCE=200809L"])

@@ -1,6 +1,6 @@
 //! An EGM robot and an application in one thread, with the bridge between them: one cycle after the other.
 //!
-//! Promises: the messages are made and read by `prost`, not by the bridge's own code. Datagrams that do not come are none.
+//! The messages are made and read by `prost`, not by the bridge's own code.
 
 #[path = "../../bridge/tests/proto/mod.rs"]
 pub mod proto;
@@ -16,7 +16,7 @@ use std::time::Duration;
 pub const PATIENCE: Duration = Duration::from_secs(10);
 /// `EgmMCIState` of a robot that is guided.
 pub const RUNNING: i32 = 3;
-/// And of one that is not.
+/// State of a robot that is not guided.
 pub const STOPPED: i32 = 2;
 
 /// The bridge's configuration towards this robot, and the application where there is one.
@@ -35,7 +35,7 @@ pub fn config(
     )
 }
 
-/// Starts a bridge by that configuration; `before` stands in front of the arguments. Tells where it listens.
+/// Starts a bridge with that configuration; `before` precedes the arguments. Returns its addresses.
 pub fn bridge(
     program: &str,
     before: &[&str],
@@ -121,7 +121,7 @@ impl EgmRobot {
         self.socket.send_to(&message, self.bridge).expect("a datagram goes out");
     }
 
-    /// What it is told; none where nothing comes.
+    /// The target received; `None` if none arrives.
     #[must_use]
     pub fn hear(&self) -> Option<proto::Sensor> {
         proto::Sensor::decode(&heard(&self.socket)?.0[..]).ok()
@@ -173,7 +173,8 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// One cycle: the robot says where it is, the application answers, the robot hears what became of it and goes there.
+    /// One cycle: the robot sends its position, the application answers, the robot receives the
+    /// result and moves there.
     pub fn cycle(&mut self, target_deg: &[f64]) -> Option<Vec<f64>> {
         self.robot.say();
         let (feedback, bridge) = heard(&self.application)?;

@@ -1,9 +1,10 @@
 //! Check of the rate limit of a correction in real time.
 //!
-//! What moves is poured into a bucket that leaks at the rate allowed. The bucket holds what the daemon may make up for after
-//! a pause (20 ms of real time), so that a late thread breaks nothing and a step does.
+//! A leaky bucket: it is filled by the motion and leaks at the rate limit. Its size is the motion
+//! that the daemon may make up for after a pause (20 ms of real time), so that a late thread is
+//! accepted and a step is not.
 
-/// What the daemon may make up for at once, s.
+/// Time that the daemon may make up for at once, s.
 const BURST_S: f64 = 0.021;
 /// Rounding, rad.
 const ROUNDING: f64 = 1e-9;
@@ -25,10 +26,10 @@ impl Gauge {
         Self { rate: rate.to_vec(), level: vec![0.0; rate.len()], before: None, fullest: 0.0 }
     }
 
-    /// Takes the correction at that time.
+    /// Adds the correction at that time.
     ///
     /// # Errors
-    /// In words, where it moved faster than allowed.
+    /// A description, if it moved faster than allowed.
     pub fn take(&mut self, t_ns: u64, correction: &[f64]) -> Result<(), String> {
         let Some((before_ns, before)) = self.before.replace((t_ns, correction.to_vec())) else {
             return Ok(());

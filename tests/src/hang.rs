@@ -1,6 +1,6 @@
 //! A thread whose writes block, like a disk that does not respond: `strace` delays each of them.
 //!
-//! Promises: nothing else of the process is held up; let go, the thread goes on.
+//! Other threads of the process are not affected; when released, the thread continues.
 
 use crate::process::Process;
 use rustix::process::{Pid, Signal, kill_process};
@@ -12,7 +12,8 @@ use std::time::Duration;
 pub struct Hang(Child);
 
 impl Hang {
-    /// Each write of the thread of that name takes so long from now on; none where this machine has no `strace` that may trace.
+    /// Delays each write of the thread with that name from now on; `None` if `strace` is missing or
+    /// not permitted.
     #[must_use]
     pub fn start(process: &Process, thread: &str, each: Duration) -> Option<Self> {
         let thread = process.thread(thread)?.to_string();
@@ -35,7 +36,8 @@ impl Hang {
         let _ = self.0.wait();
     }
 
-    /// Ends at once, where the process is to end too: its thread is only gone once its tracer has seen that.
+    /// Ends at once, if the process ends too: its thread only disappears once its tracer has
+    /// noticed.
     pub fn kill(mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();

@@ -9,13 +9,13 @@ use shm_schema::{
 /// What must become of a message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Due {
-    /// It is taken as a good command.
+    /// Accepted as a valid command.
     Taken,
-    /// It is refused, and the answer says why.
+    /// Refused, with this reason in the answer.
     Refused(Reason),
     /// It cannot be read: no answer, a count.
     Malformed,
-    /// Whatever it holds by chance.
+    /// Any random content.
     Anything,
 }
 
@@ -40,7 +40,7 @@ impl Sender {
         Self { chance: Chance::new(seed), last: Command::default(), now_ns: None }
     }
 
-    /// Another session: its numbers and times start anew.
+    /// Starts another session: its numbers and times restart.
     pub fn start_anew(&mut self) {
         self.last = Command { session: self.chance.bits(), ..Command::default() };
     }
@@ -64,7 +64,8 @@ impl Sender {
         self.last
     }
 
-    /// One that differs from a good one in a single way, or in all; whether the session is of use afterwards.
+    /// A command that differs from a valid one in one way, or in all; returns whether the session
+    /// is usable afterwards.
     pub fn bad(&mut self, kind: u64) -> (Command, Due, bool) {
         let before = self.last;
         let mut c = self.good();
@@ -154,7 +155,7 @@ impl Sender {
         };
     }
 
-    /// Any number that is, or is none.
+    /// Any number, including NaN.
     pub fn number(&mut self) -> f64 {
         match self.chance.below(6) {
             0 => f64::NAN,
@@ -196,7 +197,7 @@ impl Sender {
         state
     }
 
-    /// A request that changes nothing that the test relies on.
+    /// A request that changes nothing on which the test relies.
     pub fn request(&mut self) -> Request {
         let operation =
             if self.chance.below(2) == 0 { 4 } else { 5 + self.chance.bits() as u32 / 2 };

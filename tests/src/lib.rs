@@ -1,6 +1,7 @@
 //! A test cell around the real program: directory, daemon process, robot loop, and monitors.
 //!
-//! Promises: what a test starts ends with it; every test has a shared memory of its own. Never: a claim; those stand in `it/`.
+//! Everything that a test starts ends with it; every test has separate shared memory. Tests are in
+//! `it/`.
 #![expect(clippy::expect_used, clippy::panic, reason = "a rig that cannot go on fails its test")]
 
 pub mod cell_loop;

@@ -1,7 +1,9 @@
 //! Commands and targets of a robot loop in any language, cycle by cycle, checked by the [`Oracle`].
 //!
-//! A record has 144 bytes, little-endian: time and the newest sent stamp, ns (u64); the cell's mode and what the correction is, by the numbers of the C
-//! interface (u32); the limits of a joint's correction: position, velocity, jerk (f64, rad, s); six commanded joints and six sent ones (f64, rad).
+//! A record has 144 bytes, little-endian: time and the newest sent stamp, ns (u64); the cell's mode
+//! and the correction status, by the numbers of the C interface (u32); the limits of a joint's
+//! correction: position, velocity, jerk (f64, rad, s); six commanded joints and six sent ones (f64,
+//! rad).
 
 use crate::cell_loop::{JOINTS, STATUS_S};
 use crate::oracle::Oracle;
@@ -11,11 +13,12 @@ use std::io::{self, Write};
 use trued_client::{Source, Status, Target};
 
 const RECORD: usize = 144;
-/// A larger correction comes from a daemon that answers, rad; without one it ramps out.
+/// A correction above this is from a responding daemon, rad; without one it ramps to zero.
 const CORRECTED_RAD: f64 = 1e-4;
 const PLAIN: u32 = 3;
 
-/// Writes the record of a cycle: its time and the newest sent stamp, the daemon's status, what was commanded and what would be sent.
+/// Writes the record of a cycle: its time and the newest sent stamp, the daemon's status, the
+/// command and the target that would be sent.
 ///
 /// # Errors
 /// `out` cannot be written to.
@@ -40,7 +43,7 @@ pub fn write(
     numbers.try_for_each(|number| out.write_all(&number.to_le_bytes()))
 }
 
-/// What a file of records says.
+/// Evaluation of a file of records.
 #[derive(Clone, Debug, Default)]
 pub struct Judged {
     /// Cycles.
@@ -49,7 +52,7 @@ pub struct Judged {
     pub largest_rad: f64,
     /// Share of the last cycles in which a correction was sent.
     pub corrected_at_the_end: f64,
-    /// Every rule that was broken, in words.
+    /// Every violation, as text.
     pub broken: Vec<String>,
 }
 

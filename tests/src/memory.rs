@@ -1,8 +1,8 @@
-//! Detection of memory growth of long-running processes: by medians of thirds of the run, insensitive to start-up and single peaks.
-//!
-//! Never: a word on how much memory is much.
+//! Detection of memory growth of long-running processes: by medians of thirds of the run,
+//! insensitive to start-up and single peaks. The absolute size is not judged.
 
-/// What the last third may take beyond the one before it and still count as flat. Freed pages come back late, and models differ in size.
+/// Largest ratio of the last third to the previous one that counts as constant. Freed pages are
+/// returned late, and models differ in size.
 pub const FLAT: f64 = 1.02;
 /// With fewer samples in a third, the second third is a start still.
 const LEAST: usize = 60;
@@ -21,7 +21,8 @@ pub fn thirds(samples: &[u64]) -> Option<[u64; 3]> {
     }))
 }
 
-/// Whether the last third takes no more than [`FLAT`] allows beyond the second; the first is what a start costs.
+/// Whether the last third exceeds the second by no more than [`FLAT`] allows; the first includes
+/// the start.
 #[must_use]
 pub fn is_flat(thirds: [u64; 3]) -> bool {
     let [_, before, last] = thirds;
@@ -42,7 +43,7 @@ mod tests {
         assert_eq!(judged((0..180).map(warm)), Some(true));
         assert_eq!(judged((0..180).map(|k| if k == 179 { 90_000 } else { 30_000 })), Some(true));
         assert_eq!(judged((0..180).map(|k| 30_000 + 20 * k)), Some(false));
-        // A judge who compares the end with the larger of beginning and middle would let this pass.
+        // A comparison of the end with the larger of beginning and middle would accept this.
         let after_a_peak = |k: u64| if k < 3 { 40_000 } else { 30_000 + 20 * k };
         assert_eq!(judged((0..180).map(after_a_peak)), Some(false));
         assert_eq!(judged((0..179).map(|_| 1)), None);

@@ -1,13 +1,13 @@
 //! Malformed inputs generated from valid ones: the same by seed on every machine.
 //!
-//! Promises: an input of at most [`BYTES_MAX`]. Never: knowledge of a format beyond what its examples show.
+//! An input has at most [`BYTES_MAX`]. Formats are known only through the examples.
 
 use crate::chance::Chance;
 
-/// Longest input that is made.
+/// Largest input generated.
 pub const BYTES_MAX: usize = 64 * 1024;
 
-/// What readers of numbers and texts stumble over.
+/// Values that are difficult for readers of numbers and texts.
 const WORDS: &[&[u8]] = &[
     b"nan",
     b"inf",
@@ -143,7 +143,7 @@ impl<'e> Mutator<'e> {
         drop(bytes.splice(to..to, line));
     }
 
-    /// Another number where one stands as text.
+    /// Replaces a number in a text.
     fn a_number(&mut self, bytes: &mut Vec<u8>) {
         let at = self.place(bytes.len());
         let digit = |b: &u8| b.is_ascii_digit() || b".-+eE".contains(b);

@@ -1,16 +1,21 @@
-//! Judges what goes out to a robot, from outside: it knows the time, the command, what was sent, and the bounds in force. No
-//! tick is left out, whatever state the daemon or the client is in. Its rules, with `c = sent - command` of each joint:
+//! Checks the targets sent to a robot, from outside: it knows the time, the command, the target
+//! sent, and the limits in force. Every tick is checked, in any state of daemon and client. Its
+//! rules, with `c = sent - command` of each joint:
 //!
-//! 1. What is sent for a command of numbers is made of numbers, as many as the command has.
+//! 1. For a command of finite values the target has the same number of finite values.
 //! 2. `|c| ≤ angle`, to rounding.
 //! 3. `|Δc| ≤ rate · Δt` over the time between two ticks: of their commands' stamps while those stay within 20 ms of the clock, else of the clock.
-//! 4. The third divided difference of any four ticks in a row is at most the jerk. Where ticks are unevenly spaced, the times at which a
-//!    robot executes them are uncertain by the spread `u` of the newest intervals (their median at most: a cycle that was missed is no jitter): what `v u` makes of it at the rate `v` is allowed.
-//! 5. After a silence (longer than 20 ms, and than three times the shorter of the two intervals before it) the robot has stood: `c` is
-//!    what it was, and goes on from rest. So it does after an answer that the controller has not used.
-//! 6. After bounds changed, the larger of the old and the new ones hold for as long as braking from the former into the latter may take;
-//!    then the new ones alone.
-//! 7. In shadow mode what is sent is the command, bit for bit, once a correction that was there has had the time of rule 6.
+//! 4. The third divided difference of any four ticks in a row is at most the jerk. If ticks are
+//! unevenly spaced, the times at which a robot executes them are uncertain by the spread `u` of the
+//! newest intervals (their median at most: a missed cycle is not jitter): the effect of `v u` at
+//! the rate `v` is allowed.
+//! 5. After a silence (longer than 20 ms, and than three times the shorter of the two intervals
+//! before it) the robot has stopped: `c` is unchanged, and continues from rest. This also applies
+//! after an answer that the controller has not used.
+//! 6. After the limits changed, the larger of the old and the new ones apply for as long as braking
+//! from the former into the latter may take; then the new ones.
+//! 7. In shadow mode the target is the command, bit for bit, once an existing correction has had
+//! the time of rule 6.
 
 use crate::cell_loop::JOINTS;
 use shm_schema::JointBounds;
@@ -21,13 +26,15 @@ const ROUNDING: f64 = 1e-15;
 const RELATIVE: f64 = 1e-15;
 /// Stamps of commands that are further from the clock were set, ns.
 const STAMPED_NS: u64 = 20_000_000;
-/// Ticks closer than this are no samples of a jerk of their own, s: half the period of the fastest cycle.
+/// Ticks closer than this are not separate samples of the jerk, s: half the period of the fastest
+/// cycle.
 const NODES_S: f64 = 5e-5;
 const SILENCE_S: f64 = 0.02;
-/// A robot that has stood is seen to have stood at two times before, so far apart, s: its motion goes on from rest.
+/// A robot that stopped is represented by two times at rest, this far apart, s: its motion
+/// continues from rest.
 const STOOD_S: f64 = 4e-3;
 const SILENT_INTERVALS: f64 = 3.0;
-/// Intervals whose spread is the uncertainty of time.
+/// Number of intervals whose spread is the uncertainty of time.
 const INTERVALS: usize = 10;
 
 /// The bounds of one joint.
@@ -47,8 +54,8 @@ impl Bounds {
         }
     }
 
-    /// The longest that it may take to brake from anywhere within to anywhere within, s: each way across the whole angle, at the
-    /// rate or by jerk alone, whichever is slower.
+    /// The longest braking time between any two states within the limits, s: each way across the
+    /// whole position range, at the rate or by jerk alone, whichever is slower.
     fn longest_s(self) -> f64 {
         let Self { angle, rate, jerk } = self;
         2.0 * (2.0 * angle / rate + 2.0 * (rate / jerk).sqrt() + (64.0 * angle / jerk).cbrt())
@@ -66,7 +73,7 @@ impl Bounds {
 struct Node {
     t_s: f64,
     correction: [f64; JOINTS],
-    /// By how much each may be off by rounding, rad.
+    /// Rounding error of each, rad.
     rounding: [f64; JOINTS],
 }
 
@@ -81,25 +88,26 @@ pub struct Oracle {
     last: Option<Node>,
     /// The correction that a run begins with.
     first: [f64; JOINTS],
-    /// The robot stands at the next correction.
+    /// Whether the robot is at rest at the next correction.
     stands: bool,
     /// Intervals since a silence, s; and the last two, silences among them.
     intervals: VecDeque<f64>,
     before_s: [f64; 2],
     /// From when on shadow mode binds, s.
     shadow_from_s: Option<f64>,
-    /// How long whoever sends may not know of a change, s.
+    /// How long the sender may not know of a change, s.
     delay_s: f64,
     start_ns: Option<u64>,
-    /// The newest stamp, and what is to be added to stamps, ns.
+    /// The newest stamp, and the offset of the stamps, ns.
     stamp_ns: u64,
     ahead_ns: i64,
-    /// By how much a correction may be off by the numbers that carry it, rad.
+    /// Resolution of the correction by the numbers that transmit it, rad.
     resolution: f64,
 }
 
 impl Oracle {
-    /// Before the first tick, in these bounds; a change of them may be known to the sender as late as `delay_s`.
+    /// Before the first tick, with these limits; the sender may learn of a change up to `delay_s`
+    /// late.
     #[must_use]
     pub fn new(bounds: &JointBounds, delay_s: f64) -> Self {
         Self {
@@ -108,7 +116,8 @@ impl Oracle {
             nodes: VecDeque::new(),
             last: None,
             first: [0.0; JOINTS],
-            // The first stamps may be known later than the first times: until then no rest is.
+            // The first stamps may be known later than the first times: until then the robot is not
+            // at rest.
             stands: false,
             intervals: VecDeque::new(),
             before_s: [0.0; 2],
@@ -121,7 +130,7 @@ impl Oracle {
         }
     }
 
-    /// The same for targets that are written to so many rad.
+    /// The same for targets with this resolution, rad.
     #[must_use]
     pub fn with_resolution(self, resolution: f64) -> Self {
         Self { resolution: self.resolution + resolution, ..self }
@@ -168,15 +177,15 @@ impl Oracle {
         self.stands = true;
     }
 
-    /// The robot has not used what it was sent last, and stands.
+    /// The robot has not used the last target, and is at rest.
     pub fn rests(&mut self) {
         self.nodes.clear();
     }
 
-    /// Judges a tick.
+    /// Checks a tick.
     ///
     /// # Errors
-    /// In words, which rule was broken.
+    /// The violated rule, as text.
     pub fn take(
         &mut self,
         now_ns: u64,
@@ -327,7 +336,7 @@ impl Oracle {
         self.former.iter().fold(self.bounds[i], |all, (_, former)| all.union(former[i]))
     }
 
-    /// Since the first time that was told: small numbers, so that differences are exact to ns.
+    /// Time since the first one: small numbers, so that differences are exact to ns.
     fn seconds(&mut self, t_ns: u64) -> f64 {
         let start_ns = *self.start_ns.get_or_insert(t_ns);
         t_ns.saturating_sub(start_ns) as f64 * 1e-9

@@ -1,6 +1,7 @@
 //! A daemon and the robot loop that it serves, as separate processes, with monitors: the target of faults.
 //!
-//! Promises: what the loop saw break is never passed over; at the end nothing may be left in shared memory.
+//! Violations seen by the loop are always reported; at the end nothing may be left in shared
+//! memory.
 
 use crate::chance::Chance;
 use crate::place::Place;
@@ -9,7 +10,7 @@ use recording::blackbox::{self, Record};
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// After this long whatever is waited for has not come: a jam, however busy the machine.
+/// Time limit for anything awaited, however busy the machine.
 pub const JAM: Duration = Duration::from_secs(10);
 
 /// The programs under test.
@@ -17,7 +18,7 @@ pub const JAM: Duration = Duration::from_secs(10);
 pub struct Programs<'a> {
     /// The program itself.
     pub trued: &'a str,
-    /// A robot's loop, or somebody who looks on.
+    /// Program of a robot's loop, or of a monitor.
     pub rig: &'a str,
 }
 
@@ -46,9 +47,9 @@ pub struct Pair<'a> {
     pub daemon: Process,
     /// The robot's loop.
     pub cell: Process,
-    /// Whoever looks on; none until asked for.
+    /// The monitor; `None` until requested.
     pub monitor: Option<Process>,
-    /// Who sends forces; none until asked for.
+    /// The sender of forces; `None` until requested.
     pub force: Option<Process>,
     programs: Programs<'a>,
     /// Where: swept once all others have ended.
@@ -64,20 +65,20 @@ impl<'a> Pair<'a> {
         Self::with(programs, place, daemon)
     }
 
-    /// A pair whose daemon is somebody else's to start.
+    /// A pair whose daemon is started by the caller.
     #[must_use]
     pub fn with(programs: Programs<'a>, place: Place, daemon: Process) -> Self {
         let cell = run(programs, Who::Cell, &place);
         Self { place, daemon, cell, monitor: None, force: None, programs }
     }
 
-    /// What it is made of.
+    /// Its programs.
     #[must_use]
     pub fn programs(&self) -> Programs<'a> {
         self.programs
     }
 
-    /// Starts those who look on and who send forces, too.
+    /// Also starts the monitor and the sender of forces.
     pub fn complete(&mut self) {
         for who in [Who::Monitor, Who::Force] {
             self.start_anew(who);
@@ -94,7 +95,7 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// Starts that process; one that runs is killed.
+    /// Starts that process; a running one is killed.
     pub fn start_anew(&mut self, who: Who) {
         let fresh = run(self.programs, who, &self.place);
         match who {
@@ -105,7 +106,7 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// Kills those in that order, and starts them anew in the same order.
+    /// Kills these in this order, and restarts them in the same order.
     pub fn strike(&mut self, order: &[Who], chance: &mut Chance) {
         for who in order {
             let victim = self.of(*who);
@@ -119,7 +120,8 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// How long until the robot's loop has a new answer of the daemon; panics with all that was said where none comes.
+    /// Time until the robot's loop has a new answer of the daemon; panics with the whole output if
+    /// none arrives.
     pub fn back(&mut self) -> Duration {
         let time = self.cell.wait_answered(&self.daemon, JAM);
         self.unbroken();
@@ -130,12 +132,13 @@ impl<'a> Pair<'a> {
         })
     }
 
-    /// The robot's loop saw no bound broken so far.
+    /// The robot's loop saw no violation so far.
     pub fn unbroken(&self) {
         unbroken(&self.cell);
     }
 
-    /// Ends all in order: nothing may be left, and every black box is read. Tells the time of the last cycle in them.
+    /// Ends all in order: nothing may be left, and every recording is read. Returns the time of the
+    /// last cycle in them.
     pub fn end(mut self) -> u64 {
         for other in [&mut self.monitor, &mut self.force].into_iter().flatten() {
             assert!(other.let_go().success(), "{:#?}", other.lines());
@@ -147,7 +150,8 @@ impl<'a> Pair<'a> {
         last_recorded_ns(&self.place.file("box"))
     }
 
-    /// How much of what a daemon that was killed had answered is missing in its recording, every file of which must be readable.
+    /// Part of a killed daemon's answers that is missing in its recording, every file of which must
+    /// be readable.
     #[must_use]
     pub fn unrecorded(&self) -> Duration {
         let last_ns = last_recorded_ns(&self.place.file("box"));
@@ -164,7 +168,8 @@ pub fn recorder(folder: &str) -> String {
     )
 }
 
-/// When the last recorded cycle was received (`CLOCK_MONOTONIC`, ns); every file must be readable, but for one that was killed before it held anything.
+/// When the last recorded cycle was received (`CLOCK_MONOTONIC`, ns); every file must be readable,
+/// except one that was killed while it was empty.
 #[must_use]
 pub fn last_recorded_ns(folder: &std::path::Path) -> u64 {
     let boxes = |folder: &std::path::Path| -> Vec<PathBuf> {
@@ -184,7 +189,7 @@ pub fn last_recorded_ns(folder: &std::path::Path) -> u64 {
     boxes(folder).into_iter().map(last).max().unwrap_or(0)
 }
 
-/// That process, a robot's loop, saw no bound broken so far.
+/// That process, a robot's loop, saw no violation so far.
 pub fn unbroken(process: &Process) {
     let broken = process.lines().into_iter().find(|line| line.starts_with("broken"));
     assert_eq!(broken, None, "no published target breaks a bound");

@@ -10,10 +10,11 @@ pub const CELL: &str = "cell";
 /// The model that tests correct by.
 pub const MODEL: &str = "irb1600-6-145-thesis";
 
-/// How fast a correction may change: slow, so that a step stands out against what may be made up for after a pause.
+/// Rate limit of a correction: slow, so that a step is distinguishable from what may be made up for
+/// after a pause.
 const RATE_MRAD_S: f64 = 10.0;
 
-/// A runtime directory; gone, with all that is in it, at the end.
+/// A runtime directory, removed at the end with its contents.
 #[derive(Debug)]
 pub struct Place {
     root: PathBuf,

@@ -1,6 +1,6 @@
 //! A process started by a test: its output and its end.
 //!
-//! Promises: killed with the test at the latest.
+//! It is killed with the test at the latest.
 
 use crate::place::Place;
 use rustix::process::{Pid, Signal, kill_process};
@@ -43,7 +43,7 @@ impl Process {
         Self::with_log(command, place, Stdio::piped())
     }
 
-    /// The same; its standard error goes there.
+    /// The same, with its standard error sent there.
     pub fn with_log(command: &mut Command, place: &Place, log: Stdio) -> Self {
         let mut child = command
             .env(RUNTIME_DIR_ENV, place.root())
@@ -59,7 +59,7 @@ impl Process {
         Self { child, heard, deaf, stalled }
     }
 
-    /// Starts the daemon of that place and waits until it says that it is ready.
+    /// Starts the daemon of that place and waits until it is ready.
     pub fn ready_daemon(program: &str, place: &Place) -> Self {
         let daemon = Self::daemon(program, place);
         assert!(daemon.says("ready", READY_WITHIN), "{:?}", daemon.lines());
@@ -89,7 +89,7 @@ impl Process {
         let _ = self.child.wait();
     }
 
-    /// Asks it to end, as a service manager does, and waits.
+    /// Requests its end, as a service manager does, and waits.
     pub fn end(&mut self) -> ExitStatus {
         self.signal(Signal::TERM);
         self.wait()
@@ -122,7 +122,8 @@ impl Process {
         tasks.into_iter().flatten().flatten().map(of).collect()
     }
 
-    /// How long the thread of that name has been ready to run and had no core; zero where the kernel does not tell.
+    /// How long the thread with that name was runnable without a core; zero if the kernel does not
+    /// report it.
     #[must_use]
     pub fn waited(&self, name: &str) -> Duration {
         let told = |thread| std::fs::read_to_string(format!("/proc/{thread}/schedstat")).ok();
@@ -139,19 +140,19 @@ impl Process {
         line.trim().strip_suffix(" kB")?.trim().parse().ok()
     }
 
-    /// Nobody reads any more what it says.
+    /// Stops reading its output for good.
     pub fn turn_away(&mut self) {
         self.deaf.store(true, Relaxed);
     }
 
-    /// What it says is read; or, for a while, it is not.
+    /// Starts or stops reading its output.
     pub fn listen(&mut self, on: bool) {
         self.stalled.store(!on, Relaxed);
     }
 
     /// Says a line to it.
     pub fn tell(&mut self, line: &str) {
-        // One that has ended hears nothing.
+        // A process that has ended does not read its input.
         let _ = self.child.stdin.as_mut().map(|stdin| writeln!(stdin, "{line}"));
     }
 
@@ -164,12 +165,12 @@ impl Process {
     /// Waits for its end.
     pub fn wait(&mut self) -> ExitStatus {
         let status = self.child.wait().expect("a child");
-        // Its last words may still be in the pipe.
+        // Its last output may still be in the pipe.
         std::thread::sleep(Duration::from_millis(20));
         status
     }
 
-    /// Waits until it has said something that holds `words`; false if it did not within `limit`.
+    /// Waits until its output contains `words`; false if it does not within `limit`.
     pub fn says(&self, words: &str, limit: Duration) -> bool {
         let start = Instant::now();
         while !self.lines().iter().any(|line| line.contains(words)) {
@@ -194,13 +195,13 @@ impl Process {
         at_ns > ns && by == daemon
     }
 
-    /// When this cell said that it had its last answer (`CLOCK_MONOTONIC`, ns).
+    /// When this cell reported its last answer (`CLOCK_MONOTONIC`, ns).
     #[must_use]
     pub fn answered_ns(&self) -> u64 {
         lock(&self.heard).answered.0
     }
 
-    /// Waits for an answer that is made from now on.
+    /// Waits for an answer made after this call.
     #[must_use]
     pub fn wait_answered(&self, daemon: &Self, limit: Duration) -> Option<Duration> {
         let (start, start_ns) = (Instant::now(), monotonic_ns());

@@ -6,11 +6,12 @@ use std::process::Command;
 
 use crate::clients::has;
 
-/// The interpreter of the environment in `home`, with these packages; made where it is not there. Tests that run at the same time share it: one installs, the others
-/// wait, and nothing is installed again, since that would take files away from an interpreter that runs.
+/// The interpreter of the environment in `home`, with these packages; created if it does not exist.
+/// Concurrent tests share it: one installs, the others wait, and nothing is installed again,
+/// because that would remove files of a running interpreter.
 ///
 /// # Errors
-/// In words, what this machine lacks.
+/// What this machine lacks.
 pub fn environment(home: &Path, packages: &[&str]) -> Result<PathBuf, String> {
     if !has("python3") {
         return Err("no `python3`".to_owned());
@@ -40,10 +41,10 @@ pub fn pip(python: &Path) -> Command {
     pip
 }
 
-/// Runs a command whose failure is this machine's.
+/// Runs a command whose failure is due to this machine.
 ///
 /// # Errors
-/// `what`, with what the command said.
+/// `what`, with the command's output.
 pub fn tried(command: &mut Command, what: &str) -> Result<(), String> {
     match command.output() {
         Ok(output) if output.status.success() => Ok(()),

@@ -1,7 +1,8 @@
-//! A cell retrofitted: application → bridge → daemon → bridge → a virtual EGM robot with the thesis' errors, which mills.
+//! A retrofitted cell: application → bridge → daemon → bridge → a virtual EGM robot with the
+//! thesis' errors, which mills.
 //!
-//! The application streams a path by EGM and knows nothing of a correction; the robot is `world`'s, told its targets by EGM,
-//! telling its measured force by EGM. Promises: what the robot hides is drawn by seed.
+//! The application streams a path by EGM and is unaware of corrections; the robot is that of
+//! `world`, with targets and measured force sent by EGM. The robot's errors are drawn by seed.
 
 use crate::egm::{EgmRobot, PATIENCE, Rig, bridge, config, socket};
 use crate::place::Place;
@@ -19,14 +20,14 @@ use world::workplace::workplace;
 
 /// EGM's cycle.
 const CYCLE: Duration = Duration::from_micros(4_032);
-/// How long the robot stands before it sets off, so that the correction comes in, cycles.
+/// Cycles at rest before the robot moves, so that the correction ramps in.
 const DWELL: usize = 500;
-/// What the cell has beside its robot: the controller's force, and a cut that gives way.
+/// Tables of the cell besides its robot: the controller's force, and a compliant cut.
 const TABLES: &str = "jerk_mrad_s3 = 5000.0\n[cycle]\nperiod_ms = 4.0\nstale_ms = 100.0\n\
     [wrench]\nsource = \"force\"\nprocess_stiffness_N_per_um = 0.02\n\
     [force]\nrate_Hz = 248.0\nchannels = 6\n[vibration]\nenabled = true\n";
 
-/// What came of it.
+/// Result of a run.
 #[derive(Debug)]
 pub struct Outcome {
     /// The tool's distance from its path, without and with the bridge, m, for every cycle on the path.
@@ -107,7 +108,8 @@ fn degrees(q: &Joints) -> Vec<f64> {
     q[..crate::cell_loop::JOINTS].iter().map(|q| q.to_degrees()).collect()
 }
 
-/// The demo's slot, standing first, for a robot that differs from its model by what a calibration leaves open.
+/// The demo's slot, after a rest, for a robot that differs from its model by the residual error of
+/// a calibration.
 fn cell(seed: u64) -> Cell {
     let model = preset(crate::place::MODEL).expect("a preset of the house").model().expect("sound");
     let arm = &model.physics.arm;

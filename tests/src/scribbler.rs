@@ -1,6 +1,8 @@
-//! A client without the library that writes into its messages after it has sent them: every byte that the daemon reads may change under its eyes.
+//! A client without the library that writes into its messages after sending them: every byte may
+//! change while the daemon reads it.
 //!
-//! Promises: what the daemon answers is held against the bounds, all the while. Never: a byte of the transport's own, or of anybody else's messages.
+//! The daemon's answers are checked against the limits meanwhile. Only its own messages are
+//! modified, not the data of the transport.
 
 use crate::cell_loop::{JOINTS, path};
 use crate::chance::Chance;
@@ -22,7 +24,7 @@ const ROUNDING: f64 = 1e-12;
 /// Between two requests for a new epoch.
 const KNOCK_AFTER: Duration = Duration::from_millis(300);
 
-/// A file of the cell's memory, where in it messages begin, and how long they are.
+/// A file of the cell's memory, the positions of its messages, and their length.
 type Where = (File, Vec<u64>, u64);
 
 /// The client, in the places of the robot and of the force source.
@@ -57,7 +59,7 @@ impl Ports {
         })
     }
 
-    /// The bounds that the daemon tells; none where it tells nothing.
+    /// The limits sent by the daemon; `None` if it sends none.
     fn bounds(&mut self) -> Option<JointBounds> {
         let start = Instant::now();
         while start.elapsed() < KNOCK_AFTER {
@@ -71,7 +73,8 @@ impl Ports {
 }
 
 impl Scribbler {
-    /// Takes both places, which must be free or become so; panics with all that the daemon said where it does not let it in.
+    /// Takes both places, which must be free or become so; panics with the daemon's output if that
+    /// fails.
     #[must_use]
     pub fn join(place: &Place, daemon: &Process, session: u64) -> Self {
         let mut seats = [Role::Cell, Role::Force].map(|role| Seat::new(&place.cell(), role));
@@ -86,7 +89,7 @@ impl Scribbler {
             };
             assert!(start.elapsed() < JAM, "{why}: {:#?} {:#?}", daemon.lines(), daemon.waits());
             std::thread::sleep(Duration::from_millis(2));
-            // As the library does: an epoch whose files are gone lets nobody in.
+            // Like the library: an epoch whose files are gone cannot be joined.
             if let Some(current) = seats[0].look().ok().filter(|_| knocked.elapsed() > KNOCK_AFTER)
             {
                 seats[0].knock(current.epoch);
@@ -119,7 +122,7 @@ impl Scribbler {
         })
     }
 
-    /// The newest answer, held against the bounds.
+    /// The newest answer, checked against the limits.
     fn hear(&mut self) -> Option<Corrected> {
         let said = self.ports.answers.take_newest()?;
         for i in 0..said.joints as usize {
@@ -130,9 +133,10 @@ impl Scribbler {
         Some(said)
     }
 
-    /// Sends so many messages, and writes into them all the while: how many answers were looked at, and how many words written.
+    /// Sends a number of messages, and writes into them meanwhile: returns the number of answers
+    /// checked, and of words written.
     pub fn scribble(&mut self, daemon: &Process, messages: u64, chance: Chance) -> [u64; 2] {
-        // While it cannot answer, the messages in memory are this side's alone.
+        // While the daemon is stopped, the messages in memory belong to this side alone.
         daemon.signal(Signal::STOP);
         std::thread::sleep(Duration::from_millis(50));
         for _ in 0..4 {
@@ -145,7 +149,7 @@ impl Scribbler {
         let mut said = 0;
         std::thread::scope(|scope| {
             scope.spawn(|| write(&places, &over, &written, chance));
-            // A look that fails ends the other thread too.
+            // A failed check ends the other thread too.
             let _end = End(&over);
             for _ in 0..messages {
                 self.send();
@@ -156,7 +160,7 @@ impl Scribbler {
         [said, written.into_inner()]
     }
 
-    /// Goes on as another session, until it is corrected as if nothing had been: how long that took.
+    /// Continues as another session until it is corrected normally; returns the time that took.
     pub fn corrected_again(&mut self) -> Duration {
         self.session += 1;
         let (start, mut good) = (Instant::now(), 0);
@@ -192,7 +196,7 @@ impl Scribbler {
     }
 }
 
-/// Writes into all of them until told to end: any bytes, or numbers that are none.
+/// Writes into all of them until the end: arbitrary bytes, or NaN.
 fn write(places: &[Where], over: &AtomicBool, written: &AtomicU64, mut chance: Chance) {
     while !over.load(Relaxed) {
         for (file, begins, size) in places {

@@ -1,7 +1,8 @@
 //! A force sensor with faults: noise on every channel, lines on some, and modifications of its blocks.
 //!
-//! Promises: its blocks carry the stream's own times and go out as fast as the daemon takes them, so that no claim hangs on the
-//! speed of the machine: never more are under way than the transport holds.
+//! Its blocks carry the stream's own times and are sent as fast as the daemon accepts them, so that
+//! tests do not depend on the speed of the machine: the number of blocks in transit is limited to
+//! the capacity of the transport.
 
 use crate::chance::Chance;
 use crate::place::Place;
@@ -11,23 +12,24 @@ use shm_schema::{
 use std::time::{Duration, Instant};
 use trued_client::{Monitor, Status, Verdict};
 
-/// Blocks under way at most: half of what the transport holds.
+/// Limit on blocks in transit: half of the transport's capacity.
 const UNDER_WAY: u64 = 32;
-/// Whatever is waited for must come within this.
+/// Time limit for anything awaited.
 const LIMIT: Duration = Duration::from_secs(20);
 
-/// Lines of `[force]` for a daemon that takes blocks at whatever pace: their stamps are the stream's own, not the machine's.
+/// Lines of `[force]` for a daemon that accepts blocks at any rate: their stamps are the stream's
+/// own, not the machine's.
 pub const ANY_CLOCK: &str = "ahead_ms = 60000\nlate_ms = 3600000\n";
 
 /// The sensor and an observer of the daemon.
 pub struct Sensor {
     /// The daemon's observer.
     pub monitor: Monitor,
-    /// What was said so far.
+    /// Verdicts so far.
     pub said: Vec<Verdict>,
-    /// Blocks handed over so far.
+    /// Number of blocks sent.
     pub sent: u64,
-    /// The next block, as far as it is known before its samples.
+    /// The next block, without its samples.
     pub block: Box<ForceBlock>,
     blocks: PeerPublisher<ForceBlock>,
     _seat: (Seat, Joined),
@@ -60,7 +62,8 @@ impl Sensor {
         }
     }
 
-    /// Runs for that long in the stream's time. `signal(channel, t_s)` stands on noise of rms 0.6.
+    /// Runs for that long in the stream's time. `signal(channel, t_s)` is added to noise of rms
+    /// 0.6.
     pub fn run(&mut self, seconds: f64, signal: impl Fn(u32, f64) -> f64) {
         self.run_broken(seconds, signal, |_| {});
     }
@@ -81,19 +84,19 @@ impl Sensor {
         }
     }
 
-    /// Lets blocks pass unsent, as a sender does that nobody takes from.
+    /// Drops blocks, like a sender without a receiver.
     pub fn lose(&mut self, blocks: u64) {
         for _ in 0..blocks {
             self.fill(&|_, _| 0.0);
         }
     }
 
-    /// Begins another session: numbers and counts start anew.
+    /// Starts another session: numbers and counts restart.
     pub fn start_anew(&mut self) {
         (self.block.session, self.block.seq, self.samples_before) = (new_session(), 0, 0);
     }
 
-    /// Sends a block as it is, once the daemon has room for it.
+    /// Sends a block once the daemon has room for it.
     pub fn send(&mut self, block: &ForceBlock) {
         let start = Instant::now();
         while self.sent - self.heard() >= UNDER_WAY {
@@ -105,13 +108,13 @@ impl Sensor {
         self.said.extend(std::iter::from_fn(|| self.monitor.vibration()));
     }
 
-    /// The next status that was made from now on.
+    /// The next status made after this call.
     pub fn status(&mut self) -> Status {
         let now_ns = monotonic_ns();
         self.wait("a status", |status| status.t_ns > now_ns)
     }
 
-    /// The first status of which that holds.
+    /// The first status for which the condition holds.
     pub fn wait(&mut self, what: &str, holds: impl Fn(&Status) -> bool) -> Status {
         let start = Instant::now();
         loop {
@@ -125,11 +128,11 @@ impl Sensor {
         }
     }
 
-    /// The first status after the daemon has taken all that was sent.
+    /// The first status after the daemon has processed everything sent.
     pub fn settled(&mut self) -> Status {
         let sent = self.sent;
         self.wait("the last block", |status| heard(status) >= sent);
-        // The account of sensor and lines comes every 20 ms.
+        // The sensor status is updated every 20 ms.
         let heard_ns = monotonic_ns() + 40_000_000;
         self.wait("an account", |status| status.t_ns > heard_ns)
     }

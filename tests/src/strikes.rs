@@ -1,7 +1,7 @@
 //! Faults injected into a running cell, one at a time: used by the soak test.
 //!
-//! Promises: each is over when its function returns; what had to come back of its own (a recording, a refusal) was waited for, and how long
-//! is told. Never: harm to what is outside the cell.
+//! Each is over when its function returns; recoveries (a recording, a refusal) were waited for, and
+//! the time is returned. Nothing outside the cell is affected.
 #![expect(clippy::print_stdout, reason = "what could not be struck is said")]
 
 use crate::chance::Chance;
@@ -44,16 +44,16 @@ pub const KINDS: [&str; 20] = [
 ];
 /// The first of them end the daemon.
 pub const DEADLY: usize = 2;
-/// Needs a disk of the cell's own.
+/// Needs a separate disk for the cell.
 pub const FULL_DISK: &str = "fill the disk";
-/// An answer to a request has come by then.
+/// Time limit of an answer to a request.
 const REQUEST: Duration = Duration::from_secs(1);
-/// What the daemon mends it has mended by then: it does so four times a second at most.
+/// Time limit of the daemon's repairs, at most four per second.
 const MENDED: Duration = Duration::from_millis(400);
-/// How far the clock of the commands may stand from where it began, ns: by the step between two of these it is set.
+/// Largest offset of the commands' clock, ns; it is set in these steps.
 const CLOCKS_NS: [i64; 5] = [0, 300_000_000, 600_000_000, 2_000_000_000, 3_600_000_000_000];
 
-/// Strikes; tells how long it took until what is not the robot's loop was as it should be.
+/// Injects a fault; returns the time until everything besides the robot's loop had recovered.
 pub fn strike(kind: &str, pair: &mut Pair<'_>, chance: &mut Chance) -> Duration {
     let dir = pair.place.cell().dir().to_path_buf();
     match kind {
@@ -68,7 +68,7 @@ pub fn strike(kind: &str, pair: &mut Pair<'_>, chance: &mut Chance) -> Duration 
             for_a_while(chance, 500);
             pair.of(who).signal(Signal::CONT);
         }
-        // What the daemon has just mended may be half there: what cannot be removed is not.
+        // Files that the daemon has just repaired may be incomplete: what cannot be removed stays.
         "remove the folder" => drop(fs::remove_dir_all(&dir)),
         "remove the lock" => drop(fs::remove_file(dir.join("daemon.lock"))),
         "spoil the announcement" => drop(fs::write(dir.join("current"), "trued.cur")),
@@ -116,13 +116,13 @@ fn memory(pair: &Pair<'_>, what: impl Fn(&Path)) {
     }
 }
 
-/// Asks the daemon to load models; what it answers is its own affair, as it may be busy with another fault.
+/// Requests models from the daemon; its answer is ignored, as it may be busy with another fault.
 fn offer(good: bool, pair: &Pair<'_>, chance: &mut Chance) {
     let Ok(mut monitor) = Monitor::connect_to(&pair.place.cell(), JAM) else { return };
     let whole = fs::read_to_string(pair.place.file("model.toml")).expect("the model");
     for _ in 0..5 {
         let end = if good { whole.len() } else { chance.below(whole.len() as u64) as usize };
-        // A cut may fall between two tables: then it is a model, and what follows is a swap all the same.
+        // Truncation between two tables gives a valid model, which is then activated as usual.
         pair.place.write("offered.toml", whole.get(..end).unwrap_or_default());
         let _ = monitor.reload(Some(&pair.place.file("offered.toml")), REQUEST);
     }
@@ -131,7 +131,7 @@ fn offer(good: bool, pair: &Pair<'_>, chance: &mut Chance) {
 
 /// Another daemon for the same cell, which must be refused by the first one's process id.
 fn second(pair: &Pair<'_>) -> Duration {
-    // A cell whose files are gone may be taken.
+    // A cell without files may be taken over.
     std::thread::sleep(MENDED);
     let start = Instant::now();
     let mut second = Process::daemon(pair.programs().trued, &pair.place);
@@ -142,7 +142,7 @@ fn second(pair: &Pair<'_>) -> Duration {
     time
 }
 
-/// Another client takes the places of robot and force source, and writes into what it has sent.
+/// Another client takes the places of robot and force source, and writes into its sent messages.
 fn scribble(pair: &mut Pair<'_>, chance: &mut Chance) {
     std::thread::sleep(MENDED);
     for who in [Who::Cell, Who::Force] {
@@ -157,7 +157,7 @@ fn scribble(pair: &mut Pair<'_>, chance: &mut Chance) {
     }
 }
 
-/// The clock of the commands is set, and set again: how long the slower of both took to be overcome.
+/// Sets the clock of the commands twice; returns the slower recovery.
 fn clocks(pair: &mut Pair<'_>, chance: &mut Chance) -> Duration {
     let mut set = |_| {
         let set_ns = CLOCKS_NS[chance.below(CLOCKS_NS.len() as u64) as usize];
@@ -169,7 +169,7 @@ fn clocks(pair: &mut Pair<'_>, chance: &mut Chance) -> Duration {
     [(); 2].map(&mut set).into_iter().max().unwrap_or_default()
 }
 
-/// The pipe of the daemon's log is full, and nobody reads it.
+/// Fills the pipe of the daemon's log without a reader.
 fn unread(pair: &mut Pair<'_>, chance: &mut Chance) {
     pair.daemon.listen(false);
     let log = format!("/proc/{}/fd/2", pair.daemon.id());
@@ -187,7 +187,7 @@ fn unread(pair: &mut Pair<'_>, chance: &mut Chance) {
 
 const NONBLOCKING: i32 = rustix::fs::OFlags::NONBLOCK.bits() as i32;
 
-/// The disk of the black box does not answer for a while.
+/// The disk of the recording does not respond for a while.
 fn hung(pair: &Pair<'_>, chance: &mut Chance) -> Duration {
     let hang = Some(()).filter(|()| has("strace"));
     let each = Duration::from_millis(250);
@@ -213,7 +213,7 @@ fn full(pair: &mut Pair<'_>, chance: &mut Chance) -> Duration {
     records(pair, true)
 }
 
-/// Until the daemon records, or has told that it cannot: how long that took.
+/// Waits until the daemon records, or has reported that it cannot; returns the time.
 fn records(pair: &Pair<'_>, well: bool) -> Duration {
     let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).expect("a place");
     let start = Instant::now();

@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_signal_sets_the_flag_and_the_program_goes_on() {
+    fn a_signal_sets_the_flag_and_the_program_continues() {
         let flag = flag().expect("handlers");
         assert!(check(&flag).is_ok());
         signal_hook::low_level::raise(SIGTERM).expect("raised");

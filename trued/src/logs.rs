@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_that_stalls_costs_the_lines_beyond_the_queue_and_is_told_how_many() {
+    fn a_stalled_reader_loses_the_lines_beyond_the_queue_and_gets_their_number() {
         let (go_on, until) = channel();
         let read = Arc::<Mutex<Vec<u8>>>::default();
         let stalled = Stalled { until: Some(until), read: Arc::clone(&read) };

@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn a_date_is_told_in_utc_to_the_minute() {
+    fn a_date_is_written_in_utc_to_the_minute() {
         assert_eq!(date(1_700_000_000), "2023-11-14 22:13 UTC");
     }
 

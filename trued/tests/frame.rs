@@ -30,7 +30,7 @@ fn help_is_an_answer_on_standard_output() {
 }
 
 #[test]
-fn the_version_is_told() {
+fn the_version_is_reported() {
     let output = trued(&["--version"]).output().expect("runs");
     assert_eq!(text(&output.stdout), format!("{}\n", recording::program::version()));
     assert!(text(&output.stdout).starts_with(concat!("trued ", env!("CARGO_PKG_VERSION"))));

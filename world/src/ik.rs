@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_reach_is_said_with_the_distance_left() {
+    fn an_unreachable_pose_is_reported_with_the_remaining_distance() {
         let arm = irb1600();
         let wanted = Frame::new(arm.tool.base_from_tool, DVec3::new(3.0, 0.0, 0.5));
         let Err(IkError::OutOfReach { position_m, .. }) = solve(&arm, &wanted, &seed(&arm, 0))

@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn delay_and_lag_hold_the_encoders_back_as_asked() {
+    fn delay_and_lag_hold_the_encoders_back_as_configured() {
         let model = Model::nominal(irb1600());
         let servo = Servo { dt_s: 1e-3, delay_samples: 5, lag_s: 0.02 };
         let mut robot = Robot::at_rest(&model, servo, pose(0.0), 20.0);

@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_at_a_row_and_a_joint_that_goes_on_or_stands_are_none() {
+    fn no_reversal_is_found_at_a_row_or_in_monotonic_motion_or_at_rest() {
         for turn_s in [0.0201, 0.0, 0.2] {
             assert_eq!(turned(rows(turn_s).each_ref(), 0), None, "{turn_s}");
         }

@@ -1,7 +1,9 @@
 //! Batch diagnosis of generated recordings: one digest for any shards and kills, and the throughput compared with single diagnoses.
 //!
-//! Recordings are made by `trued simulate`: four robots, of which the last one loses more motion at joint 3 from recording to recording. A recording has [`ROWS`]
-//! rows, so that thousands take minutes. By hand: as many processes at a time as there are cores, each `trued diagnose` of one recording on one thread.
+//! Recordings are made by `trued simulate`: four robots, the last of which has increasing lost
+//! motion at joint 3 from recording to recording. A recording has [`ROWS`] rows, so that thousands
+//! take minutes. Single diagnoses: one process per core, each `trued diagnose` of one recording on
+//! one thread.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -11,18 +13,18 @@ use std::time::{Duration, Instant};
 
 /// Measured rows of a recording.
 const ROWS: u32 = 100;
-/// Recordings, unless asked otherwise.
+/// Default number of recordings.
 const RECORDINGS: usize = 200;
 const ROBOTS: usize = 4;
 const SHARDS: usize = 8;
-/// A batch may take so much of the time of single diagnoses, at most.
+/// Largest time of a batch relative to that of single diagnoses.
 const BAR: f64 = 1.1;
-/// A shard is killed after so many ms, one after the other, until one ends by itself.
+/// Times after which successive runs of a shard are killed, ms, until one ends by itself.
 const KILLED_MS: [u64; 6] = [50, 150, 400, 900, 2000, 4000];
 
 const MODEL: &str = include_str!("../../deploy/presets/irb1600-6-145.toml");
 
-/// Runs everything and prints it; tells whether the digests are one and the bar is met.
+/// Runs everything and prints it; returns whether all digests are equal and the limit is met.
 pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     let count = match words.first() {
         Some(word) => word.parse().map_err(|_| format!("{word} is no number of recordings"))?,
@@ -78,7 +80,7 @@ impl Bench {
             .collect()
     }
 
-    /// The recordings and their manifest, anew.
+    /// Generates the recordings and their manifest.
     fn make(&self) -> Result<(), String> {
         let _ = std::fs::remove_dir_all(&self.folder);
         std::fs::create_dir_all(&self.folder).map_err(|why| why.to_string())?;
@@ -149,7 +151,7 @@ impl Bench {
         command
     }
 
-    /// All shards, so many at a time.
+    /// All shards, a number of them at a time.
     fn shards(&self, out: &str, shards: usize, at_once: usize) -> Result<(), String> {
         let all: Vec<String> = (1..=shards).map(|index| format!("{index}/{shards}")).collect();
         for some in all.chunks(at_once) {
@@ -165,7 +167,8 @@ impl Bench {
         Ok(())
     }
 
-    /// The whole manifest by a process that is killed again and again, and then goes on to its end; how often it was killed.
+    /// The whole manifest by a process that is killed repeatedly, and then runs to its end; returns
+    /// how often it was killed.
     fn killed(&self, out: &str) -> Result<usize, String> {
         let mut kills = 0;
         for ms in KILLED_MS {
@@ -180,7 +183,7 @@ impl Bench {
         Ok(kills)
     }
 
-    /// The digest of a folder, as the tools of the system give it.
+    /// The digest of a folder, by standard tools.
     fn digest(&self, out: &str) -> Result<String, String> {
         let mut command = Command::new("sh");
         command.args(["-c", "sha256sum *.parquet | sha256sum"]);
@@ -202,7 +205,7 @@ impl Bench {
     }
 }
 
-/// All joints swing, each at a pace of its own.
+/// All joints oscillate, each at its own frequency.
 fn path() -> String {
     let mut text = String::from("t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n");
     for row in 0..ROWS {

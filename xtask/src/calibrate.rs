@@ -1,16 +1,18 @@
-//! The calibration's figures, each beside its bar: the thesis' virtual robot, coverage of intervals, outliers, time. Simulated by
-//! `diagnosis/examples/calibrate_figures` and `diagnosis/examples/speed`.
+//! The calibration's figures with their limits: the thesis' virtual robot, coverage of intervals,
+//! outliers, time. Simulated by `diagnosis/examples/calibrate_figures` and
+//! `diagnosis/examples/speed`.
 
 use report::{Axis, Column, Histogram, Page, Svg, Table};
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// The thesis' own held-out means, mm: name of the test, bar.
+/// The thesis' held-out means, mm: name of the test, limit.
 const THESIS_MM: [(&str, f64); 2] = [("planar", 0.09), ("spatial", 0.36)];
 const MODELS: [&str; 5] = ["nominal", "calibrated", "advanced", "oracle", "truth"];
 
-/// Runs everything, prints it, writes `calibration.html` and `calibration.json` into a folder; tells whether the bars are met.
+/// Runs everything, prints it, writes `calibration.html` and `calibration.json` into a folder;
+/// returns whether the limits are met.
 pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     let mut numbers = words.iter().filter(|word| !word.starts_with("--"));
     let campaigns: u64 = match numbers.next() {

@@ -1,10 +1,13 @@
-//! `docs/evidence.md` and its plots, made from real recordings and the blind challenge: what was concealed, what the program said, the error before and
-//! after, the reference figure, and where the program is worse, silent or wrong.
+//! `docs/evidence.md` and its plots, made from real recordings and the blind challenge: what was
+//! concealed, what the program reported, the error before and after, the reference figure, and
+//! where the program is worse, gives no answer or is wrong.
 //!
-//! Promises: the program runs as its users run it, in a process of its own, and its files are read back; every sentence about a run is made of that run
-//! by rule; the same data, program and seed give the same bytes. Never: a figure that no run gave, a time in the document, a change to the data.
+//! The program runs as its users run it, in a separate process, and its files are read back; every
+//! sentence about a run is generated from that run by rule; the same data, program and seed give
+//! the same bytes. The data are not changed.
 //!
-//! Read in this order: `sets` (what is run), `bench` (how), `case` (what is made of an answer), `page` (how it is written).
+//! Read in this order: `sets` (what is run), `bench` (how), `case` (evaluation of a result), `page`
+//! (the document).
 
 mod bench;
 mod case;
@@ -20,7 +23,7 @@ use std::path::PathBuf;
 use bench::Bench;
 use page::Section;
 
-/// What the document is made of.
+/// Inputs of the document.
 #[derive(Debug, Clone)]
 pub struct Asked {
     /// The program under test, built.
@@ -29,9 +32,10 @@ pub struct Asked {
     pub data: PathBuf,
     /// Where `evidence.md` and `evidence/` go.
     pub out: PathBuf,
-    /// Where runs and their answers are kept; a run whose program, words and inputs are unchanged is not repeated.
+    /// Folder of runs and their results; a run whose program, arguments and inputs are unchanged is
+    /// not repeated.
     pub work: PathBuf,
-    /// Run this set alone; of the others what is kept is told.
+    /// Run this set only; for the others stored results are used.
     pub only: Option<String>,
     /// Blind cases of each domain; none: the challenge is not run.
     pub challenge: Option<u32>,
@@ -45,10 +49,10 @@ pub fn set_names() -> Vec<&'static str> {
     sets::SETS.iter().map(|set| set.name).collect()
 }
 
-/// Runs what is to be run and writes the document; tells whether every bar was met.
+/// Runs everything required and writes the document; returns whether every limit is met.
 ///
 /// # Errors
-/// A set that nobody knows; a folder that cannot be read or written; a program that cannot be started.
+/// An unknown set; a folder that cannot be read or written; a program that cannot be started.
 pub fn make(asked: &Asked) -> Result<bool, String> {
     if let Some(only) = &asked.only
         && !set_names().contains(&only.as_str())

@@ -5,10 +5,10 @@ use std::process::Command;
 
 use xtask::evidence::{Asked, make};
 
-/// The longest that one run may take unless said, s.
+/// Default time limit of one run, s.
 const LIMIT_S: f64 = 3600.0;
 
-/// Writes `docs/evidence.md`; tells whether every bar was met.
+/// Writes `docs/evidence.md`; returns whether every limit is met.
 pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."));
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or(root.join("target"), PathBuf::from);

@@ -1,7 +1,7 @@
-//! Instructions of the hot path, stage by stage, counted by callgrind and held against what is stored: time on a shared machine tells nothing of ten
-//! per cent, instructions do.
+//! Instructions of the hot path, stage by stage, counted by callgrind and compared with stored
+//! counts: on a shared machine, times vary by ten per cent, instruction counts do not.
 //!
-//! Never: a judgement of time. A compiler of another version counts a few per cent otherwise; store anew then.
+//! Another version of the compiler changes the counts by a few per cent; store them again then.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -11,10 +11,10 @@ use std::process::Command;
 const STORED: &str = "corrector/benches/instructions.txt";
 /// Growth that fails.
 const GROWTH: f64 = 1.10;
-/// Runs between which the difference is taken, so that start and end of the program do not count.
+/// Numbers of runs whose difference is counted, so that start and end of the program are excluded.
 const RUNS: [u64; 2] = [100, 1100];
 
-/// Prints a row per stage; tells whether none has grown. `--store` writes the counts instead.
+/// Prints a row per stage; returns whether none has grown. `--store` writes the counts instead.
 pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     let program = program()?;
     let stages = output(Command::new(&program))?;
@@ -46,7 +46,7 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     Ok(sound)
 }
 
-/// Builds the stages and gives the program's path.
+/// Builds the stages and returns the program's path.
 fn program() -> Result<String, String> {
     let bench = ["bench", "--package", "corrector", "--bench", "counted", "--no-run"];
     let built = Command::new("cargo").args(bench).output().map_err(|why| why.to_string())?;

@@ -1,5 +1,5 @@
-//! Tasks that are tested: the generator of `docs/evidence.md`.
+//! Development tasks with tests: the generator of `docs/evidence.md`.
 //!
-//! Never part of the product: nothing but tests depends on it.
+//! Not part of the product: only tests depend on it.
 
 pub mod evidence;

@@ -1,6 +1,6 @@
 //! Development tasks. Every figure quoted in a document comes from one of these commands.
 //!
-//! Never part of the product: nothing depends on it.
+//! Not part of the product: nothing depends on it.
 #![expect(
     clippy::print_stdout,
     clippy::print_stderr,

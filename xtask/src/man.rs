@@ -1,6 +1,6 @@
 //! Man pages and shell completions, from the program's own command line: `target/package`.
 //!
-//! Promises: nothing is written by hand; the same command line gives the same files. Never: part of the program itself.
+//! Everything is generated; the same command line gives the same files.
 
 use std::fs;
 use std::io::Result;
@@ -28,7 +28,7 @@ fn write(out: &Path) -> Result<usize> {
     let (man, completions) = (out.join("man"), out.join("completions"));
     for folder in [&man, &completions] {
         if folder.exists() {
-            // A command that is gone takes its page along.
+            // The page of a removed command is removed too.
             fs::remove_dir_all(folder)?;
         }
         fs::create_dir_all(folder)?;

@@ -1,8 +1,10 @@
-//! `cargo xtask sbom`: what is linked into the program and into the C library, as CycloneDX 1.5 (JSON), for the packages.
+//! `cargo xtask sbom`: components linked into the program and into the C library, as CycloneDX 1.5
+//! (JSON), for the packages.
 //!
-//! Source: `cargo tree` of each package by itself, normal dependencies on x86-64 Linux, and the checksums of `Cargo.lock`. Crates of this workspace are listed
-//! without a package URL: no registry has them. Promises: the same lock file gives the same bytes; no time, no path of a machine. Parts of macros and build
-//! scripts, which are not linked, are not listed.
+//! Source: `cargo tree` of each package, normal dependencies on x86-64 Linux, and the checksums of
+//! `Cargo.lock`. Crates of this workspace are listed without a package URL, because they are not
+//! published. The same lock file gives the same bytes, without times or paths of a machine.
+//! Procedural macros and build scripts are not linked and not listed.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -53,7 +55,7 @@ impl Crate {
     }
 }
 
-/// What is linked, and what each of it names.
+/// Linked crates, and the dependencies of each.
 type Links = BTreeMap<Crate, BTreeSet<String>>;
 
 fn bom(package: &str, kind: &str) -> Result<Value, String> {

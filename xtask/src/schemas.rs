@@ -4,7 +4,7 @@ use std::fs;
 use std::io::Result;
 use std::path::Path;
 
-/// Writes them anew; what stood there goes.
+/// Regenerates them; existing files are removed.
 pub(crate) fn run() -> std::result::Result<bool, String> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../schemas");
     let count = write(&folder).map_err(|why| format!("{}: {why}", folder.display()))?;

@@ -1,12 +1,14 @@
-//! The demo over many seeds: how far the tool error falls, whether what is hidden was named right, and whether any published target broke an invariant.
+//! The demo over many seeds: reduction of the tool error, whether the hidden effect was identified
+//! correctly, and whether any published target broke an invariant.
 //!
-//! Bars: the mean tool error with correction over that without is at most 1/4 in the middle, at most 1/3 at worst; named right in 9 of 10.
+//! Limits: the ratio of the mean tool error with correction to that without is at most 1/4 in the
+//! median and 1/3 at worst; correct identification in 9 of 10.
 
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Runs the demo and prints a row per seed and the summary; tells whether the bars are met.
+/// Runs the demo and prints a row per seed and the summary; returns whether the limits are met.
 pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     let full = words.contains(&"--full");
     let profile = if words.contains(&"--debug") { "dev" } else { "release" };
@@ -58,7 +60,7 @@ fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
 struct Row {
     without: f64,
     with: f64,
-    /// None where nothing was claimed.
+    /// `None` without a claim.
     after: Option<f64>,
     broken: u64,
     flagged: bool,
@@ -110,7 +112,7 @@ fn row(seed: u64, said: &Value) -> Result<Row, String> {
     Ok(Row { without, with, after, broken, flagged, right })
 }
 
-/// `backlash 3`, or what was not named.
+/// `backlash 3`, or the effect that was not identified.
 fn name(effect: &Value) -> String {
     match (effect["effect"].as_str(), effect["joint"].as_u64()) {
         (Some(kind), Some(joint)) => format!("{kind} {joint}"),

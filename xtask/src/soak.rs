@@ -1,10 +1,11 @@
-//! Faults at random over real processes, for an hour: what `docs/faults.md` promises, all at once and again and again.
+//! Random faults over real processes, for an hour: all properties of `docs/faults.md`, combined and
+//! repeated.
 //!
-//! Never: part of CI.
+//! Not part of CI.
 
 use crate::beside::cargo;
 
-/// Builds the cell's programs and runs them; tells whether all held.
+/// Builds the cell's programs and runs them; returns whether all properties held.
 pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     let [mut minutes, mut seed] = ["60".to_owned(), String::new()];
     let mut rest = words.iter();

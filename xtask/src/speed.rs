@@ -1,8 +1,9 @@
 //! Duration of a diagnosis: processor time of `trued diagnose` on paths of 1e5 and 1e6 rows, Parquet in, report out, with its limit.
 //!
-//! Recordings are made by `trued simulate` from a model that hides two effects; what is timed is the whole program, reading and report included.
+//! Recordings are made by `trued simulate` from a model with two concealed effects; the time is
+//! that of the whole program, including reading and report.
 //!
-//! Promises: processor time as the kernel counts it for the program that was started, both threads of it together. Never: a time of the wall.
+//! Processor time of the program by the kernel, over both of its threads; not wall-clock time.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -63,7 +64,7 @@ const KINDS: [Kind; 3] = [
     },
 ];
 
-/// Runs everything and prints it; tells whether the bars are met.
+/// Runs everything and prints it; returns whether the limits are met.
 pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     let only = words.first().copied();
     let build = ["build", "--release", "--quiet", "--package", "trued"];
@@ -108,7 +109,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// The recording as Parquet, with its TOML and the model that is told.
+    /// The recording as Parquet, with its TOML and the given model.
     fn make(&self, kind: &Kind, rows: usize) -> Result<(), String> {
         let _ = std::fs::remove_dir_all(&self.folder);
         std::fs::create_dir_all(&self.folder).map_err(|why| why.to_string())?;
@@ -173,7 +174,7 @@ fn path(kind: &Kind, rows: usize) -> String {
     text
 }
 
-/// A table of numbers as Parquet: one group of rows, plain doubles; what is empty is no number.
+/// A table of numbers as Parquet: one row group, plain doubles; empty cells are null.
 fn parquet_of(table: &str) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
     let mut lines = table.lines();
     let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
@@ -199,7 +200,8 @@ fn parquet_of(table: &str) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
 /// Processor time of all programs that this one started and that have ended, s.
 fn children_s() -> Result<f64, String> {
     let stat = std::fs::read_to_string("/proc/self/stat").map_err(|why| why.to_string())?;
-    // The name in brackets may hold blanks; user and system time of children are the 14th and 15th field behind it.
+    // The name in brackets may contain blanks; user and system time of children are the 14th and
+    // 15th field after it.
     let behind = stat.rsplit(')').next().unwrap_or_default();
     let ticks = behind.split_whitespace().skip(13).take(2).map(str::parse::<f64>);
     let ticks: Result<Vec<f64>, _> = ticks.collect();

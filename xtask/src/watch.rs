@@ -1,5 +1,6 @@
-//! The vibration monitor's figures: detection, false alarms, transients, cost, each beside its bar, and the curve of
-//! detection against false alarms as numbers and as a plot. Simulated by `spectrum/examples/watch_figures`.
+//! The vibration monitor's figures: detection, false alarms, transients, cost, each with its limit,
+//! and the curve of detection against false alarms as numbers and as a plot. Simulated by
+//! `spectrum/examples/watch_figures`.
 
 use report::{Axis, Column, Page, Plot, Series, Svg, Table};
 use serde_json::Value;
@@ -11,8 +12,8 @@ const BARS_MS: [(f64, f64); 3] = [(4.0, 60.0), (2.0, 70.0), (1.0, 150.0)];
 /// Transients of which at most one in a hundred may alarm.
 const JUDGED: [&str; 5] = ["step", "entry_and_exit", "single_shock", "ramp", "speed_change"];
 
-/// Runs everything, prints it, writes `vibration.html`, `vibration-curve.svg` and `vibration.json` into a folder; tells
-/// whether the bars are met.
+/// Runs everything, prints it, writes `vibration.html`, `vibration-curve.svg` and `vibration.json`
+/// into a folder; returns whether the limits are met.
 pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     let mut numbers = words.iter().filter(|word| !word.starts_with("--"));
     let hours: f64 = match numbers.next() {
@@ -32,7 +33,7 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     Ok(bars.all_met)
 }
 
-/// Whether every bar so far was met.
+/// Whether every limit so far was met.
 struct Bars {
     all_met: bool,
 }
@@ -160,7 +161,7 @@ fn write(words: &[&str], said: &Value) -> Result<(), String> {
     Ok(())
 }
 
-/// False warnings to the right, tones found upwards; one line per amplitude.
+/// False warnings on the x axis, detected tones on the y axis; one line per amplitude.
 fn curve(said: &Value) -> Svg {
     let x = Axis::new("False warnings per axis and hour", "").log();
     let y = Axis::new("Tones warned of within 0.5 s", "").range(0.0, 1.0);
@@ -168,7 +169,7 @@ fn curve(said: &Value) -> Svg {
     for (place, over_noise) in amplitudes(said).into_iter().enumerate() {
         let points: Vec<(f64, f64)> = rows(said, "curve")
             .map(|row| {
-                // None in so many hours: drawn at the 63 % upper limit, one in those hours.
+                // None in this many hours: drawn at the 63 % upper limit, one in those hours.
                 let least = 1.0 / number(row, "axis_hours");
                 let false_warns = number(row, "false_warns_per_axis_hour").max(least);
                 (false_warns, number(&row["found"][place], "warned"))

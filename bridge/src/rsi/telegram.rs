@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_telegram_is_none() {
+    fn invalid_telegrams_are_not_read() {
         let no_clock = ROB.replace("0012345", "12x");
         let torn = &ROB[..ROB.len() - 3];
         for text in ["", "<Rob", "<Robot><IPOC>1</IPOC></Rob>", &no_clock, torn, "\u{0}"] {

@@ -75,7 +75,7 @@ impl Pair {
 }
 
 #[test]
-fn whoever_is_left_goes_on_after_kill_9_at_any_time() {
+fn the_others_continue_after_kill_9_at_any_time() {
     let asked = std::env::var("TRUED_SOAK_ROUNDS").ok().and_then(|n| n.parse().ok());
     let limit = if asked.is_some() { Duration::from_secs(1) } else { JAM };
     let strike = std::env::var("TRUED_SOAK_STRIKE").ok().and_then(|n| n.parse().ok());

@@ -3,13 +3,13 @@
 use super::parse::{self, Limit};
 use super::{Check, Core, Texts};
 
-/// Longest time to leave an idle state that a cycle of 1 ms does not notice, µs.
+/// Longest exit latency of an idle state that is negligible for a cycle of 1 ms, µs.
 const IDLE_LATENCY_US_MAX: u64 = 10;
-/// Priority that the daemon asks for unless told otherwise.
+/// Default priority of the daemon.
 const PRIORITY: u64 = 80;
-/// Memory that the daemon locks, with air, bytes.
+/// Memory that the daemon locks, with margin, bytes.
 const LOCKED_BYTES: u64 = 256 << 20;
-/// Room that a cell wants in `/dev/shm`, with air, bytes.
+/// Free space that a cell needs in `/dev/shm`, with margin, bytes.
 const SHM_BYTES: u64 = 64 << 20;
 /// Capabilities by their number.
 const CAP_IPC_LOCK: u32 = 14;
@@ -33,7 +33,7 @@ pub fn examine(texts: &Texts) -> Vec<Check> {
     ]
 }
 
-/// The kernel that brought the fair server.
+/// The kernel version that introduced the fair server.
 const FAIR_SERVER_SINCE: (u32, u32) = (6, 12);
 
 fn kernel(texts: &Texts) -> Check {
@@ -116,7 +116,8 @@ fn isolated(texts: &Texts) -> Check {
     }
 }
 
-/// Since Linux 6.12 the fair server stalls what spins; before, throttling did, and `sched_rt_runtime_us` tells of it.
+/// Since Linux 6.12 the fair server stalls spinning threads; before, throttling did, which
+/// `sched_rt_runtime_us` configures.
 fn throttling(texts: &Texts) -> Check {
     let name = "real-time throttling";
     let release = texts.version.as_deref().and_then(parse::release).and_then(parse::numbers);

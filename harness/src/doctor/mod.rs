@@ -1,7 +1,8 @@
 //! `trued doctor`: checks whether a machine is suitable for a robot's cycle, with the fix if not.
 //!
-//! Promises: every judgement is a pure function of texts that the kernel gave, read once by [`Texts::read`]; a text that is missing or
-//! makes no sense is said to be unknown, never taken for good or bad. Never: a change of the machine. On request the kernel's own tool measures wake-up latency.
+//! Every result is a pure function of texts of the kernel, read once by [`Texts::read`]; a text
+//! that is missing or invalid gives the result unknown. The machine is not changed. On request the
+//! kernel's own tool measures wake-up latency.
 
 mod checks;
 pub(crate) mod parse;
@@ -14,30 +15,30 @@ pub use checks::examine;
 pub use texts::{Core, IdleState, Texts};
 pub use timerlat::TimerlatSettings;
 
-/// What a check came to.
+/// Result of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum State {
-    /// As a robot's cycle wants it.
+    /// Suitable for a robot's cycle.
     Pass,
-    /// Not so: the fix is said.
+    /// Not suitable: the remedy is stated.
     Fix,
-    /// The machine does not tell.
+    /// The machine does not provide the information.
     Unknown,
 }
 
-/// One line of the answer.
+/// One line of the result.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Check {
-    /// What is looked at.
+    /// The subject.
     pub name: &'static str,
-    /// What it came to.
+    /// The result.
     pub state: State,
-    /// What was found.
+    /// The value found.
     pub found: String,
-    /// What to do; empty where it passes.
+    /// The remedy; empty if it passes.
     pub fix: String,
 }
 
@@ -55,17 +56,17 @@ impl Check {
     }
 }
 
-/// The whole answer.
+/// Result of all checks.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Diagnosis {
     /// All checks, in a fixed order.
     pub checks: Vec<Check>,
-    /// Whether nothing wants a fix.
+    /// Whether no check needs a fix.
     pub ok: bool,
 }
 
-/// Looks at this machine; with settings, wake-up latency is measured as well.
+/// Checks this machine; with settings, wake-up latency is measured as well.
 #[must_use]
 pub fn diagnose(timerlat: Option<TimerlatSettings>) -> Diagnosis {
     let mut checks = examine(&Texts::read(std::path::Path::new("/")));

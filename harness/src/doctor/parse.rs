@@ -1,8 +1,8 @@
-//! Parsers of the kernel's texts. Pure; invalid text gives none.
+//! Parsers of the kernel's texts. Pure; invalid text gives `None`.
 
 /// Cores of a list like `0-3,8`; empty text is an empty list.
 pub(crate) fn list(text: &str) -> Option<Vec<usize>> {
-    /// More cores than any machine has: a range beyond is nonsense.
+    /// Larger than the number of cores of any machine: a larger range is invalid.
     const MOST: usize = 8192;
     let text = text.trim();
     if text.is_empty() || text == "(null)" {
@@ -47,7 +47,7 @@ pub(crate) fn limit(limits: &str, name: &str) -> Option<Limit> {
     }
 }
 
-/// Whether `/proc/self/status` names that capability as effective.
+/// Whether `/proc/self/status` lists this capability as effective.
 pub(crate) fn has_capability(status: &str, bit: u32) -> Option<bool> {
     let set = status.lines().find_map(|line| line.strip_prefix("CapEff:"))?;
     u64::from_str_radix(set.trim(), 16).ok().map(|set| set >> bit & 1 == 1)
@@ -74,26 +74,26 @@ pub(crate) fn numbers(release: &str) -> Option<(u32, u32)> {
     Some((numbers.next()??, numbers.next()??))
 }
 
-/// Whether `/proc/cpuinfo` shows a hypervisor beneath.
+/// Whether `/proc/cpuinfo` shows a hypervisor.
 pub(crate) fn is_virtual(cpuinfo: &str) -> Option<bool> {
     let flags = cpuinfo.lines().find(|line| line.starts_with("flags"))?;
     Some(flags.split_whitespace().any(|flag| flag == "hypervisor"))
 }
 
-/// What the processor is called.
+/// Name of the processor.
 pub(crate) fn processor(cpuinfo: &str) -> Option<&str> {
     let line = cpuinfo.lines().find(|line| line.starts_with("model name"))?;
     line.split_once(':').map(|(_, name)| name.trim())
 }
 
-/// Files or partitions swapped to.
+/// Number of swap files or partitions.
 pub(crate) fn swaps(swaps: &str) -> Option<usize> {
     let mut lines = swaps.lines();
     lines.next().filter(|head| head.starts_with("Filename"))?;
     Some(lines.filter(|line| !line.trim().is_empty()).count())
 }
 
-/// The kind of file system at that place.
+/// The type of the file system mounted at this place.
 pub(crate) fn mounted_as<'a>(mounts: &'a str, place: &str) -> Option<&'a str> {
     mounts.lines().rev().find_map(|line| {
         let mut words = line.split_whitespace().skip(1);

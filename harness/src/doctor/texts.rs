@@ -1,4 +1,4 @@
-//! The kernel's information on the machine, as texts. Never their interpretation.
+//! The kernel's information on the machine, as texts; interpreted in `checks`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,28 +8,29 @@ use std::path::{Path, PathBuf};
 pub struct IdleState {
     /// Its name.
     pub name: String,
-    /// Time to leave it, µs.
+    /// Exit latency, µs.
     pub latency_us: String,
-    /// `1` where it is switched off.
+    /// `1` if it is disabled.
     pub disable: String,
 }
 
-/// What is said of one core.
+/// Information on one core.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Core {
     /// Its number.
     pub number: usize,
-    /// Of its frequency; none where nothing governs it.
+    /// Frequency governor; `None` without one.
     pub governor: Option<String>,
     /// Hyperthreads of the same core, itself included.
     pub siblings: Option<String>,
     /// Its idle states.
     pub idle: Vec<IdleState>,
-    /// What of each period the kernel's fair server may take from real-time threads, ns: in debugfs, for root alone.
+    /// Share of each period that the kernel's fair server may take from real-time threads, ns: in
+    /// debugfs, readable by root only.
     pub fair_runtime_ns: Option<String>,
 }
 
-/// All that is looked at; none where the machine has no such file.
+/// All information; `None` if the machine has no such file.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Texts {
     /// `/proc/version`.
@@ -54,18 +55,18 @@ pub struct Texts {
     pub shm_free_bytes: Option<u64>,
     /// The clock source in use.
     pub clock_source: Option<String>,
-    /// Those that could be used.
+    /// The available clock sources.
     pub clock_sources: Option<String>,
     /// `/proc/swaps`.
     pub swaps: Option<String>,
     /// `/proc/cpuinfo`.
     pub cpuinfo: Option<String>,
-    /// What the machine calls itself.
+    /// Product name of the machine.
     pub product: Option<String>,
 }
 
 impl Texts {
-    /// Reads all of them below `root`, which is `/` but in tests.
+    /// Reads all of them below `root`, which is `/` except in tests.
     #[must_use]
     pub fn read(root: &Path) -> Self {
         let text = |path: &str| read(&root.join(path));
@@ -94,7 +95,7 @@ impl Texts {
 }
 
 fn read(path: &Path) -> Option<String> {
-    // Not all that a kernel says is text.
+    // The kernel's output is not always valid text.
     fs::read(path).ok().map(|bytes| String::from_utf8_lossy(&bytes).trim().to_owned())
 }
 

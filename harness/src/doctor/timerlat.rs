@@ -10,12 +10,13 @@ use super::Check;
 
 const NAME: &str = "wake-up latency";
 
-/// How it is measured.
+/// Settings of the measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TimerlatSettings {
-    /// How long, s: 1 to 86 400. What is rarer than this is not seen.
+    /// Duration, s: 1 to 86 400. Rarer delays are not detected.
     pub duration_s: u32,
-    /// The delay at which it is stopped and analysed, µs: 5 to 1000. Default 100: a tenth of a cycle of 1 ms.
+    /// The delay at which the tracer stops and analyses, µs: 5 to 1000. Default 100: a tenth of a
+    /// cycle of 1 ms.
     pub limit_us: u32,
 }
 
@@ -24,13 +25,13 @@ impl TimerlatSettings {
     pub const LIMIT_US: u32 = 100;
 }
 
-/// What the tool found.
+/// Output of the tool.
 #[derive(Debug, Clone, PartialEq)]
 struct Found {
     /// The largest delay of a thread on any core, µs, and that core.
     worst_us: f64,
     core: u32,
-    /// What the delay beyond the limit was made of, the largest first; empty where the limit was kept.
+    /// Parts of the delay beyond the limit, the largest first; empty if the limit was kept.
     parts: Vec<Part>,
 }
 
@@ -94,7 +95,7 @@ impl Part {
     }
 }
 
-/// What usually helps against a part, by its name in the tool.
+/// A remedy for a part, by its name in the tool.
 fn remedy(what: &str) -> &'static str {
     if what.starts_with("IRQ handler") {
         "a thread masks interrupts or the core left a deep idle state: isolate the core, disable idle states with long exit latency"
@@ -111,7 +112,7 @@ fn remedy(what: &str) -> &'static str {
     }
 }
 
-/// Reads the table of cores and the analysis behind it.
+/// Parses the table of cores and the analysis after it.
 fn parse(said: &str) -> Option<Found> {
     let mut worst: Option<(f64, u32)> = None;
     for (core, largest_us) in said.lines().filter_map(row) {
@@ -208,7 +209,7 @@ The system has exit from idle latency!
     }
 
     #[test]
-    fn the_worst_delay_is_told_with_its_core_its_parts_and_who_took_them() {
+    fn the_worst_delay_is_reported_with_its_core_its_parts_and_who_took_them() {
         let found = parse(STOPPED).expect("a table");
         assert_eq!((found.worst_us, found.core), (41.96, 23));
         let parts: Vec<(&str, f64)> =
@@ -243,7 +244,7 @@ The system has exit from idle latency!
     }
 
     #[test]
-    fn a_tool_that_may_not_measure_is_told_as_unknown_with_its_own_words() {
+    fn a_tool_that_may_not_measure_is_reported_as_unknown_with_its_own_words() {
         for (said, why) in [("", "Sorry, you need to be root to use rtla timerlat"), ("", "")] {
             let check = judge(said, why, settings(100));
             assert_eq!(check.state, State::Unknown);

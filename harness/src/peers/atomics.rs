@@ -1,6 +1,6 @@
 //! The limit of the machine: atomic words between two threads on two cores, alone or with a copy of the payload.
 //!
-//! Promises: between chunks the other thread is parked and costs nothing. Never: a system call while polling.
+//! Between chunks the other thread is parked. No system call while polling.
 
 use std::array::from_fn;
 use std::hint::{black_box, spin_loop};
@@ -16,19 +16,20 @@ use shm_schema::monotonic_ns;
 
 use super::{BACK, Peer, THERE, Way, poll};
 use crate::error::BenchError;
-use crate::manners::Manners;
+use crate::thread_settings::ThreadSettings;
 
 const WORDS_THERE: usize = THERE / 8;
 const WORDS_BACK: usize = BACK / 8;
 
-/// What the other thread is to do.
+/// Modes of the other thread.
 const PARKED: u32 = 0;
 const BARE: u32 = 1;
 const COPY: u32 = 2;
 const WOKEN: u32 = 3;
 const OVER: u32 = 4;
 
-/// One direction: a payload, then its number on a line of its own, as the number is what is polled.
+/// One direction: a payload, then its number on a separate cache line, because the number is
+/// polled.
 #[repr(align(128))]
 struct Slot<const N: usize> {
     seq: Line,
@@ -66,8 +67,8 @@ pub(crate) struct Atomics {
 }
 
 impl Atomics {
-    /// Starts the other thread with these manners; the calling thread is the one that measures.
-    pub(crate) fn start(manners: Manners) -> Result<Self, BenchError> {
+    /// Starts the other thread with these settings; the calling thread measures.
+    pub(crate) fn start(thread_settings: ThreadSettings) -> Result<Self, BenchError> {
         let shared = Arc::new(Shared {
             there: Slot::new(),
             back: Slot::new(),
@@ -78,9 +79,9 @@ impl Atomics {
         let thread = std::thread::Builder::new()
             .name("bench-atomics".to_owned())
             .spawn(move || {
-                let taken = manners.take();
+                let taken = thread_settings.take();
                 let goes_on = taken.is_ok();
-                // Whoever waits for this has not gone: it waits.
+                // The receiver waits for this message.
                 let _ = tell.send(taken);
                 if goes_on {
                     answer(&other, &asker);
@@ -91,7 +92,7 @@ impl Atomics {
         Ok(Self { shared, thread: Some(thread), seq: 0 })
     }
 
-    /// The answering side, for a chunk of one word each way.
+    /// The answering side, for a chunk with one word in each direction.
     pub(crate) fn bare(&mut self) -> Chunk<'_> {
         self.begin(BARE)
     }
@@ -124,7 +125,7 @@ impl Drop for Atomics {
     }
 }
 
-/// While it lives, the other side answers.
+/// While it exists, the other side answers.
 pub(crate) struct Chunk<'a> {
     atomics: &'a mut Atomics,
     task: u32,
@@ -132,7 +133,7 @@ pub(crate) struct Chunk<'a> {
 }
 
 impl Peer for Chunk<'_> {
-    // Inlined: it is compared with a cache line's way between two cores.
+    // Inlined: compared with the latency of a cache line between two cores.
     #[inline]
     fn round_trip(&mut self, _: u64) -> Option<u64> {
         let since_ns = monotonic_ns();

@@ -1,6 +1,6 @@
 //! Transports of the kernel: Unix datagrams, UDP over the loopback, pipes.
 //!
-//! Promises: polled, a look is one system call that does not block; woken, it is one that does.
+//! Polled, an attempt is one non-blocking system call; woken, it is one blocking call.
 
 use std::fs::File;
 use std::io::{self, ErrorKind, Read, Write};
@@ -16,13 +16,13 @@ use super::echo::STOP;
 use super::{ANSWER_WITHIN, BACK, Peer, THERE, Way, poll, seq_of};
 use crate::child::Guarded;
 
-/// Something with two ends that takes and gives messages.
+/// An endpoint that sends and receives messages.
 trait Medium {
     fn send(&mut self, message: &[u8]) -> io::Result<usize>;
     fn receive(&mut self, message: &mut [u8]) -> io::Result<usize>;
     fn way(&self) -> Way;
 
-    /// The next message, whole; none where there is none in time, or never again.
+    /// The next message, complete; `None` on a time-out or an error.
     fn next(&mut self, message: &mut [u8]) -> Option<()> {
         let way = self.way();
         let mut broken = false;
@@ -30,7 +30,7 @@ trait Medium {
             Ok(n) if n == message.len() => Some(()),
             Err(e) if way == Way::Poll && e.kind() == ErrorKind::WouldBlock => None,
             Err(e) if e.kind() == ErrorKind::Interrupted => None,
-            // Whatever else: time out in the blocking way, a peer that has gone, half a message.
+            // Any other result: time-out of a blocking call, closed peer, incomplete message.
             _ => {
                 broken = true;
                 Some(())
@@ -52,7 +52,7 @@ trait Medium {
         }
     }
 
-    /// Answers each message until the last one; a silence of [`ANSWER_WITHIN`] is no end.
+    /// Answers each message until the last one; a pause of [`ANSWER_WITHIN`] does not end it.
     fn answer_all(&mut self) {
         let (mut there, mut back) = ([0; THERE], [2; BACK]);
         let mut silences = 0;
@@ -72,14 +72,14 @@ trait Medium {
     }
 }
 
-/// Silences after which nobody is believed to ask any more.
+/// Number of pauses after which the other side is taken as gone.
 const SILENCES_MAX: u32 = 30;
 
 /// Unix datagrams.
 pub(crate) struct Unix(UnixDatagram, Way);
 
 impl Unix {
-    /// A socket of that name; its peer may not be there yet.
+    /// A socket with this name; its peer may not exist yet.
     pub(crate) fn new(dir: &Path, name: &str) -> io::Result<Self> {
         let path = dir.join(format!("{name}.unix"));
         let _ = std::fs::remove_file(&path);
@@ -98,7 +98,7 @@ impl Unix {
     }
 
     pub(crate) fn answer(&mut self, dir: &Path) {
-        // Its peer's socket stands by now.
+        // Its peer's socket exists by now.
         if self.connect(dir, "here").is_ok() {
             self.answer_all();
         }
@@ -157,7 +157,7 @@ impl Medium for Udp {
     }
 }
 
-/// Two pipes, one each way: messages are shorter than what a pipe takes whole.
+/// Two pipes, one per direction: messages are shorter than an atomic write to a pipe.
 pub(crate) struct Pipes {
     out: File,
     back: File,
@@ -173,7 +173,7 @@ impl Pipes {
         Ok(Self { out: out.into(), back: back.into(), way: Way::Wake })
     }
 
-    /// The process' own ends.
+    /// The ends of the process itself.
     pub(crate) fn inherited() -> io::Result<Self> {
         let back = std::io::stdin().as_fd().try_clone_to_owned()?;
         let out = std::io::stdout().as_fd().try_clone_to_owned()?;

@@ -1,8 +1,8 @@
 //! The echo process for reference transports: plain transport, datagrams, pipes. Contains both ends.
 //!
-//! The bench tells it over a stream what to answer next (`unix poll`, `end`); it says `ready`, answers each message, and comes back
-//! for the next word when a message with the number [`STOP`] arrives. Promises: it ends with its parent, and has the same core and
-//! policy as the daemon's cycle. Never: anything of trued.
+//! The bench sends it commands over a stream (`unix poll`, `end`); it replies `ready`, answers each
+//! message, and reads the next command after a message with the number [`STOP`]. It ends with its
+//! parent, and has the same core and policy as the daemon's cycle. It uses nothing of trued.
 
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -17,39 +17,39 @@ use super::{Kind, Peer, Way};
 use crate::BETWEEN_WORDS;
 use crate::child::Guarded;
 use crate::error::BenchError;
-use crate::manners::Manners;
 use crate::place::Place;
 use crate::plan::{Policy, Programs};
+use crate::thread_settings::ThreadSettings;
 
 /// The number of the message that ends a chunk.
 pub(crate) const STOP: u64 = u64::MAX;
-/// How long the process may take to be there, or to make ready.
+/// Time limit for the process to start, or to get ready.
 const WITHIN: Duration = Duration::from_secs(10);
 
-/// The bench's end.
+/// The bench's side.
 pub(crate) struct Echo {
     words: BufReader<UnixStream>,
     pipes: Pipes,
     unix: datagram::Unix,
     udp: datagram::Udp,
     plain: Plain,
-    /// Ends last: the others hold on to its ends.
+    /// Dropped last: the others depend on its pipes.
     _process: Guarded,
 }
 
 impl Echo {
-    /// Starts the process; the calling thread is the one that measures.
+    /// Starts the process; the calling thread measures.
     pub(crate) fn start(
         programs: &dyn Programs,
         place: &Place,
-        manners: Manners,
+        thread_settings: ThreadSettings,
     ) -> Result<Self, BenchError> {
         let control = place.path("control");
         let io = |e| BenchError::io("listen at", &control, e);
         let _ = std::fs::remove_file(&control);
         let listener = UnixListener::bind(&control).map_err(io)?;
         listener.set_nonblocking(true).map_err(io)?;
-        let Manners { core, policy, priority } = manners;
+        let ThreadSettings { core, policy, priority } = thread_settings;
         let dir = place.dir().to_string_lossy();
         let (core, priority) = (core.to_string(), priority.to_string());
         let words = ["echo", &dir, &core, policy.name(), &priority].join(BETWEEN_WORDS);
@@ -68,7 +68,7 @@ impl Echo {
         Ok(Self { words, pipes, unix, udp, plain, _process: process })
     }
 
-    /// Has the process answer in that way, and gives the end that asks.
+    /// Starts an answering endpoint, and returns the asking one.
     pub(crate) fn begin(&mut self, kind: Kind, way: Way) -> Result<&mut dyn Peer, BenchError> {
         let how = if way == Way::Poll { "poll" } else { "wake" };
         tell(&mut self.words, &format!("{} {how}", kind.name()))?;
@@ -85,9 +85,10 @@ impl Echo {
         Ok(self.end_of(kind))
     }
 
-    /// Ends what [`Self::begin`] began.
+    /// Ends what [`Self::begin`] started.
     pub(crate) fn end(&mut self, kind: Kind) {
-        // It answers this one too, so that it is known to have come; what is lost shows at the next `begin`.
+        // The stop message is answered too, which confirms its arrival; a loss shows at the next
+        // `begin`.
         let _ = self.end_of(kind).round_trip(STOP);
     }
 
@@ -103,7 +104,7 @@ impl Echo {
 
 impl Drop for Echo {
     fn drop(&mut self) {
-        // A process that has gone already does not listen.
+        // A process that has ended does not read.
         let _ = tell(&mut self.words, "end");
         let _ = hear(&mut self.words);
     }
@@ -145,21 +146,21 @@ fn hear(words: &mut BufReader<UnixStream>) -> Result<String, BenchError> {
     if line.is_empty() { Err(failed("it has gone")) } else { Ok(line.trim().to_owned()) }
 }
 
-/// The process' own side: answers until told to end.
+/// The process itself: answers until it receives `end`.
 pub(crate) fn answer(arguments: &[&str]) -> Result<(), BenchError> {
-    // A refusal leaves a process that a killed parent does not end: it ends when its stream closes.
+    // Without this signal a killed parent does not end the process: it ends when its stream closes.
     let _ = set_parent_process_death_signal(Some(Signal::KILL));
-    let (dir, manners) = parsed(arguments).ok_or_else(|| failed("arguments"))?;
+    let (dir, thread_settings) = parsed(arguments).ok_or_else(|| failed("arguments"))?;
     let stream = UnixStream::connect(dir.join("control")).map_err(failed)?;
     let mut words = BufReader::new(stream);
-    if manners.policy == Policy::Fifo {
+    if thread_settings.policy == Policy::Fifo {
         daemon::realtime::lock_memory()?;
     }
     let mut unix = datagram::Unix::new(dir, "there").map_err(failed)?;
     let mut udp = datagram::Udp::new().map_err(failed)?;
     let mut plain = Plain::create(dir)?;
     let mut pipes = Pipes::inherited().map_err(failed)?;
-    manners.take()?;
+    thread_settings.take()?;
     let told = hear(&mut words)?;
     let port = told.strip_prefix("port ").and_then(|port| port.parse().ok());
     udp.connect(port.ok_or_else(|| failed(&told))?).map_err(failed)?;
@@ -185,9 +186,10 @@ pub(crate) fn answer(arguments: &[&str]) -> Result<(), BenchError> {
     }
 }
 
-fn parsed<'a>(arguments: &[&'a str]) -> Option<(&'a Path, Manners)> {
+fn parsed<'a>(arguments: &[&'a str]) -> Option<(&'a Path, ThreadSettings)> {
     let &[dir, core, policy, priority] = arguments else { return None };
     let policy = if policy == Policy::Fifo.name() { Policy::Fifo } else { Policy::Other };
-    let manners = Manners { core: core.parse().ok()?, policy, priority: priority.parse().ok()? };
-    Some((Path::new(dir), manners))
+    let thread_settings =
+        ThreadSettings { core: core.parse().ok()?, policy, priority: priority.parse().ok()? };
+    Some((Path::new(dir), thread_settings))
 }

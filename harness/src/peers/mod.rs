@@ -1,7 +1,8 @@
 //! Reference transports of a round trip: the limit of the machine, the plain transport, transports of the kernel.
 //!
-//! Promises: each carries the same bytes as trued does, a command there and a corrected target back, copied in and out on both
-//! sides; none corrects anything. All but the atomics go to a process of its own. Never: an allocation per trip of our own making.
+//! Each carries the same number of bytes as trued, a command in one direction and a corrected
+//! target back, copied in and out on both sides, without correction. All except the atomics use a
+//! separate process. No allocation per trip in our code.
 
 pub(crate) mod atomics;
 pub(crate) mod datagram;
@@ -14,23 +15,23 @@ use std::time::Duration;
 use serde::Serialize;
 use shm_schema::{Command, Corrected, monotonic_ns};
 
-/// Bytes of what goes there.
+/// Bytes of a command.
 pub(crate) const THERE: usize = size_of::<Command>();
-/// Bytes of what comes back.
+/// Bytes of an answer.
 pub(crate) const BACK: usize = size_of::<Corrected>();
-/// How long an answer is waited for before it counts as lost.
+/// Time limit after which an answer counts as lost.
 pub(crate) const ANSWER_WITHIN: Duration = Duration::from_secs(1);
-/// Looks between two looks at the clock, while polling.
+/// Polls between two readings of the clock.
 const LOOKS_PER_CLOCK: u32 = 1024;
 
-/// Who answers.
+/// Transport that is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
     /// trued: client, daemon with its correction, client.
     Trued,
-    /// The plain transport, nothing corrected.
+    /// The plain transport without correction.
     Iceoryx2,
     /// Atomic words between two cores, with a copy of the payload.
     Atomics,
@@ -47,7 +48,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Everybody, in the order in which their chunks follow each other.
+    /// All of them, in the order of their chunks.
     pub const ALL: [Self; 8] = [
         Self::Trued,
         Self::Iceoryx2,
@@ -59,7 +60,7 @@ impl Kind {
         Self::Cyclictest,
     ];
 
-    /// The word for it, as in the JSON.
+    /// The name in the JSON.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -74,7 +75,7 @@ impl Kind {
         }
     }
 
-    /// What it is, for people.
+    /// Description.
     #[must_use]
     pub fn what(self) -> &'static str {
         match self {
@@ -89,7 +90,7 @@ impl Kind {
         }
     }
 
-    /// Where it stands in [`Self::ALL`].
+    /// Index in [`Self::ALL`].
     pub(crate) fn place(self) -> usize {
         self as usize
     }
@@ -98,20 +99,20 @@ impl Kind {
 /// How both sides wait for a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Way {
-    /// By looking again and again.
+    /// By polling.
     Poll,
-    /// Asleep, until the kernel wakes.
+    /// By sleeping until the kernel wakes them.
     Wake,
 }
 
-/// One that answers.
+/// An answering side.
 pub(crate) trait Peer {
-    /// Sends message `seq`, which goes up by one each time, and awaits its answer: from just before the sending to the taking, ns; none
-    /// where it was lost.
+    /// Sends message `seq`, which increases by one each time, and awaits its answer: time from just
+    /// before the sending to the reception, ns; `None` if it was lost.
     fn round_trip(&mut self, seq: u64) -> Option<u64>;
 }
 
-/// Looks until there is something; none after [`ANSWER_WITHIN`].
+/// Polls until there is a result; `None` after [`ANSWER_WITHIN`].
 pub(crate) fn poll<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
     let since_ns = monotonic_ns();
     loop {
@@ -137,7 +138,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn everybody_stands_where_the_order_says() {
+    fn all_peers_are_in_the_stated_order() {
         assert!(Kind::ALL.iter().enumerate().all(|(place, kind)| kind.place() == place));
     }
 }

@@ -1,6 +1,7 @@
 //! The plain transport: iceoryx2 with the payloads and settings of trued's real-time services, nothing else.
 //!
-//! Promises: in a domain of its own; the answering process creates, the bench opens. Never: anything of trued but its payloads' layout.
+//! In its own domain; the answering process creates the services, the bench opens them. It uses
+//! nothing of trued but the layout of its payloads.
 
 use std::path::Path;
 use std::time::Duration;
@@ -23,10 +24,10 @@ use crate::place::Place;
 
 type Ipc = ipc::Service;
 
-/// How long one wait for an event lasts; who waits then looks again.
+/// Duration of one wait for an event, after which the caller polls again.
 const ONE_WAIT: Duration = Duration::from_millis(100);
 
-/// Sends `Out`, takes `In`.
+/// Sends `Out`, receives `In`.
 struct Ends<
     Out: ZeroCopySend + std::fmt::Debug + 'static,
     In: ZeroCopySend + std::fmt::Debug + 'static,
@@ -59,7 +60,7 @@ where
         let rounds = ANSWER_WITHIN.as_millis() / ONE_WAIT.as_millis();
         (0..rounds).find_map(|_| {
             self.take().or_else(|| {
-                // Woken or not: what counts is whether a message is there.
+                // After the wait, only the presence of a message counts.
                 let _ = self.woken.timed_wait(|_| {}, ONE_WAIT);
                 self.take()
             })
@@ -67,7 +68,7 @@ where
     }
 }
 
-/// Which side a process is on.
+/// The side of a process.
 enum Side {
     Asks(Ends<Command, Corrected>),
     Answers(Ends<Corrected, Command>),
@@ -101,7 +102,7 @@ impl Plain {
         }
     }
 
-    /// Answers until the last message, or until nobody has asked for long.
+    /// Answers until the last message, or until no message was received for a long time.
     pub(crate) fn answer(&mut self) {
         let Side::Answers(ends) = &self.side else { return };
         let mut silences = 0;

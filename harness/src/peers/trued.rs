@@ -1,7 +1,7 @@
 //! The measured round trip: client library, daemon with its correction, client library.
 //!
-//! Promises: every trip commands another pose, at a speed that robots have, with a wrench and temperatures, so that nothing of the
-//! correction can be left out; the answers are counted by how they were made.
+//! Every trip commands another pose, at a realistic speed, with a wrench and temperatures, so that
+//! no part of the correction is skipped; the answers are counted by status.
 
 use std::time::Duration;
 
@@ -12,38 +12,39 @@ use trued_client::{
 use super::{ANSWER_WITHIN, Peer};
 use crate::latencies::Latencies;
 
-/// Swing of each joint about its pose, as a share of its range, and the time of a swing, s.
+/// Amplitude of each joint's oscillation, as a share of its range, and its period, s.
 const SWING: f64 = 0.02;
 const SWING_S: f64 = 4.0;
-/// Where in its range each joint stands: beside the middle, where many wrists are singular.
+/// Centre of the oscillation, as a share of the range: not in the middle, where many wrists are
+/// singular.
 const STANDS: f64 = 0.65;
-/// What acts on the tool, N and N·m.
+/// Load on the tool, N and N·m.
 const WRENCH: [f64; 6] = [50.0, -20.0, 30.0, 0.5, 0.2, 0.1];
 const AMBIENT_C: f64 = 24.0;
-/// So many answers in a row that are corrected, and the daemon does what it is there for.
+/// Number of consecutive corrected answers after which the daemon counts as settled.
 const SETTLED: u32 = 16;
 /// Time between commands meanwhile.
 const SETTLES_BY: Duration = Duration::from_millis(1);
 
-/// The client's end.
+/// The client's side.
 pub(crate) struct Trued {
     pub(crate) client: Client,
     stands: Vec<(f64, f64)>,
-    /// How far along its path the arm is, and when it was there, ns.
+    /// Time along the path, and the clock when it was reached, ns.
     path_ns: u64,
     there_ns: u64,
     pub(crate) answers: Answers,
     pub(crate) newest: Option<Corrected>,
 }
 
-/// What was counted of the answers.
+/// Counts of the answers.
 #[derive(Debug, Default)]
 pub(crate) struct Answers {
-    /// Time in the daemon, from taking a command to its answer.
+    /// Time in the daemon, from the reception of a command to its answer.
     pub(crate) correction: Latencies,
-    /// The trip without that time: what both libraries and the transport take.
+    /// The rest of the trip: both libraries and the transport.
     pub(crate) around: Latencies,
-    /// By [`CorrectionStatus`], and those that a solution stands behind, on its way to them though the correction may be.
+    /// By [`CorrectionStatus`], and those with a solved correction, even if it is still ramping.
     pub(crate) by_status: [u64; CorrectionStatus::ALL.len()],
     pub(crate) solved: u64,
 }
@@ -65,12 +66,14 @@ impl Trued {
         }
     }
 
-    /// The arm has stood since the last command: a daemon that was stopped for others to be measured shall not find it elsewhere, and ramp.
+    /// The arm was at rest since the last command: a daemon that was stopped for other measurements
+    /// must find it at the same place, or it would ramp.
     fn stood(&mut self) {
         self.there_ns = monotonic_ns();
     }
 
-    /// Commands until the daemon corrects, for at most `within`; none of it counts. The arm moves on from there: one that goes at once would ramp.
+    /// Sends commands until the daemon corrects, for at most `within`, without counting. The arm
+    /// continues from there: a sudden start would cause a ramp.
     pub(crate) fn settle(&mut self, within: Duration) {
         self.stood();
         let counted = std::mem::take(&mut self.answers);
@@ -86,7 +89,7 @@ impl Trued {
         self.answers = counted;
     }
 
-    /// Where the path is at `t_ns`.
+    /// The position on the path at `t_ns`.
     fn setpoint(&mut self, t_ns: u64) -> Setpoint {
         let mut q = [0.0; trued_client::JOINTS_MAX];
         self.path_ns += t_ns.saturating_sub(self.there_ns);
@@ -95,14 +98,15 @@ impl Trued {
         for (i, (stands, width)) in self.stands.iter().enumerate() {
             q[i] = stands + SWING * width * (phase + i as f64).sin();
         }
-        // The path is where it is said to be at that time, or a trip's jitter would be a jerk.
+        // The exact position on the path at this time; otherwise a trip's jitter would be a jerk.
         Setpoint::new(&q[..self.stands.len()])
             .at_ns(t_ns)
             .wrench(WRENCH, WrenchFrame::Tool)
             .temperatures(AMBIENT_C, &[])
     }
 
-    /// Commands and awaits the answer for at most `limit`; tells when it was sent and when the answer was there.
+    /// Sends a command and awaits the answer for at most `limit`; returns the times of sending and
+    /// of the answer.
     pub(crate) fn command(&mut self, limit: Duration) -> (u64, Option<u64>) {
         let setpoint = self.setpoint(monotonic_ns());
         let sent_ns = monotonic_ns();
@@ -126,7 +130,7 @@ impl Trued {
     }
 }
 
-/// Whether a correction was solved for, bounded or not.
+/// Whether a correction was solved for, limited or not.
 fn is_solved(answer: &Corrected) -> bool {
     let made = [
         CorrectionStatus::Corrected,

@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use trued_client::{Answer, Mode, Monitor};
 
-/// How long the daemon may take to answer: a reload reads and checks a model.
+/// Time limit of an answer: a reload reads and checks a model.
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 
-/// What an operator may ask by a key.
+/// Requests that an operator can make by a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Request {
     Bypass(bool),
@@ -18,7 +18,7 @@ pub(super) enum Request {
 }
 
 impl Request {
-    /// In words, as the commands of the shell have it.
+    /// Description, as in the commands of the shell.
     pub(super) fn says(self) -> String {
         match self {
             Self::Bypass(true) => "bypass on".to_owned(),
@@ -29,7 +29,8 @@ impl Request {
         }
     }
 
-    /// Whether the correction may grow by it: asked again before it is sent. What takes the correction out is sent at once.
+    /// Whether it can increase the correction: then it has to be confirmed. A request that removes
+    /// the correction is sent at once.
     pub(super) fn needs_a_yes(self) -> bool {
         !matches!(self, Self::Bypass(true) | Self::Mode(Mode::Shadow))
     }
@@ -42,7 +43,7 @@ pub(super) struct Answered {
     pub(super) says: String,
 }
 
-/// Answers until nobody asks any more.
+/// Answers requests until the sender is dropped.
 pub(super) fn run(mut monitor: Monitor, asked: &Receiver<Request>, answers: &Sender<Answered>) {
     for request in asked {
         let response = match request {

@@ -11,12 +11,13 @@ use super::ask::{Answered, Request};
 use crate::report::Report;
 use crate::watch::{News, Seen};
 
-/// Events that are kept.
+/// Number of events kept.
 const EVENTS_KEPT: usize = 200;
-/// The rate of commands is told over this time, s: short enough to follow, long enough for two digits at 10 Hz.
+/// The rate of commands is averaged over this time, s: short enough to follow changes, long enough
+/// for two digits at 10 Hz.
 const RATE_OVER_S: f64 = 2.0;
 
-/// What follows from a key.
+/// Result of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Effect {
     None,
@@ -24,14 +25,14 @@ pub(super) enum Effect {
     Quit,
 }
 
-/// Something that happened, with the daemon's time since its start.
+/// An event, with the daemon's time since its start.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Happened {
     pub(super) uptime_s: f64,
     pub(super) says: String,
 }
 
-/// Commands at a time.
+/// Number of commands at a time.
 #[derive(Clone, Copy, Debug)]
 struct Count {
     t_ns: u64,
@@ -42,21 +43,21 @@ struct Count {
 #[derive(Debug)]
 pub(super) struct Screen {
     pub(super) cell: String,
-    /// The cell as it is shown; none before its first status.
+    /// The displayed state of the cell; `None` before its first status.
     pub(super) seen: Option<Arc<Seen>>,
-    /// The cell now, while what is shown is frozen.
+    /// The present state of the cell, while the display is frozen.
     waiting: Option<Arc<Seen>>,
     pub(super) frozen: bool,
-    /// What waits for a `y`.
+    /// The request to be confirmed with `y`.
     pub(super) asks: Option<Request>,
-    /// What was sent and has no answer yet.
+    /// The request sent and not yet answered.
     pub(super) pending: Option<Request>,
     /// Newest first.
     pub(super) events: VecDeque<Happened>,
-    /// Commands per second; none before there are any.
+    /// Commands per second; `None` without commands.
     pub(super) rate_hz: Option<f64>,
     counted: VecDeque<Count>,
-    /// State words of the last status: a change is an event.
+    /// States of the last status: a change is an event.
     last: Option<(&'static str, &'static str, bool)>,
 }
 
@@ -76,7 +77,7 @@ impl Screen {
         }
     }
 
-    /// Takes what is new of the cell.
+    /// Processes a new state of the cell.
     pub(super) fn hear(&mut self, news: News) {
         for verdict in news.verdicts {
             self.happened(verdict.to_string());
@@ -91,13 +92,13 @@ impl Screen {
         }
     }
 
-    /// Takes an answer of the daemon.
+    /// Processes an answer of the daemon.
     pub(super) fn answered(&mut self, answered: &Answered) {
         self.pending = None;
         self.happened(format!("{}: {}", answered.request.says(), answered.says));
     }
 
-    /// Presses a key.
+    /// Processes a key.
     pub(super) fn key(&mut self, key: KeyEvent) -> Effect {
         let is_ctrl_c =
             key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
@@ -132,7 +133,7 @@ impl Screen {
         }
     }
 
-    /// The cell now, whether it is shown or not.
+    /// The present state of the cell, displayed or not.
     fn now(&self) -> Option<&Arc<Seen>> {
         self.waiting.as_ref().or(self.seen.as_ref())
     }
@@ -179,7 +180,7 @@ impl Screen {
     fn count(&mut self, status: &Status) {
         let now = Count { t_ns: status.t_ns, commands: status.commands };
         if self.counted.back().is_some_and(|last| last.commands > now.commands) {
-            // Another daemon.
+            // A new daemon.
             self.counted.clear();
         }
         self.counted.push_back(now);
@@ -209,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn what_takes_the_correction_out_is_sent_at_once_and_what_lets_it_in_after_a_yes() {
+    fn requests_that_remove_the_correction_are_sent_at_once_others_after_confirmation() {
         let mut screen = Screen::new("cell");
         status(&mut screen, Status::default());
         assert_eq!(press(&mut screen, 'b'), Effect::Ask(Request::Bypass(true)));
@@ -263,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rate_is_that_of_the_last_two_seconds_and_begins_anew_with_another_daemon() {
+    fn the_rate_is_that_of_the_last_two_seconds_and_restarts_with_another_daemon() {
         let mut screen = Screen::new("cell");
         for k in 0..100_u64 {
             let (t_ns, commands) = (k * 40_000_000, k * 10);

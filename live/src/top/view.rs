@@ -12,18 +12,18 @@ use shm_schema::FeedState;
 use super::screen::Screen;
 use crate::report::{Joint, Report};
 
-/// A status that is older than this says nothing of now, s: one comes every 40 ms.
+/// Age at which a status is out of date, s: one is published every 40 ms.
 const OLD_S: f64 = 1.0;
-/// From this share of its limit on a correction is near it, 0 to 1.
+/// From this share of its limit on a correction counts as near the limit, 0 to 1.
 const NEAR_LIMIT: f64 = 0.8;
-/// Columns of a joint's bar to each side.
+/// Length of a joint's bar to each side, columns.
 const BAR: usize = 10;
-/// Columns below which the cycle stands under the joints instead of beside them.
+/// Below this width the cycle is shown below the joints instead of next to them, columns.
 const NARROW: u16 = 70;
 /// Rows of title, state and keys.
 const ALWAYS: u16 = 6;
 
-/// Draws it.
+/// Draws the screen.
 pub(super) fn draw(frame: &mut Frame<'_>, screen: &Screen) {
     let [title, state, rest, keys] = Layout::vertical([
         Constraint::Length(1),
@@ -71,7 +71,7 @@ fn draw_title(frame: &mut Frame<'_>, area: Rect, screen: &Screen) {
     frame.render_widget(Paragraph::new(text).style(Style::new().reversed()), area);
 }
 
-/// The word that a person across the room should read, and its colour.
+/// The state to be readable from a distance, and its colour.
 fn state_word(report: &Report) -> (String, Color) {
     if report.away.is_some() {
         return ("NO DAEMON".to_owned(), Color::Red);
@@ -116,7 +116,7 @@ fn draw_state(frame: &mut Frame<'_>, area: Rect, report: &Report, frozen: bool) 
     frame.render_widget(Paragraph::new(about_text).style(Style::new().dim()), about);
 }
 
-/// A bar to the left or right of a middle, by a share of -1 to 1.
+/// A bar to the left or right of the centre, for a share from -1 to 1.
 fn bar(share: f64) -> String {
     let filled = ((share.abs().min(1.0) * BAR as f64).round() as usize).min(BAR);
     let (full, empty) = ("#".repeat(filled), " ".repeat(BAR - filled));
@@ -160,7 +160,7 @@ fn draw_cycle(frame: &mut Frame<'_>, area: Rect, report: &Report, rate_hz: Optio
     frame.render_widget(Paragraph::new(lines).block(block), area);
 }
 
-/// The feed override behind the wrench gate; nothing in a cell that adapts no feed.
+/// The feed override after the wrench gate; empty if the cell does not adapt its feed.
 fn feed(report: &Report) -> String {
     if report.feed.state == FeedState::Off.name() {
         return String::new();
@@ -191,7 +191,7 @@ fn keys_line(screen: &Screen) -> Line<'static> {
     if let Some(request) = screen.pending {
         return Line::styled(format!("{} ... waiting for the daemon", request.says()), bold);
     }
-    // The first ones have room on a narrow terminal too.
+    // The first ones fit on a narrow terminal too.
     let keys = [
         ("q", "uit"),
         ("b", "ypass"),
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bypass_is_the_word_that_is_read_first() {
+    fn a_bypass_is_the_most_prominent_state() {
         let rows = shown(&Status { bypassed: 1, ..running() }, 80, 24);
         assert!(rows[1].contains("BYPASSED: NOTHING IS CORRECTED"), "{rows:?}");
     }

@@ -153,7 +153,7 @@ fn linear_parameters_of_zero_do_nothing() {
 }
 
 #[test]
-fn what_acts_on_loads_moves_nothing_by_itself() {
+fn effects_on_loads_alone_do_not_move_the_tool() {
     for sample in samples().iter().filter(|s| s.effect.spec().acts_on == ActsOn::Loads) {
         let model = Model::new(sample.scene.arm, &[sample.effect]).expect("sound");
         let seen = model.evaluate(&sample.scene.inputs, &Memories::default());
@@ -165,7 +165,7 @@ fn what_acts_on_loads_moves_nothing_by_itself() {
 }
 
 #[test]
-fn what_acts_on_drives_or_cuts_moves_nothing_and_loads_nothing() {
+fn effects_on_drives_or_cuts_change_neither_position_nor_loads() {
     let elsewhere =
         |s: &&Sample| matches!(s.effect.spec().acts_on, ActsOn::DriveTorque | ActsOn::ToolForce);
     for sample in samples().iter().filter(elsewhere) {

@@ -21,7 +21,7 @@ fn scenes() -> [Scene; 2] {
 const LARGE: [f64; 3] = [0.12, -0.2, 0.15];
 
 #[test]
-fn what_moves_joints_adds_to_their_positions() {
+fn effects_on_joints_add_to_their_positions() {
     for scene in scenes() {
         let (arm, geometry, mut q) = (&scene.arm, Geometry::of(&scene.arm), scene.inputs.q);
         let effects = [
@@ -145,7 +145,7 @@ fn a_shift_along_the_axis_is_the_last_joints_alone() {
 }
 
 #[test]
-fn what_moves_the_tool_stands_behind_the_chain() {
+fn effects_on_the_tool_are_applied_after_the_chain() {
     let scene = scene();
     let (q, force) = (scene.inputs.q, scene.inputs.wrench_base.force);
     let nominal = Geometry::of(&scene.arm).base_from_tool(&q);

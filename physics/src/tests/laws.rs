@@ -66,7 +66,7 @@ proptest! {
 }
 
 #[test]
-fn what_is_not_there_is_not_changed() {
+fn a_missing_effect_is_not_changed() {
     let mut model = Model::nominal(super::loads::arms()[0]);
     assert_eq!(model.change(0, |_| ()), None);
 }

@@ -29,7 +29,7 @@ impl Out {
     }
 }
 
-/// Reads values one after the other; `None` where the bytes end or make no sense.
+/// Reads values one after the other; `None` at the end of the bytes or for invalid ones.
 #[derive(Debug)]
 pub(crate) struct In<'b> {
     bytes: &'b [u8],
@@ -127,7 +127,7 @@ fn put_numbers(numbers: &[f64], out: &mut Out) {
     }
 }
 
-/// Up to `N` numbers without a heap: what a ring of records can hold.
+/// Up to `N` numbers without heap, for records in a ring.
 #[derive(Debug, Clone, Copy)]
 pub struct Few<const N: usize> {
     count: usize,
@@ -135,7 +135,7 @@ pub struct Few<const N: usize> {
 }
 
 impl<const N: usize> Few<N> {
-    /// No numbers: not known.
+    /// No numbers: unknown.
     pub const NONE: Self = Self { count: 0, values: [0.0; N] };
 
     /// The first `N` numbers of a slice.

@@ -4,8 +4,9 @@
 
 use std::fmt;
 
-/// A stamp that is further than this from the last reading of the clocks, ns, is of another clock: a full ring of the slowest cycle
-/// holds less. The record counts as logged at that reading.
+/// A stamp further than this from the last reading of the clocks, ns, belongs to another clock: a
+/// full ring of the slowest cycle spans less. The record is then logged at the time of that
+/// reading.
 const STAMP_TRUST_NS: u64 = 60_000_000_000;
 /// The wall clock was set where it moved by more than this against the monotonic one, ns: above the time between two readings of a pair
 /// on a loaded machine. Slewing moves both alike.

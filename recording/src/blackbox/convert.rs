@@ -10,10 +10,10 @@ use physics::JointKind;
 
 use crate::series::{Channel, Frame, Recording, number_text};
 
-/// What one model made.
+/// Cycles of one model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// The header with that model; none where the file does not hold it.
+    /// The header with that model; `None` if the file does not contain it.
     pub header: Option<Header>,
     /// One row per cycle.
     pub cycles: Recording,
@@ -26,13 +26,13 @@ pub struct Conversion {
     pub runs: Vec<Run>,
     /// One row per force sample; none without force blocks.
     pub forces: Option<Recording>,
-    /// Infinite values, which a table cannot hold: they are missing there.
+    /// Number of infinite values, which become missing ones.
     pub not_finite: usize,
 }
 
-/// Converts the contents of a black box.
+/// Converts the contents of an MCAP recording.
 ///
-/// Segments: the one that each cycle names; a sender that starts anew begins another.
+/// Segments: those of the cycles; a restarted sender starts a new one.
 #[must_use]
 pub fn convert(contents: &Contents) -> Conversion {
     let cycles: Vec<&CycleRecord> = contents.records.iter().filter_map(cycle).collect();
@@ -55,7 +55,7 @@ pub fn convert(contents: &Contents) -> Conversion {
     made
 }
 
-/// Makes infinite values missing ones; how many.
+/// Replaces infinite values by missing ones; returns their number.
 fn drop_infinite(recording: &mut Recording) -> usize {
     let mut dropped = 0;
     for channel in recording.channels().collect::<Vec<_>>() {
@@ -199,7 +199,7 @@ fn other_columns(contents: &Contents, cycles: &[&CycleRecord]) -> Vec<(String, V
     columns
 }
 
-/// What measurements of the tool asked for, and the measurements; none without an instrument.
+/// The trim and the measurements of the tool; empty without an instrument.
 fn trim_columns(cycles: &[&CycleRecord]) -> Vec<(String, Vec<String>)> {
     if cycles.iter().all(|cycle| cycle.trim_m.as_slice().is_empty()) {
         return Vec::new();
@@ -229,7 +229,8 @@ fn forces_of(blocks: &[&ForceRecord]) -> Recording {
     let mut run = 0;
     for (at, block) in blocks.iter().enumerate() {
         let before = at.checked_sub(1).and_then(|before| blocks.get(before));
-        // A lost block or a new sender begins a segment: nobody may filter across the gap.
+        // A lost block or a new sender starts a segment, so that filters are not applied across the
+        // gap.
         run += i64::from(before.is_some_and(|before| {
             before.session != block.session || before.seq.wrapping_add(1) != block.seq
         }));

@@ -44,22 +44,22 @@ pub struct ChannelInfo {
 /// A model of the file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ModelInfo {
-    /// When the cycle had it, `CLOCK_MONOTONIC`, ns; 0 for the one that the file begins with.
+    /// Time of its activation in the cycle, `CLOCK_MONOTONIC`, ns; 0 for the first one of the file.
     pub since_ns: u64,
     /// The header with that model.
     pub header: Header,
-    /// Cycles that it made.
+    /// Number of its cycles.
     pub cycles: u64,
 }
 
-/// What a black box holds.
+/// Summary of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Info {
     /// The run as a whole.
     pub header: Header,
     /// Its models, in turn.
     pub models: Vec<ModelInfo>,
-    /// Cycles of models that the file does not hold.
+    /// Cycles of models that the file does not contain.
     pub cycles_of_unknown_models: u64,
     /// How wall-clock and monotonic times belong together.
     pub clocks: Vec<Clocks>,
@@ -69,14 +69,14 @@ pub struct Info {
     pub bytes: u64,
     /// How it ends.
     pub end: End,
-    /// Why it was made whole afterwards, where it was.
+    /// Why it was repaired, if it was.
     pub repaired: Option<String>,
 }
 
-/// Reads what a black box holds.
+/// Reads the summary of a recording.
 ///
 /// # Errors
-/// The file cannot be read, or is no black box.
+/// The file cannot be read, or is not an MCAP recording.
 pub fn info(path: &Path) -> Result<Info, BlackBoxError> {
     let refused = |source| BlackBoxError::Io { action: "read", path: path.to_owned(), source };
     let file = File::open(path).map_err(refused)?;
@@ -85,7 +85,7 @@ pub fn info(path: &Path) -> Result<Info, BlackBoxError> {
     Ok(if is_being_written { Info { end: End::BeingWritten, ..info } } else { info })
 }
 
-/// The same of a file that is open, whoever writes it.
+/// The same for an open file, even one that is being written.
 pub(super) fn info_of(path: &Path, mut file: &File) -> Result<Info, BlackBoxError> {
     let refused = |source| BlackBoxError::Io { action: "read", path: path.to_owned(), source };
     let bytes = file.metadata().map_err(refused)?.len();
@@ -114,7 +114,7 @@ pub(super) fn info_of(path: &Path, mut file: &File) -> Result<Info, BlackBoxErro
     Ok(tally.told(bytes, end))
 }
 
-/// Whether the file ends as a closed one does.
+/// Whether the file has the end of a closed one.
 pub(super) fn is_closed(mut file: &File) -> std::io::Result<bool> {
     let length = mcap::MAGIC.len();
     // Of a file that is just the opening bytes they are not the end.
@@ -171,7 +171,7 @@ impl Tally {
         }
     }
 
-    /// Whether there is a chunk wherever the index says so.
+    /// Whether there is a chunk at every position of the index.
     fn index_is_right(&self, mut file: &File) -> std::io::Result<bool> {
         let length = file.metadata()?.len();
         for at in &self.chunks_at {

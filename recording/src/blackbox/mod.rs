@@ -33,7 +33,7 @@ pub use write::BlackBox;
 
 use physics::JointKind;
 
-/// What a black box says of the run as a whole.
+/// Properties of the run as a whole.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Header {
     /// Name of the cell.
@@ -44,7 +44,7 @@ pub struct Header {
     pub model_hash: u64,
     /// The robot as its maker calls it, see [`crate::model::RobotEntry`].
     pub robot: String,
-    /// The robot's maker; empty where the model does not state it.
+    /// The robot's manufacturer; empty if the model does not state it.
     pub robot_maker: String,
     /// Its type, likewise.
     pub robot_type: String,

@@ -13,13 +13,13 @@ use super::scan::{Scanned, scan};
 use super::{BlackBoxError, Header};
 use physics::JointKind;
 
-/// Name of the metadata record that holds the header.
+/// Name of the metadata record with the header.
 pub(super) const METADATA: &str = "trued";
-/// Name of the metadata records that hold the models that took the place of the header's.
+/// Name of the metadata records with models that replaced that of the header.
 pub(super) const MODEL_CHANGE: &str = "trued.model_change";
-/// Name of the metadata records that say how wall-clock and monotonic times belong together from there on.
+/// Name of the metadata records with the relation of wall-clock and monotonic time.
 pub(super) const CLOCKS: &str = "trued.clocks";
-/// Name of the metadata record of a file that was made whole afterwards.
+/// Name of the metadata record of a repaired file.
 pub(super) const REPAIRED: &str = "trued.repaired";
 
 /// A model that took the place of the one before.
@@ -31,7 +31,7 @@ pub struct ModelChange {
     pub header: Header,
 }
 
-/// What a black box holds.
+/// Contents of a recording.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Contents {
     /// The run as a whole.
@@ -42,14 +42,14 @@ pub struct Contents {
     pub clocks: Vec<Clocks>,
     /// The records in the order in which they were written.
     pub records: Vec<Record>,
-    /// Why the file ends early, where it does; the records up to there are whole.
+    /// Why the file is truncated, if it is; the records before are complete.
     pub cut: Option<String>,
-    /// Messages of other topics, or of a form that this version does not know.
+    /// Number of messages of other topics, or of a form unknown to this version.
     pub unknown: usize,
 }
 
 impl Contents {
-    /// The header with the model that made that cycle. None where the file does not hold it.
+    /// The header with the model of this cycle; `None` if the file does not contain it.
     #[must_use]
     pub fn model_of(&self, cycle: &CycleRecord) -> Option<&Header> {
         let changed = self.model_changes.iter().rev();
@@ -57,23 +57,24 @@ impl Contents {
             let mut known = changed.map(|change| &change.header).chain([&self.header]);
             return known.find(|header| header.model_epoch == cycle.model_epoch);
         }
-        // Written by a version that did not say: the last change before it.
+        // Versions that did not write it: the last change before the cycle.
         let mut before = changed.filter(|change| change.t_ns <= cycle.received_ns);
         Some(before.next().map_or(&self.header, |change| &change.header))
     }
 }
 
-/// Reads a black box. No more of the file is held than the record at hand.
+/// Reads a recording. Only the present record is kept in memory.
 ///
 /// # Errors
-/// The file cannot be read, or is no black box. One that is cut off is read as far as it goes.
+/// The file cannot be read, or is not an MCAP recording. A truncated one is read as far as
+/// possible.
 pub fn read(path: &Path) -> Result<Contents, BlackBoxError> {
     let refused = |source| BlackBoxError::Io { action: "read", path: path.to_owned(), source };
     let file = File::open(path).map_err(refused)?;
     let metadata = file.metadata().map_err(refused)?;
     let name = path.display().to_string();
     if !metadata.is_file() {
-        // Of a pipe nobody knows how long it is.
+        // The length of a pipe is unknown.
         let mut bytes = Vec::new();
         (&file).read_to_end(&mut bytes).map_err(refused)?;
         return read_bytes(&name, &bytes);
@@ -90,7 +91,7 @@ pub fn read_bytes(name: &str, bytes: &[u8]) -> Result<Contents, BlackBoxError> {
     read_from(name, bytes, bytes.len())
 }
 
-/// Reads a black box from a source of so many bytes.
+/// Reads a recording from a source of `bytes` bytes.
 fn read_from(name: &str, source: impl Read, bytes: usize) -> Result<Contents, BlackBoxError> {
     let mut gathered = Gathered::default();
     let scanned = scan(name, source, bytes, &mut |record| {
@@ -144,22 +145,22 @@ impl Gathered {
     }
 }
 
-/// A change of the model as its metadata say it.
+/// A change of the model from its metadata.
 pub(super) fn model_change(pairs: &BTreeMap<String, String>) -> ModelChange {
     ModelChange { t_ns: number(pairs, "t_ns"), header: header(pairs) }
 }
 
-/// Two clocks as their metadata say them.
+/// Two clocks from their metadata.
 pub(super) fn clocks(pairs: &BTreeMap<String, String>) -> Clocks {
     Clocks { monotonic_ns: number(pairs, "monotonic_ns"), wall_ns: number(pairs, "wall_ns") }
 }
 
-/// A whole number; 0 where it is not stated.
+/// An integer; 0 if it is not stated.
 fn number(pairs: &BTreeMap<String, String>, key: &str) -> u64 {
     pairs.get(key).and_then(|text| text.parse().ok()).unwrap_or(0)
 }
 
-/// The header as its metadata say it.
+/// The header from its metadata.
 pub(super) fn header(pairs: &BTreeMap<String, String>) -> Header {
     let text = |key: &str| pairs.get(key).cloned().unwrap_or_default();
     let joint =

@@ -68,8 +68,8 @@ macro_rules! message {
 }
 
 message! {
-    /// One cycle: what came in, what went out, why, and with which measurements. Free of heap, so
-    /// that it fits a ring between threads.
+    /// One cycle: inputs, outputs, reason, measurements. Free of heap, so that it fits into a ring
+    /// between threads.
     #[derive(Debug, Clone, Copy, PartialEq, Default)]
     CycleRecord, "/trued/cycle", "trued_msgs/msg/Cycle",
     stamp received_ns,
@@ -84,7 +84,7 @@ message! {
         received_ns: u64,
         /// When the corrected target went out, ns.
         published_ns: u64,
-        /// How the target was made: a code of the wire.
+        /// Status of the target: a code of the shared memory.
         status: u32,
         /// Why: a code of the wire.
         reason: u32,
@@ -102,13 +102,13 @@ message! {
         tau: Few<JOINTS_MAX>,
         /// Wrench as it entered the cycle, before its low pass: Fx Fy Fz in N, Mx My Mz in N m.
         wrench_used: Few<6>,
-        /// 1 where it stands in base axes; else in tool axes.
+        /// 1 for base axes, otherwise tool axes.
         wrench_in_base: u8,
         /// Ambient, then one per joint, °C.
         temperature_c: Few<17>,
-        /// What the solve left over at the TCP, m.
+        /// Remaining position error at the TCP, m.
         residual_m: f64,
-        /// What it left over in orientation, rad.
+        /// Remaining orientation error, rad.
         residual_rad: f64,
         /// Spindle speed, revolutions per minute; NaN where unknown.
         spindle_rpm: f64,
@@ -116,9 +116,10 @@ message! {
         feed_m_s: f64,
     }
     later {
-        /// Which model made it, see [`super::Contents::model_of`]; 0 in files of versions that did not write it.
+        /// Number of its model, see [`super::Contents::model_of`]; 0 in files of versions that did
+        /// not write it.
         model_epoch: u64,
-        /// The correction that the model asks for, before its limits, rad or m.
+        /// The correction required by the model, before limiting, rad or m.
         q_wanted: Few<JOINTS_MAX>,
         /// What the tool's target was displaced by for the sake of measurements, base frame, m; empty without an instrument.
         trim_m: Few<3>,
@@ -185,13 +186,13 @@ message! {
     {
         /// Time, ns.
         t_ns: u64,
-        /// Health, one word.
+        /// Name of the health state.
         health: String,
         /// Why, one sentence; may be empty.
         says: String,
         /// Cycles since the start.
         cycles: u64,
-        /// Cycles that came late or not at all.
+        /// Late or missing cycles.
         missed: u64,
         /// Commands that were refused.
         rejected: u64,
@@ -228,9 +229,9 @@ message! {
     {
         /// Time, ns.
         t_ns: u64,
-        /// `info`, `warn`, `error`; `mark` of a marker that somebody asked for.
+        /// `info`, `warn`, `error`; `mark` for a marker set on request.
         level: String,
-        /// What it says.
+        /// Message.
         says: String,
     }
 }

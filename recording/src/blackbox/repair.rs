@@ -1,7 +1,7 @@
 //! Repairs an MCAP recording that was not closed and lacks its index after a kill or a full disk.
 //!
-//! Promises: the file is replaced atomically by a complete one with every readable record, or stays unchanged; a file being
-//! written by a process is not touched.
+//! The file is replaced atomically by a complete one with every readable record, or stays
+//! unchanged; a file being written by a process is not touched.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{BufReader, BufWriter, Write};
@@ -29,7 +29,7 @@ pub enum Repair {
     Done {
         /// What was wrong with it.
         was: String,
-        /// Messages that it holds.
+        /// Number of messages.
         messages: u64,
     },
 }
@@ -44,10 +44,11 @@ pub fn is_closed(path: &Path) -> Result<bool, BlackBoxError> {
     info::is_closed(&file).map_err(refused)
 }
 
-/// Makes a black box whole: what can be read of it is written anew, with its index.
+/// Repairs a recording: writes all readable records to a new file with an index.
 ///
 /// # Errors
-/// A process writes it, it is no black box, or the new file cannot be written; it is as it was then.
+/// It is being written by a process, it is not an MCAP recording, or the new file cannot be
+/// written; it is then unchanged.
 pub fn repair(path: &Path) -> Result<Repair, BlackBoxError> {
     let refused =
         |action| move |source| BlackBoxError::Io { action, path: path.to_owned(), source };
@@ -55,7 +56,7 @@ pub fn repair(path: &Path) -> Result<Repair, BlackBoxError> {
     if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
         return Err(BlackBoxError::InUse { path: path.to_owned() });
     }
-    // The lock is this process's own now.
+    // This process holds the lock now.
     let was = match info::info_of(path, &file)?.end {
         End::Closed | End::BeingWritten => return Ok(Repair::NotNeeded),
         End::Cut(cut) => cut,
@@ -69,13 +70,13 @@ pub fn repair(path: &Path) -> Result<Repair, BlackBoxError> {
         Ok(messages)
     });
     let messages = copied.inspect_err(|_| {
-        // The first error is the one to tell.
+        // The first error is reported.
         let _ = fs::remove_file(&unfinished);
     })?;
     Ok(Repair::Done { was, messages })
 }
 
-/// Copies what can be read of `from` into a whole file; how many messages that is.
+/// Copies all readable records of `from` to a complete file; returns the number of messages.
 fn copy(name: &Path, from: &File, to: &Path, was: &str) -> Result<u64, BlackBoxError> {
     let refused = |action, path: &Path| {
         let path = path.to_owned();
@@ -138,7 +139,7 @@ fn put<W: Write + std::io::Seek>(
     }
 }
 
-/// What the file says of its repair.
+/// Metadata about the repair.
 fn mark(was: &str) -> Metadata {
     let pairs = [("cut", was), ("by", program::version())];
     let pairs = pairs.map(|(key, value)| (key.to_owned(), value.to_owned()));

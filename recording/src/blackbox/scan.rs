@@ -1,6 +1,6 @@
 //! Iterates over the records of an MCAP recording, complete or truncated.
 //!
-//! Promises: no panic on any input; no more memory than the present record.
+//! No panic on any input; no more memory than the present record.
 
 use std::io::{self, Read};
 
@@ -23,7 +23,8 @@ pub(super) struct Scanned {
     pub(super) has_footer: bool,
 }
 
-/// Hands every record of use from a source of so many bytes to `take`, whose error ends it.
+/// Passes every relevant record from a source of `bytes` bytes to `take`, whose error ends the
+/// scan.
 pub(super) fn scan(
     name: &str,
     source: impl Read,
@@ -42,7 +43,7 @@ pub(super) fn scan(
     let options = LinearReaderOptions::default()
         .with_skip_end_magic(true)
         .with_prevalidate_chunk_crcs(true)
-        // No record is longer than the file: a broken length asks for no memory.
+        // No record is longer than the file: an invalid length allocates no memory.
         .with_record_length_limit(bytes);
     let mut reader = LinearReader::new_with_options(options);
     let mut scanned = Scanned::default();
@@ -74,7 +75,7 @@ pub(super) fn scan(
     Ok(scanned)
 }
 
-/// Fills the room as far as the source goes; how much that was.
+/// Fills the buffer as far as possible; returns the length.
 fn full(source: &mut impl Read, room: &mut [u8]) -> io::Result<usize> {
     let mut given = 0;
     while given < room.len() {
@@ -88,9 +89,9 @@ fn full(source: &mut impl Read, room: &mut [u8]) -> io::Result<usize> {
     Ok(given)
 }
 
-/// A record, where it is of a kind that is looked at; else why the file ends here.
+/// A record, if its kind is used; otherwise why the file ends here.
 fn of_use(opcode: u8, data: &[u8]) -> Result<Option<McapRecord<'_>>, String> {
-    // The library takes memory for a text before it looks whether there is as much of it.
+    // The library allocates memory for a text before it checks its length.
     let fits = match opcode {
         op::METADATA => Texts(data).text().and_then(Texts::pairs).is_some(),
         op::CHANNEL => {
@@ -123,23 +124,23 @@ fn attachment_fits(data: &[u8]) -> bool {
         .is_some_and(|length| length == rest.len())
 }
 
-/// Its map and its text stand behind four and two numbers of eight bytes.
+/// Its map and its text follow four and two eight-byte numbers.
 fn chunk_index_fits(data: &[u8]) -> bool {
     let map = data.get(32..).map(Texts).and_then(Texts::text);
     map.and_then(|Texts(rest)| rest.get(8..)).map(Texts).and_then(Texts::text).is_some()
 }
 
-/// Texts in a row as they stand in a record, each behind its length.
+/// Consecutive texts in a record, each after its length.
 struct Texts<'d>(&'d [u8]);
 
 impl<'d> Texts<'d> {
-    /// The length that stands first, and what follows it.
+    /// The leading length, and the rest.
     fn length(self) -> Option<(usize, &'d [u8])> {
         let (length, rest) = self.0.split_first_chunk()?;
         Some((usize::try_from(u32::from_le_bytes(*length)).ok()?, rest))
     }
 
-    /// Behind the first text; none where it is longer than what there is.
+    /// The rest after the first text; `None` if that is longer than the record.
     fn text(self) -> Option<Self> {
         let (length, rest) = self.length()?;
         rest.get(length..).map(Self)

@@ -99,7 +99,8 @@ fn a_change_of_the_model_stands_in_the_file_and_the_header_stays_the_first_one()
     let next =
         Header { model_hash: 7, model_epoch: 2, model: "name = \"next\"".to_owned(), ..header() };
     black_box.write_model_change(&next, 123).unwrap();
-    // The cycle takes a model over before the recorder hears of it, and cycles of the one before may come after.
+    // The cycle activates a model before the recorder is informed, and cycles of the previous one
+    // may come later.
     for (seq, model_epoch) in [(20, 2), (21, 1), (22, 3)] {
         black_box.write_cycle(&CycleRecord { model_epoch, ..cycle(seq) }).unwrap();
     }
@@ -120,7 +121,7 @@ fn a_change_of_the_model_stands_in_the_file_and_the_header_stays_the_first_one()
 }
 
 #[test]
-fn what_is_written_is_read_back() {
+fn written_records_are_read_back() {
     let scratch = Scratch::new("whole");
     let black_box = write_run(&scratch.file(), 100);
     black_box.finish().unwrap();
@@ -145,7 +146,7 @@ fn a_file_that_is_cut_anywhere_gives_its_whole_chunks() {
     for seq in 50..80 {
         black_box.write_cycle(&cycle(seq)).unwrap();
     }
-    // As a kill leaves it: what was added since the flush is in no chunk yet.
+    // As after a kill: data added since the flush is not in a chunk yet.
     let bytes = std::fs::read(scratch.file()).unwrap();
     assert_eq!(bytes.len(), after_first);
     assert_eq!(read_bytes("x", &bytes).unwrap().records.len(), 53);
@@ -287,7 +288,7 @@ fn an_index_that_points_elsewhere_is_seen_and_mended() {
     let mut bytes = std::fs::read(&path).unwrap();
     let chunk = first_chunk(&bytes).to_le_bytes();
     let place = bytes.windows(8).rposition(|window| window == chunk).unwrap();
-    // As versions wrote it that asked the file while its opening was buffered.
+    // As written by versions that queried the file while its opening was buffered.
     bytes[place..place + 8].fill(0);
     std::fs::write(&path, &bytes).unwrap();
     assert_eq!(info(&path).unwrap().end, End::WrongIndex);

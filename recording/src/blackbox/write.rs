@@ -46,9 +46,9 @@ pub struct BlackBox {
 }
 
 impl BlackBox {
-    /// Creates the file; one that stands there already is not touched. `now` is read from the clocks just before.
+    /// Creates the file; an existing one is not touched. `now` is read from the clocks just before.
     ///
-    /// While it is written the file is locked (`flock`), so that nobody repairs it meanwhile.
+    /// While it is written the file is locked (`flock`), so that it is not repaired meanwhile.
     ///
     /// # Errors
     /// The file exists, or the system refuses; no file is left then.
@@ -57,19 +57,19 @@ impl BlackBox {
             |action| move |source| BlackBoxError::Io { action, path: path.to_owned(), source };
         let file = File::create_new(path).map_err(refused("create"))?;
         match file.try_lock() {
-            // A file system without locks: nobody is kept out.
+            // A file system without locks: no protection.
             Ok(()) | Err(TryLockError::Error(_)) => {}
             Err(TryLockError::WouldBlock) => {
                 return Err(BlackBoxError::InUse { path: path.to_owned() });
             }
         }
         Self::begin(file, path, header, now).inspect_err(|_| {
-            // The first error is the one to tell.
+            // The first error is reported.
             let _ = std::fs::remove_file(path);
         })
     }
 
-    /// Writes what stands before the first record.
+    /// Writes everything before the first record.
     fn begin(file: File, path: &Path, header: &Header, now: Clocks) -> Result<Self, BlackBoxError> {
         let write_error = |source| write_error(path, source);
         let handle = file.try_clone().map_err(|why| write_error(why.into()))?;
@@ -91,7 +91,7 @@ impl BlackBox {
         Ok(black_box)
     }
 
-    /// Attaches the model as a file of its own, which any MCAP tool extracts.
+    /// Attaches the model as a separate file, which any MCAP tool extracts.
     fn attach_model(&mut self, header: &Header, wall_ns: u64) -> Result<(), BlackBoxError> {
         let attachment = Attachment {
             log_time: wall_ns,
@@ -119,7 +119,7 @@ impl BlackBox {
         if self.clocks.advance(now) { self.write_clocks() } else { Ok(()) }
     }
 
-    /// Whether the file is still in a folder. One that was removed takes records that nobody will find.
+    /// Whether the file still has a name. Records written to a removed one would be lost.
     #[must_use]
     pub fn is_in_a_folder(&self) -> bool {
         self.handle.metadata().is_ok_and(|file| file.nlink() > 0)
@@ -168,7 +168,7 @@ impl BlackBox {
     /// Adds a cycle.
     ///
     /// # Errors
-    /// The file cannot be written further; the same holds for the others below.
+    /// The file cannot be written; this applies to the following methods too.
     pub fn write_cycle(&mut self, record: &CycleRecord) -> Result<(), BlackBoxError> {
         self.put(record)
     }
@@ -205,7 +205,7 @@ impl BlackBox {
         self.put(record)
     }
 
-    /// Ends the chunk: what was added is in the file, and safe from the death of this process.
+    /// Ends the chunk: the records are in the file and survive the end of this process.
     ///
     /// # Errors
     /// See [`Self::write_cycle`].
@@ -213,7 +213,7 @@ impl BlackBox {
         self.writer.flush().map_err(|source| write_error(&self.path, source))
     }
 
-    /// Bytes in the file so far, the open chunk not counted.
+    /// Bytes in the file so far, without the open chunk.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.bytes.load(Ordering::Relaxed)
@@ -280,11 +280,13 @@ fn metadata(header: &Header) -> Metadata {
     Metadata { name: super::read::METADATA.to_owned(), metadata }
 }
 
-/// A file that counts what goes into it. After a write that failed nothing more goes in: what is there stays whole up to that point.
+/// A file that counts its bytes. After a failed write nothing more is written, so that the content
+/// up to that point remains valid.
 struct Counted {
     file: File,
     bytes: Arc<AtomicU64>,
-    /// What stands before the first record, until it is whole: it is written in one go, so that a kill leaves no half of it.
+    /// Everything before the first record, until it is complete: it is written at once, so that a
+    /// kill leaves no part of it.
     opening: Option<Vec<u8>>,
     has_failed: bool,
 }
@@ -322,7 +324,8 @@ impl Write for Counted {
     }
 }
 
-/// The container only asks where it is. The file does not know that while its opening waits, so the count answers.
+/// The container only queries its position, which the count provides, because the file does not
+/// know it while its opening is buffered.
 impl Seek for Counted {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         let at = self.bytes.load(Ordering::Relaxed);
@@ -347,7 +350,7 @@ mod tests {
         let mut counted = Counted::new(File::open(&path).unwrap(), Arc::default());
         counted.write_all(b"opening").unwrap();
         assert!(counted.flush().is_err());
-        // There is room again.
+        // There is space again.
         counted.file = File::options().append(true).open(&path).unwrap();
         assert!(counted.write_all(b"more").is_err());
         assert_eq!(std::fs::read(&path).unwrap(), b"whole");

@@ -7,9 +7,9 @@ use crate::faults::Faults;
 use crate::series::Frame;
 use crate::walk::{Document, Table};
 
-/// Where EGM's controllers send unless they are told otherwise.
+/// Default port of EGM controllers.
 const PORT: u16 = 6510;
-/// Path corrections are taken at multiples of this, ms.
+/// Path corrections are accepted at multiples of this period, ms.
 const PATH_STEP_MS: f64 = 24.0;
 
 pub(super) fn parse(name: &str, text: &str) -> Result<EgmConfig, Faults> {

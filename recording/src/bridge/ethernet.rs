@@ -1,6 +1,8 @@
-//! The controller's own RSI configuration (`RSI_EthernetConfig.xml`): which elements it sends and receives.
+//! The controller's own RSI configuration (`RSI_EthernetConfig.xml`): elements that it sends and
+//! receives.
 //!
-//! Promises: all faults at once, with line and caret; elements that are not needed are not checked.
+//! All errors are reported at once, with line and caret; elements that are not needed are not
+//! checked.
 
 use std::ops::Range;
 
@@ -13,7 +15,8 @@ use crate::xml;
 const NODES_MAX: u32 = 20_000;
 /// Channels of RSI in each direction.
 const CHANNELS_MAX: usize = 64;
-/// Longest tag or type, so that an answer fits into a datagram; what is in the field has a third of it.
+/// Limit on the length of tag or type, so that an answer fits into a datagram; an element in the
+/// field has a third of it.
 const WORD_MAX: usize = 64;
 
 /// One element of the telegram.
@@ -21,13 +24,13 @@ const WORD_MAX: usize = 64;
 pub struct Element {
     /// Its tag without `DEF_`: `ASPos`, `AKorr.A1`.
     pub tag: String,
-    /// A value of the controller itself; its attributes are given, it takes no channel.
+    /// An internal value of the controller; its attributes are given, it takes no channel.
     pub is_internal: bool,
-    /// The output stays at the last value where an answer is late; else it falls to zero.
+    /// The output keeps the last value if an answer is late; otherwise it falls to zero.
     pub holds: bool,
     /// `BOOL` or `LONG`: written without decimals.
     pub is_whole: bool,
-    /// Where it stands in its file.
+    /// Its position in the file.
     pub place: Place,
 }
 

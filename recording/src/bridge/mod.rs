@@ -1,8 +1,9 @@
 //! The configurations of the bridges, `trued.bridge-egm/1` and `trued.bridge-rsi/1`, and the controller's own RSI
 //! configuration: parsed and validated.
 //!
-//! Contract: docs/reference/bridge.md. A configuration that exists has every value in range, in SI; all errors of a file are reported. What
-//! depends on the model (number of joints) is checked where the model is known.
+//! Format: docs/reference/bridge.md. A valid configuration has every value in range, in SI; all
+//! errors of a file are reported. Values that depend on the model (number of joints) are checked
+//! where the model is known.
 
 mod egm;
 mod ethernet;
@@ -64,20 +65,20 @@ pub struct EgmConfig {
     pub robot_port: Option<u16>,
     /// The existing application, and the bridge's own address towards it.
     pub application: Option<(SocketAddr, SocketAddr)>,
-    /// After how many axes the seventh stands in the arm; none: six axes.
+    /// Number of axes before the seventh one; `None`: six axes.
     pub seventh_after: Option<usize>,
     /// Least time between two path corrections, s.
     pub path_period_s: f64,
-    /// Measured force goes to the watch, in these axes.
+    /// Measured force is sent to the vibration monitor, in these axes.
     pub force: Option<Frame>,
 }
 
-/// How RSI adds up what it is sent.
+/// How RSI accumulates corrections.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sums {
     /// What is sent is the whole correction.
     Absolute,
-    /// What is sent is added to what was sent before.
+    /// Corrections are added to the previous ones.
     Relative,
 }
 
@@ -97,11 +98,11 @@ pub struct RsiConfig {
     pub common: Common,
     /// Where the controller sends.
     pub listen: SocketAddr,
-    /// What is sent and received, by the controller's own file.
+    /// Elements sent and received, from the controller's own file.
     pub ethernet: Ethernet,
     /// Where the program wants the axes, degrees.
     pub setpoint: Group,
-    /// The setpoint as sent holds the correction already.
+    /// The setpoint as sent contains the correction already.
     pub setpoint_holds_correction: bool,
     /// What is corrected.
     pub correction: RsiCorrection,
@@ -109,7 +110,7 @@ pub struct RsiConfig {
     pub sums: Sums,
     /// Where the controller takes the feed override, percent of the programmed feed.
     pub feed: Option<Element>,
-    /// Every other element that the controller receives, and what it is sent.
+    /// Every other element that the controller receives, and its value.
     pub others: Vec<(Element, f64)>,
 }
 
@@ -134,10 +135,10 @@ impl EgmConfig {
 }
 
 impl RsiConfig {
-    /// Reads a configuration and the controller's beside it; relative paths in it count from its folder.
+    /// Reads a configuration and the controller's; relative paths in it refer to its folder.
     ///
     /// # Errors
-    /// A file cannot be read, or all its faults.
+    /// A file cannot be read, or all its errors.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let (name, text) = (path.display().to_string(), read_text(path)?);
         let ethernet = beside(path, &rsi::ethernet_path(&name, &text)?);

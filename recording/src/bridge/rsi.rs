@@ -16,7 +16,7 @@ const AXES: [&str; 6] = ["A1", "A2", "A3", "A4", "A5", "A6"];
 const CONSTANT_MAX: f64 = 1e9;
 const POSE: [&str; 6] = ["X", "Y", "Z", "A", "B", "C"];
 
-/// An element with several numbers: `<AKorr A1=".." A2=".." />`.
+/// An element with several values: `<AKorr A1=".." A2=".." />`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Group {
     /// Its tag.
@@ -25,7 +25,7 @@ pub struct Group {
     pub names: Vec<String>,
 }
 
-/// Where the controller's own configuration is.
+/// Path of the controller's own configuration.
 pub(super) fn ethernet_path(name: &str, text: &str) -> Result<PathBuf, Faults> {
     let document = Document::parse(name, text)?;
     let root = document.root();
@@ -86,7 +86,7 @@ fn group_of(correction: &RsiCorrection) -> &Group {
     }
 }
 
-/// A tag with its attributes; the attributes are given, or those of KUKA's own groups.
+/// A tag with its attributes; the attributes are given, or those of KUKA's standard groups.
 fn group(table: &Table<'_, '_>, tag: &str, usual: [&str; 6]) -> Group {
     let tag = table.text("tag").unwrap_or(tag).to_owned();
     let given = if table.has("names") { table.texts("names") } else { None };
@@ -151,7 +151,7 @@ fn correction(table: &Table<'_, '_>, ethernet: &Ethernet) -> (Option<RsiCorrecti
     (correction, sums)
 }
 
-/// Whether the controller takes this correction, and what it does where an answer is late.
+/// Whether the controller accepts this correction, and its behaviour for late answers.
 fn takes(table: &Table<'_, '_>, ethernet: &Ethernet, group: &Group, sums: Sums) {
     for name in &group.names {
         let tag = format!("{}.{name}", group.tag);
@@ -211,7 +211,7 @@ fn feed(table: &Table<'_, '_>, ethernet: &Ethernet) -> Option<Element> {
     Some(element.clone())
 }
 
-/// Everything else that the controller receives must be given a value.
+/// Everything else that the controller receives must have a value.
 fn others(
     root: &Table<'_, '_>,
     ethernet: &Ethernet,

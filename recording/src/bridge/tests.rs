@@ -15,7 +15,7 @@ fn rsi(text: &str, xml: &str) -> Result<RsiConfig, Faults> {
     RsiConfig::parse("bridge.toml", text, ethernet(xml))
 }
 
-/// The words of a refusal; empty where there is none.
+/// The message of a refusal; empty if there is none.
 fn words<T>(parsed: Result<T, Faults>) -> String {
     parsed.err().map(|faults| faults.plain()).unwrap_or_default()
 }
@@ -42,7 +42,7 @@ fn a_configuration_of_the_controller_in_latin_1_is_read_whether_it_says_so_or_no
         ["<?xml version=\"1.0\" encoding=\"ISO-8859-1\"?>\n", "", "<?xml version=\"1.0\"?>\n"];
     for head in heads {
         let said = format!("{head}<!-- Schwei\u{df}zelle -- T\u{fc}r 3 -->\n{body}");
-        // Latin-1: one byte for each character, of the examples' own none above.
+        // Latin-1: one byte per character; the examples have no higher ones.
         let bytes: Vec<u8> =
             said.chars().map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?')).collect();
         std::fs::write(folder.join("rsi-ethernet.xml"), bytes).unwrap();
@@ -54,7 +54,7 @@ fn a_configuration_of_the_controller_in_latin_1_is_read_whether_it_says_so_or_no
 }
 
 #[test]
-fn whether_the_controller_compensates_itself_must_be_said() {
+fn whether_the_controller_compensates_itself_is_required() {
     for text in [EGM, RSI] {
         let silent: Vec<&str> = text.lines().filter(|l| !l.starts_with("absolute_acc")).collect();
         let silent = silent.join("\n");
@@ -68,7 +68,7 @@ fn whether_the_controller_compensates_itself_must_be_said() {
 }
 
 #[test]
-fn every_fault_of_a_bridge_is_told_at_once() {
+fn every_fault_of_a_bridge_is_reported_at_once() {
     let text = "schema = \"trued.bridge-egm/1\"\ncell = \"c.toml\"\nabsolute_accuracy = \"of\"\nguidance = \"joints\"\n\
                 [robot]\naddress = \"192.168.125\"\nlisten = \"6510\"\nseventh_after = 9\n[path]\nperiod_ms = 50\n[forse]\n";
     let said = words(EgmConfig::parse("bridge.toml", text));
@@ -87,7 +87,7 @@ fn every_fault_of_a_bridge_is_told_at_once() {
 }
 
 #[test]
-fn what_would_jump_or_drift_where_an_answer_is_late_is_refused() {
+fn configurations_that_jump_or_drift_on_late_answers_are_refused() {
     let falls = XML.replacen("HOLDON=\"1\"", "HOLDON=\"0\"", 1);
     let said = words(rsi(RSI, &falls));
     assert!(
@@ -103,7 +103,7 @@ fn what_would_jump_or_drift_where_an_answer_is_late_is_refused() {
 }
 
 #[test]
-fn what_the_controller_does_not_send_or_is_not_told_is_named() {
+fn missing_elements_of_the_controller_are_reported() {
     let said = words(rsi(RSI, &XML.replace("DEF_ASPos", "DEF_RIst")));
     assert!(said.contains("does not send ASPos"), "{said}");
     let said = words(rsi(&RSI.replace("DiO = 0", ""), XML));
@@ -122,7 +122,7 @@ fn what_the_controller_does_not_send_or_is_not_told_is_named() {
 }
 
 #[test]
-fn what_would_make_an_answer_that_no_controller_can_read_is_refused() {
+fn unreadable_answers_are_refused_by_configuration() {
     let twice = RSI.replace("\"A2\"", "\"A1\"");
     let said = words(rsi(&twice, XML));
     assert_eq!(said.matches("names A1 twice").count(), 2, "setpoint and correction: {said}");
@@ -142,7 +142,7 @@ fn what_would_make_an_answer_that_no_controller_can_read_is_refused() {
 }
 
 #[test]
-fn a_configuration_of_the_controller_that_cannot_be_used_is_told_with_its_line() {
+fn a_configuration_of_the_controller_that_cannot_be_used_is_reported_with_its_line() {
     let said = |xml: &str| words(Ethernet::parse("ethernet.xml", xml));
     assert!(said(&XML.replace("FALSE", "TRUE")).contains("the controller takes no answers"));
     assert!(said(&XML.replace("49152", "x")).contains("ethernet.xml:5"));

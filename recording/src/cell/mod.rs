@@ -1,7 +1,7 @@
 //! The cell's configuration, `trued.cell/1`: parsed and validated.
 //!
-//! Contract: docs/reference/cell.md. A [`CellConfig`] that exists has every value in range, in SI; all errors of a
-//! file are reported. What depends on the model (lists per joint) is checked by
+//! Format: docs/reference/cell.md. A valid [`CellConfig`] has every value in range, in SI; all
+//! errors of a file are reported. Values that depend on the model (lists per joint) are checked by
 //! [`CellConfig::check_against`].
 
 mod read;
@@ -20,10 +20,10 @@ use physics::JointKind;
 /// Name of the format.
 pub(crate) const SCHEMA: &str = "trued.cell/1";
 
-/// How much of the correction goes out.
+/// How much of the correction is sent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Mode {
-    /// Computed and recorded; what goes out is the command.
+    /// Computed and recorded; the command is sent unchanged.
     #[default]
     Shadow,
     /// Within a tenth of the envelope.
@@ -39,7 +39,7 @@ pub struct CellConfig {
     pub cell: String,
     /// The model: a file, a relative path counting from the configuration's folder; or a preset.
     pub model: PathBuf,
-    /// How much goes out after a start.
+    /// Mode after a start.
     pub mode: Mode,
     /// How much may go out on request; at least `mode`.
     pub mode_max: Mode,
@@ -49,7 +49,7 @@ pub struct CellConfig {
     pub envelope: Envelope,
     /// What the tool's task needs.
     pub task: Task,
-    /// Where the wrench comes from.
+    /// Source and use of the wrench.
     pub wrench: Wrench,
     /// How temperatures age.
     pub temperature: Temperature,
@@ -90,8 +90,8 @@ pub enum Wait {
     Spin,
 }
 
-/// `[envelope]`: bounds of the correction. A list holds one value per joint; one value holds for
-/// every joint.
+/// `[envelope]`: limits of the correction. A list has one value per joint; a single value applies
+/// to every joint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Envelope {
     /// Of revolute joints, rad, rad/s, rad/s³.
@@ -120,7 +120,7 @@ pub struct Task {
     pub length_m: f64,
 }
 
-/// Where the wrench of the correction comes from.
+/// Source of the wrench for the correction.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum WrenchSource {
     /// The force stream.
@@ -135,7 +135,7 @@ pub enum WrenchSource {
 /// `[wrench]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wrench {
-    /// Where it comes from.
+    /// Source.
     pub source: WrenchSource,
     /// Corner of the low-pass, Hz.
     pub low_pass_hz: f64,
@@ -143,7 +143,7 @@ pub struct Wrench {
     pub stale_s: f64,
     /// Axes in which it is measured.
     pub frame: Frame,
-    /// Stiffness of the process (cutter in its cut, contact), N/m, where known.
+    /// Stiffness of the process (cutting, contact), N/m, if known.
     pub process_stiffness_n_per_m: Option<f64>,
     /// Largest loop gain (process stiffness times robot compliance), below 1.
     pub loop_gain_max: f64,
@@ -154,7 +154,7 @@ pub struct Wrench {
 /// `[temperature]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Temperature {
-    /// Age from which a temperature counts as unknown, s; infinite where it never does.
+    /// Age at which a temperature counts as unknown, s; infinite for no limit.
     pub stale_s: f64,
 }
 
@@ -163,7 +163,7 @@ pub struct Temperature {
 pub enum MeasuredMode {
     /// Nothing: they are not read.
     Off,
-    /// The model's error is found and told.
+    /// The model's error is estimated and reported.
     #[default]
     Observe,
     /// The tool is trimmed by it.
@@ -191,11 +191,12 @@ pub struct Measured {
     pub noise_m: f64,
     /// A larger change from one measurement to the next is a jump of the instrument, m.
     pub jump_m: f64,
-    /// Without measurements the trim holds for so long, s.
+    /// The trim is held for this long without measurements, s.
     pub hold_s: f64,
     /// The largest trim, m.
     pub limit_m: f64,
-    /// How well the model was proven, standard uncertainty of each axis, m, where it is to be watched by what the trim finds.
+    /// Standard uncertainty of the model per axis by its validation, m, if it is to be monitored by
+    /// the trim's estimate.
     pub model_sigma_m: Option<f64>,
 }
 
@@ -207,11 +208,11 @@ pub enum FeedMode {
     /// The override is computed and reported; the programmed feed is used.
     #[default]
     Observe,
-    /// It goes out.
+    /// The override is sent.
     Adapt,
 }
 
-/// What the feed is to keep.
+/// The limit of the feed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FeedLimit {
     /// The process force, N.
@@ -225,11 +226,11 @@ pub enum FeedLimit {
 pub struct Feed {
     /// What the override is for.
     pub mode: FeedMode,
-    /// What it keeps.
+    /// The limit.
     pub limit: FeedLimit,
     /// The least override.
     pub floor: f64,
-    /// The override where no force is known.
+    /// The override if no force is known.
     pub lost: f64,
     /// The largest override in the air.
     pub air: f64,
@@ -239,15 +240,15 @@ pub struct Feed {
     pub down_per_s: f64,
     /// How fast it may rise, per s.
     pub up_per_s: f64,
-    /// From an override to the force that comes of it, as it is known here, s.
+    /// Delay from an override to the resulting force, as measured here, s.
     pub latency_s: f64,
     /// Time constant of the estimate, s; none: chosen for the latency.
     pub time_constant_s: Option<f64>,
     /// How the force grows with the feed: its exponent.
     pub exponent: f64,
-    /// A force beyond so many limits takes the override down at once.
+    /// A force beyond this multiple of the limit lowers the override at once.
     pub relief: f64,
-    /// Without a force the override holds for so long, s.
+    /// The override is held for this long without a force, s.
     pub hold_s: f64,
 }
 
@@ -279,13 +280,13 @@ pub struct Force {
     pub rate_hz: f64,
     /// Channels: the first of Fx Fy Fz Mx My Mz.
     pub channels: usize,
-    /// Largest force that the sensor can measure, N; infinite where not known.
+    /// Largest force that the sensor can measure, N; infinite if unknown.
     pub full_scale_n: f64,
-    /// Largest moment that it can measure, Nm; infinite where not known.
+    /// Largest moment that it can measure, Nm; infinite if unknown.
     pub full_scale_nm: f64,
     /// How far a block's stamp may lie ahead of the daemon's clock, s.
     pub ahead_s: f64,
-    /// How long after its last sample a block may come, s.
+    /// Largest delay of a block after its last sample, s.
     pub late_s: f64,
 }
 
@@ -298,11 +299,11 @@ pub struct Vibration {
     pub least_amplitude_n: f64,
     /// The same for moments, Nm.
     pub least_amplitude_nm: f64,
-    /// Scales the power over the noise floor that makes a line.
+    /// Scales the power over the noise floor that counts as a line.
     pub threshold: f64,
-    /// Spindle speed, revolutions per minute, where constant and known.
+    /// Spindle speed, revolutions per minute, if constant and known.
     pub spindle_rpm: Option<f64>,
-    /// Teeth of the cutter, where known.
+    /// Teeth of the cutter, if known.
     pub teeth: Option<u32>,
 }
 
@@ -315,7 +316,7 @@ pub struct Realtime {
     pub core: Option<usize>,
     /// Lock memory.
     pub lock_memory: bool,
-    /// Refuse to start where the above cannot be had (else: say so and go on).
+    /// Refuse to start if a setting is refused (otherwise it is reported and the daemon continues).
     pub enforce: bool,
 }
 
@@ -328,9 +329,9 @@ pub struct Recorder {
     pub max_file_bytes: u64,
     /// Number of recordings from which on the oldest are removed; those that were kept are not counted.
     pub keep_files: usize,
-    /// Whether recording begins with the daemon; else when somebody asks for it.
+    /// Whether recording begins with the daemon; otherwise on request.
     pub starts_recording: bool,
-    /// Whether an alarm keeps the recording.
+    /// Whether an alarm causes the recording to be kept.
     pub keeps_alarms: bool,
     /// Number of kept recordings from which on no further one is kept.
     pub kept_files_max: usize,
@@ -363,7 +364,8 @@ impl CellConfig {
         read::parse(name, text)
     }
 
-    /// The feed override where no daemon is there and its mode is not known: that for a lost force in a cell that adapts its feed and corrects after a start, else 1.
+    /// The feed override without a daemon and with unknown mode: that for a lost force in a cell
+    /// that adapts its feed and corrects after a start, otherwise 1.
     #[must_use]
     pub fn lost_feed(&self) -> f64 {
         let feed = self.feed.filter(|feed| feed.mode == FeedMode::Adapt);
@@ -402,14 +404,15 @@ impl Envelope {
         ]
     }
 
-    /// Size, rate and jerk of a joint (from 0), SI. A joint beyond a list takes its last value.
+    /// Position, rate and jerk limit of a joint (from 0), SI. A joint beyond the end of a list has
+    /// its last value.
     #[must_use]
     pub fn of_joint(&self, joint: usize, kind: JointKind) -> (f64, f64, f64) {
         let bounds = match kind {
             JointKind::Revolute => &self.revolute,
             JointKind::Prismatic => &self.prismatic,
         };
-        // A list is never empty, as read; zero (no correction) is the safe answer for a made one.
+        // A list that was read is not empty; for one made in code zero (no correction) is safe.
         let pick = |list: &[f64]| list.get(joint).or(list.last()).copied().unwrap_or(0.0);
         (pick(&bounds.size), pick(&bounds.rate), pick(&bounds.jerk))
     }

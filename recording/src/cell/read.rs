@@ -104,7 +104,7 @@ fn is_path(table: &Table<'_, '_>, key: &str, path: &str) -> bool {
     good
 }
 
-/// A number of an optional table, with its default; times and the like are scaled to SI.
+/// A number of an optional table, with its default; scaled to SI.
 fn number(
     table: Option<&Table<'_, '_>>,
     key: &str,
@@ -202,7 +202,8 @@ fn wrench(table: Option<&Table<'_, '_>>) -> Wrench {
 const TEMPERATURE_STALE_S: f64 = 60.0;
 /// A block is stamped with its first sample, so that an honest stamp is past; a clock that is synchronised from elsewhere strays by less.
 const AHEAD_MS: f64 = 5.0;
-/// Where the wrench is not used: longer than any buffer of a driver or of the transport holds at the load of a working machine.
+/// Without use of the wrench: longer than any buffer of a driver or of the transport holds at
+/// normal load.
 const LATE_MS: f64 = 1000.0;
 
 fn temperature(table: Option<&Table<'_, '_>>) -> Temperature {
@@ -213,15 +214,18 @@ fn temperature(table: Option<&Table<'_, '_>>) -> Temperature {
 
 /// An industrial robot follows its commands by some cycles of its controller: 4 to 40 ms.
 const REACTION_MS: f64 = 10.0;
-/// Above what the model's error changes by within an interval on a path (backlash at a reversal included), below the millimetre by which a beam that was lost comes back elsewhere.
+/// More than the model's error changes within an interval on a path (including backlash at a
+/// reversal), less than the millimetre by which a lost beam may return displaced.
 const JUMP_MM: f64 = 0.3;
-/// Longer than somebody walks through the beam's way; the model's error hardly changes meanwhile.
+/// Longer than it takes to walk through the beam; the model's error hardly changes meanwhile.
 const HOLD_MS: f64 = 500.0;
-/// What is left of a robot's error after a calibration is some tenths of a millimetre; a larger one asks for another.
+/// The residual error of a calibrated robot is some tenths of a millimetre; a larger one requires a
+/// new calibration.
 const LIMIT_MM: f64 = 1.0;
 /// Stated delays in the shortest time constant: below it the gain margin at twice the stated delay is less than 2 (`corrector/src/trim.rs`).
 const DELAYS_LEAST: f64 = 2.0;
-/// Longest cycle with a trim or a feed override, s: what was in force is interpolated between cycles, and one that comes after 50 ms counts as a pause.
+/// Longest cycle with a trim or a feed override, s: past values are interpolated between cycles,
+/// and after 50 ms a pause is assumed.
 const LATE_PERIOD_MAX_S: f64 = 0.04;
 
 fn measured(table: &Table<'_, '_>) -> Measured {
@@ -262,9 +266,9 @@ fn measured(table: &Table<'_, '_>) -> Measured {
     measured
 }
 
-/// To a tenth, upwards: what is written may be set.
+/// Rounded up to a tenth, so that the stated value is accepted.
 fn tenth(ms: f64) -> f64 {
-    // Less than a nanosecond is the binary form of a decimal number.
+    // A difference below a nanosecond is due to the binary form of a decimal number.
     ((ms - 1e-6) * 10.0).ceil() / 10.0
 }
 
@@ -316,19 +320,23 @@ fn dynamic(table: &Table<'_, '_>, period_s: f64) -> Dynamic {
     dynamic
 }
 
-/// The slowest feed at which a cutter of common geometry still cuts and does not rub is about a tenth of its nominal one.
+/// The slowest feed at which a cutter of common geometry still cuts rather than rubs is about a
+/// tenth of its nominal one.
 const FLOOR_PERCENT: f64 = 10.0;
 /// Above the noise and the drift of a force sensor on a flange (some newtons), below any cut that bends a robot.
 const AIR_N: f64 = 5.0;
-/// From the programmed feed to a tenth within half a second: what path planners of controllers follow an override in.
+/// From the programmed feed to a tenth within half a second: the time in which path planners of
+/// controllers follow an override.
 const DOWN_PERCENT_S: f64 = 200.0;
 /// A tenth of that: a cut that has become lighter for a moment hardly raises the feed.
 const UP_PERCENT_S: f64 = 20.0;
-/// An override takes effect after some of a controller's cycles and its smoothing of the path; the force of it comes with the sensor's block and its transport.
+/// An override takes effect after some of a controller's cycles and its smoothing of the path; the
+/// resulting force arrives with the sensor's block and its transport.
 const FEED_LATENCY_MS: f64 = 100.0;
-/// A force beyond this share of the limit is no ripple of the cut.
+/// A force beyond this share of the limit is not a ripple of the cut.
 const RELIEF: f64 = 1.25;
-/// Longer than a lost block or two, and less way than a cutter goes into another depth in.
+/// Longer than one or two lost blocks, and a shorter distance than a cutter needs to reach another
+/// depth.
 const FEED_HOLD_MS: f64 = 200.0;
 /// The latency in the shortest time constant: below it the gain margin at twice that latency is less than 2 (`corrector/src/feed.rs`).
 const FEED_DELAYS_LEAST: f64 = 2.0;
@@ -407,7 +415,7 @@ fn force(table: &Table<'_, '_>, wrench: &Wrench) -> Force {
     let (full_scale_n, full_scale_nm) = (full_scale("full_scale_N"), full_scale("full_scale_Nm"));
     let ahead_ms = table.number("ahead_ms", 0.0..=60_000.0).unwrap_or(AHEAD_MS);
     let is_used = wrench.source == WrenchSource::Force;
-    // What comes later than a wrench may be old is never used: the fault that says why has a name.
+    // A block later than the age limit of a wrench is never used; the fault reports why.
     let late_default_ms = if is_used { wrench.stale_s * 1e3 } else { LATE_MS };
     let late_ms = table.number("late_ms", 1.0..=3.6e6).unwrap_or(late_default_ms);
     table.close();

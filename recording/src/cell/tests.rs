@@ -29,7 +29,7 @@ fn the_example_that_is_shipped_loads() {
 }
 
 #[test]
-fn every_fault_of_a_cell_is_told_at_once() {
+fn every_fault_of_a_cell_is_reported_at_once() {
     let text = r#"schema = "trued.cell/1"
 cell = "my cell"
 mode = "on"
@@ -100,7 +100,7 @@ dir = "x"
 }
 
 #[test]
-fn what_does_not_go_together_is_told() {
+fn what_does_not_go_together_is_reported() {
     let text = r#"schema = "trued.cell/1"
 cell = "a"
 model = "m"
@@ -197,8 +197,7 @@ const MEASURED: &str = "schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.
                         [measured]\nrate_Hz = 100\nlatency_ms = 20\nnoise_mm = 0.02\n";
 
 #[test]
-fn an_instrument_is_only_watched_unless_told_otherwise_and_its_registration_moves_points_to_the_base()
- {
+fn an_instrument_is_only_watched_by_default_and_its_registration_moves_points_to_the_base() {
     let text = format!(
         "{MEASURED}base_from_instrument = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]\n\
          instrument_mm = [1000, 0, 500]\npoint_mm = [0, 0, 40]\n"
@@ -239,7 +238,7 @@ const FEED: &str = "schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.toml
                     [wrench]\nsource = \"command\"\n[feed]\n";
 
 #[test]
-fn a_feed_is_only_watched_unless_told_otherwise_and_has_exactly_one_limit() {
+fn a_feed_is_only_watched_by_default_and_has_exactly_one_limit() {
     let feed = parse(&format!("{FEED}force_limit_N = 200\n")).unwrap().feed.expect("a feed");
     assert_eq!((feed.mode, feed.limit), (FeedMode::Observe, FeedLimit::Force(200.0)));
     assert_eq!((feed.floor, feed.lost, feed.air), (0.1, 0.1, 1.0));

@@ -9,7 +9,7 @@ use crate::series::{About, Builder, Clock, Column, Need, RawTable, Recording};
 use crate::unit::Unit;
 
 impl Mapping {
-    /// The recording that this mapping makes of a table.
+    /// Converts a table to a recording by this mapping.
     pub(crate) fn apply(
         &self,
         mut table: RawTable<'_>,
@@ -101,7 +101,7 @@ impl Columns {
         self.named.iter().flat_map(MappedColumn::theirs).chain(turned)
     }
 
-    /// Those of them that are read as numbers.
+    /// Those that are read as numbers.
     pub(super) fn numbers(&self) -> impl Iterator<Item = &String> {
         let turned = self.orientation.iter().flat_map(Orientation::theirs);
         let numeric = self.named.iter().filter(|column| column.is_of_numbers());
@@ -128,7 +128,7 @@ impl MappedColumn {
         }
     }
 
-    /// Whether its columns of theirs hold numbers, not texts.
+    /// Whether its source columns hold numbers, not texts.
     fn is_of_numbers(&self) -> bool {
         match &self.from {
             Source::Column(_) | Source::Sum(_) => true,
@@ -174,7 +174,7 @@ impl MappedColumn {
         }
     }
 
-    /// The unit that their numbers are read in; none where a scale alone may account for it.
+    /// The unit in which the numbers are read; `None` if a scale alone may account for it.
     fn read_in(&self) -> Option<Unit> {
         let unscaled = self.scale.abs() == 1.0;
         self.unit.or(self.unit_of_name().filter(|_| unscaled))
@@ -188,7 +188,7 @@ impl MappedColumn {
             }
             _ => theirs,
         };
-        // Plain columns keep their bits: -0.0 + 0.0 would lose a sign.
+        // Unscaled columns keep their bits: -0.0 + 0.0 would lose a sign.
         if self.scale == 1.0 && self.offset == 0.0 {
             value
         } else {
@@ -208,7 +208,7 @@ fn labels(table: &RawTable<'_>, places: &[usize]) -> Vec<f64> {
     numbers
 }
 
-/// The numbers that texts stand for; the first text that stands for none is a fault.
+/// The numbers assigned to texts; the first text without a number is a fault.
 fn stands_for(
     table: &RawTable<'_>,
     at: usize,

@@ -1,7 +1,8 @@
-//! Mappings: how the table of another program becomes a recording.
+//! Mappings: conversion of tables of other programs to recordings.
 //!
-//! Contract: docs/reference/mapping.md (`trued.mapping/1`). A mapping that was read names only existing recording
-//! columns, with matching units; whether the source columns exist is checked with the file.
+//! Format: docs/reference/mapping.md (`trued.mapping/1`). A valid mapping names only existing
+//! recording columns, with matching units; whether the source columns exist is checked with the
+//! file.
 
 mod apply;
 mod orientation;
@@ -38,7 +39,7 @@ struct Columns {
     orientation: Option<Orientation>,
 }
 
-/// One column of ours and where it comes from.
+/// One column of the recording and its source.
 #[derive(Debug, Clone, PartialEq)]
 struct MappedColumn {
     /// Our name, with our unit.
@@ -51,22 +52,23 @@ struct MappedColumn {
     offset: f64,
 }
 
-/// Where the values of a column come from.
+/// Source of a column's values.
 #[derive(Debug, Clone, PartialEq)]
 enum Source {
-    /// A column of theirs, by name, or by its number where there is no header.
+    /// A source column, by name, or by its number without a header.
     Column(String),
-    /// Columns of theirs that hold a time, side by side: numbers or ISO 8601 unless stated.
+    /// Source columns that together hold a time: numbers or ISO 8601 unless stated.
     Times(Vec<String>, Option<Clock>),
-    /// Columns of theirs whose different texts, or combinations of them, are numbered in the order in which they appear.
+    /// Source columns whose different texts, or combinations of them, are numbered in order of
+    /// appearance.
     Labels(Vec<String>),
-    /// A column of theirs whose texts stand for these numbers.
+    /// A source column whose texts are replaced by these numbers.
     Numbers(String, Vec<(String, f64)>),
     /// Columns of theirs that are added.
     Sum(Vec<String>),
     /// The same value in each row.
     Constant(f64),
-    /// The row's number times this.
+    /// The row's number times this factor.
     Row(f64),
 }
 
@@ -88,7 +90,7 @@ impl Mapping {
     }
 }
 
-/// The mapping that belongs to a recording: `NAME.mapping.toml` beside it.
+/// Path of a recording's mapping: `NAME.mapping.toml` in the same folder.
 #[must_use]
 pub fn mapping_path(recording: &Path) -> PathBuf {
     recording.with_extension("mapping.toml")

@@ -13,7 +13,7 @@ use crate::series::{Builder, RawTable};
 use crate::unit::{Quantity, Unit};
 use crate::walk::Table;
 
-/// Columns of theirs that hold an orientation.
+/// Source columns of an orientation.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Orientation {
     form: Form,
@@ -22,7 +22,7 @@ pub(super) struct Orientation {
     theirs: Vec<String>,
 }
 
-/// What an orientation's numbers are.
+/// Meaning of an orientation's numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Form {
     /// Angles about three axes, one after the other.
@@ -40,7 +40,8 @@ enum Form {
     },
 }
 
-/// At most so much may a matrix times its transpose differ from one: as the contract has it for quaternions.
+/// Largest difference of a matrix times its transpose from the unit matrix, as for quaternions in
+/// docs/reference/recording.md.
 const MATRIX_TOLERANCE: f64 = 1e-3;
 const EXPECTED: &str = "`ZYX` (KUKA A B C, ABB EZ EY EX), `xyz` (Fanuc W P R, Yaskawa, roll pitch yaw), `XYZ` (Staubli), \
     `ZYZ` (Kawasaki O A T) or another sequence of three axes, `rotation_vector` (Universal Robots), `matrix_rows`, `matrix_columns`, `wxyz` or `xyzw`";
@@ -83,7 +84,7 @@ impl Form {
         matches!(self, Self::Angles { .. } | Self::Vector)
     }
 
-    /// w, x, y, z of these numbers, angles in rad; none for a matrix that is no rotation.
+    /// w, x, y, z of these numbers, angles in rad; `None` if a matrix is not a rotation.
     fn quaternion(self, numbers: &[f64]) -> Option<[f64; 4]> {
         let vector = || DVec3::from_slice(numbers);
         let rotation = match self {
@@ -163,7 +164,7 @@ impl Orientation {
         for row in 0..table.len() {
             let numbers: Vec<f64> =
                 columns.iter().filter_map(|column| column.get(row)).copied().collect();
-            // A sample that was not taken, or was told as a fault already.
+            // A missing sample, or one already reported as a fault.
             let taken = numbers.iter().all(|number| number.is_finite());
             let quaternion = if taken { self.form.quaternion(&numbers) } else { None };
             if taken && quaternion.is_none() {

@@ -194,7 +194,7 @@ fn factors(entry: &Table<'_, '_>, key: &str, count: usize, default: f64) -> Opti
     Some(list)
 }
 
-/// What an entry's source says, before joints are unfolded.
+/// Sources of an entry, before joints are expanded.
 enum Names {
     Pattern(String),
     List(Vec<String>),
@@ -214,7 +214,7 @@ impl Names {
         }
     }
 
-    /// The source of our joint `at` (from 0), which is their number `theirs`.
+    /// The source of joint `at` (from 0), whose number in the source is `theirs`.
     fn source(&self, at: usize, theirs: i64) -> Option<Source> {
         Some(match self {
             Self::Pattern(name) => Source::Column(name.replacen('*', &theirs.to_string(), 1)),
@@ -267,7 +267,7 @@ fn sources(entry: &Table<'_, '_>) -> Option<Names> {
     given.into_iter().next()
 }
 
-/// A source of times, which may be numbers in a unit or be written as a date or time of the day.
+/// A source of times, which may be numbers in a unit, dates or times of the day.
 fn times(entry: &Table<'_, '_>, names: Names, unit: Option<Unit>) -> Option<Names> {
     let clock = match entry.text("format").map(|text| (text, Clock::parse(text))) {
         Some((text, Err(expected))) => {
@@ -282,7 +282,7 @@ fn times(entry: &Table<'_, '_>, names: Names, unit: Option<Unit>) -> Option<Name
         entry.fault("unit", format!("is \"{}\"", unit.name), expected);
     }
     Some(match names {
-        // A unit is one of numbers.
+        // A unit implies numbers.
         Names::Pattern(name) if unit.is_none() => Names::Times(vec![name], clock),
         Names::List(names) if clock.is_some() => Names::Times(names, clock),
         names => names,
@@ -299,7 +299,7 @@ pub(super) fn names_of(entry: &Table<'_, '_>) -> Option<Vec<String>> {
     names
 }
 
-/// The texts of a column and the numbers that they stand for.
+/// The texts of a column and the numbers assigned to them.
 fn numbers(table: &Table<'_, '_>) -> Vec<(String, f64)> {
     let number = |text: &str| Some((text.to_owned(), table.number(text, ..)?));
     let numbers = table.keys().filter_map(number).collect();

@@ -117,7 +117,7 @@ fn texts_become_numbers_as_said_or_as_their_combinations_appear() {
 }
 
 #[test]
-fn faults_of_a_mapping_are_told_together() {
+fn faults_of_a_mapping_are_reported_together() {
     let mapping = r#"schema = "trued.mapping/1"
 [columns]
 t_s = { from = "t", unit = "deg" }
@@ -155,7 +155,7 @@ y_mm = { from = "y", constant = 1 }
 }
 
 #[test]
-fn a_column_of_theirs_that_is_not_there_is_told() {
+fn a_column_of_theirs_that_is_not_there_is_reported() {
     let mapping = "schema = \"trued.mapping/1\"\n[columns]\nt_s = { from = \"tme\" }\nq1_rad = { from = \"q\" }";
     insta::assert_snapshot!(apply(mapping, "time,q\n1,2\n").unwrap_err(), @r#"
         error: `tme`: is not a column of this file
@@ -198,7 +198,7 @@ fn a_name_that_appears_twice_in_the_header_is_refused_where_it_is_used() {
 }
 
 #[test]
-fn a_time_that_runs_back_is_told_with_the_place_in_their_column() {
+fn a_time_that_runs_back_is_reported_with_the_place_in_their_column() {
     let mapping = "schema = \"trued.mapping/1\"\n[columns]\nt_s = { from = \"time\" }\nq1_deg = { from = \"q\" }";
     let told = apply(mapping, "q,time\n1,5\n2,4\n").unwrap_err().to_string();
     assert!(told.contains("runs back: 4 after 5") && told.contains("x.csv:3:3"), "{told}");

@@ -83,14 +83,15 @@ fn path_of(at: usize, entry: &EffectEntry) -> String {
     format!("effect[{}]: {}", at + 1, entry.title())
 }
 
-/// What a correction can stand on: static in position, wrench, direction and temperature.
+/// Effects that can be compensated: static in position, wrench, direction and temperature.
 fn compensated(spec: &Spec) -> bool {
     let place = matches!(spec.acts_on, ActsOn::Loads | ActsOn::JointPosition | ActsOn::Geometry);
     let moving = |need: &Need| matches!(need, Need::Velocity | Need::Acceleration);
     place && !spec.needs.iter().any(moving)
 }
 
-/// What an effect may stand beside, on its joint: a hardening without a linear compliance would refuse every command.
+/// Checks the combination of effects of a joint: a hardening without a linear compliance would
+/// refuse every command.
 fn check_beside(file: &ModelFile, at: usize) -> Result<(), Box<Fault>> {
     match file.effects.get(at) {
         Some(entry) if entry.kind == "joint_compliance" => check_stands_alone(file, at, entry),
@@ -114,7 +115,8 @@ fn check_hardens(file: &ModelFile, at: usize, entry: &EffectEntry) -> Result<(),
     ))
 }
 
-/// `joint_compliance` is both others with one C: beside them on one joint it would count twice.
+/// `joint_compliance` is both others with one C: in addition to them on one joint it would count
+/// twice.
 fn check_stands_alone(file: &ModelFile, at: usize, entry: &EffectEntry) -> Result<(), Box<Fault>> {
     let part = |other: &&EffectEntry| {
         let parts = ["gravity_compliance", "load_compliance", "gravity_sag"];
@@ -187,7 +189,7 @@ fn effect(entry: &EffectEntry, spec: &Spec, arm: &Arm) -> Result<AnyEffect, Stri
     AnyEffect::build(spec.kind, arm, joint, Given(&given)).map_err(|error| error.to_string())
 }
 
-/// The numbers of an entry in SI, by the stems of their keys.
+/// The values of an entry in SI, by the stems of their keys.
 fn given(
     entry: &EffectEntry,
     spec: &Spec,
@@ -210,7 +212,7 @@ pub struct SiParameter<'a> {
     pub stem: &'a str,
     /// Values, SI.
     pub values: &'a [f64],
-    /// Standard uncertainty of each value, SI, where known.
+    /// Standard uncertainty of each value, SI, if known.
     pub sigma: Option<&'a [f64]>,
 }
 
@@ -238,7 +240,8 @@ impl EffectEntry {
         flat
     }
 
-    /// Its numbers in SI by the stems of their keys, as [`physics::Given`] takes them; none where the physics knows no such effect.
+    /// Its values in SI by the stems of their keys, for [`physics::Given`]; `None` if `physics` has
+    /// no such effect.
     #[must_use]
     pub fn to_si(&self, arm: &Arm) -> Option<Vec<(&'static str, Vec<f64>)>> {
         let kind = kind_at(self, arm);
@@ -246,8 +249,9 @@ impl EffectEntry {
         given(self, spec_for(&self.kind, kind, &keys)?, kind).ok()
     }
 
-    /// The entry of an effect with these parameters: stems of its spec with values and, where
-    /// known, standard uncertainties, all SI. `None` where the physics has no such effect or
+    /// The entry of an effect with these parameters: stems of its spec with values and, if known,
+    /// standard uncertainties, all SI. `None` if `physics` has no such effect or parameter, or the
+    /// joint (from 0) does not exist.
     /// parameter, or the joint (from 0) does not exist.
     #[must_use]
     pub fn from_si(

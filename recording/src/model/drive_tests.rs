@@ -4,7 +4,7 @@ use super::tests::{EVERY_KIND, TWO_JOINTS, parse};
 use super::{EffectEntry, SiParameter};
 
 #[test]
-fn what_drives_feel_is_built_and_listed_as_not_compensated() {
+fn drive_effects_are_built_and_listed_as_not_compensated() {
     let torques: Vec<_> =
         EVERY_KIND.iter().skip_while(|(kind, _)| *kind != "coulomb_friction").take(13).collect();
     let bare = parse(TWO_JOINTS).unwrap();
@@ -52,7 +52,7 @@ fn inertias_of_links_reach_the_drives() {
 }
 
 #[test]
-fn what_a_cut_feels_is_built_and_listed_as_not_compensated() {
+fn cutting_effects_are_built_and_listed_as_not_compensated() {
     let cuts = EVERY_KIND.iter().skip_while(|(kind, _)| *kind != "edge_force").take(6);
     let bare = parse(TWO_JOINTS).unwrap();
     for (kind, entries) in cuts {

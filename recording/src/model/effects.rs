@@ -12,7 +12,7 @@ use crate::walk::{Table, number_of};
 pub(super) fn read_effect(table: &Table<'_, '_>, joints: &[JointKind]) -> Option<EffectEntry> {
     table.require("kind", "a name of an effect");
     let Some(kind) = kind(table, joints) else {
-        // Of an effect that nobody knows, no other key can be judged.
+        // The other keys of an unknown effect cannot be checked.
         if !table.has("kind") {
             table.fault_here("has no `kind`", "name the effect");
         }

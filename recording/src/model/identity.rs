@@ -1,7 +1,8 @@
 //! Identity of the robot that a model describes: manufacturer's data and nominal geometry.
 //!
-//! Promise: two models of one robot have the same geometry hash, whatever their effects, tool, limits, masses, names, comments and
-//! number formatting; adding, removing, rotating or displacing a joint, or changing its kind, changes the hash.
+//! Two models of one robot have the same geometry hash, whatever their effects, tool, limits,
+//! masses, names, comments and number formatting; adding, removing, rotating or displacing a joint,
+//! or changing its kind, changes the hash.
 
 use std::fmt;
 
@@ -11,7 +12,7 @@ use super::{JointEntry, ModelFile};
 use crate::files::content_hash;
 use crate::walk::Table;
 
-/// Longest name in `[robot]`, bytes: what the daemon's status has room for.
+/// Longest name in `[robot]`, bytes: the space in the daemon's status.
 pub const ROBOT_NAME_BYTES_MAX: usize = 64;
 
 /// Grid on which geometry counts as the same: 1 µm for points, 1e-6 for the components of a unit vector. Nominal dimensions are published to
@@ -22,19 +23,19 @@ const ROUNDING: f64 = 0.623_456_7;
 /// Geometric differences that are named; more are counted.
 const NAMED_MAX: usize = 2;
 
-/// `[robot]`: what the maker calls the robot. Nothing of it is required.
+/// `[robot]`: the manufacturer's data of the robot. All of it is optional.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct RobotEntry {
     /// The maker, as `ABB`.
     pub maker: Option<String>,
     /// The type, as `IRB 1600-6/1.45`.
     pub kind: Option<String>,
-    /// Serial number of this very robot.
+    /// Serial number of this robot.
     pub serial: Option<String>,
 }
 
 impl RobotEntry {
-    /// Keys in the file with what they hold, in the file's order.
+    /// Keys in the file with their values, in the file's order.
     #[must_use]
     pub fn entries(&self) -> [(&'static str, Option<&str>); 3] {
         [
@@ -126,8 +127,9 @@ impl Axis {
 }
 
 impl Identity {
-    /// Hash of the nominal geometry: in order from the base, each joint's kind and the line of its axis (direction with its sense, and for a
-    /// revolute joint the line's place) in the base frame at the zero configuration, on a grid of 1 µm and 1e-6. Nothing else is in it.
+    /// Hash of the nominal geometry: in order from the base, each joint's kind and the line of its
+    /// axis (direction with its sense, and for a revolute joint the position of the line) in the
+    /// base frame at the zero configuration, on a grid of 1 µm and 1e-6.
     #[must_use]
     pub fn geometry_hash(&self) -> u64 {
         let mut bytes = b"trued.geometry/1".to_vec();
@@ -146,8 +148,8 @@ impl Identity {
         format!("{:016x}", self.geometry_hash())
     }
 
-    /// What makes this another robot than `other`, one phrase for each; empty for the same robot. A name that one of them does not state
-    /// tells no difference.
+    /// Differences from `other` that indicate another robot, one phrase for each; empty for the
+    /// same robot. Names that one of them does not state are ignored.
     #[must_use]
     pub fn differences(&self, other: &Self) -> Vec<String> {
         let mut found = Vec::new();
@@ -194,7 +196,7 @@ impl ModelFile {
     }
 }
 
-/// Case and spacing do not make another robot.
+/// Compares names without case and spacing.
 fn is_same_name(a: &str, b: &str) -> bool {
     let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
     words(a).to_lowercase() == words(b).to_lowercase()
@@ -260,7 +262,7 @@ mod tests {
         let text = nominal.to_toml().replace("486.5", "4.86500e+2");
         let read = RobotModel::parse("formatted.toml", &text).unwrap();
         assert_eq!(read.file.identity(), nominal.identity());
-        // Half a grid cell is where rounding to the nearest would fall either way.
+        // At half a grid cell rounding to the nearest may go either way.
         let mut half = nominal.clone();
         half.joints[1].point_mm = Some([150.0005, 0.0, 486.5]);
         let mut noisy = nominal;

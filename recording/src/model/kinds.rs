@@ -1,8 +1,9 @@
 //! All kinds of effects of a model: those implemented in `physics`, and further ones of the file
 //! format.
 //!
-//! Contract: docs/reference/effects.md. The specification in `physics` takes precedence; the table here only allows files with
-//! other effects to be loaded, so that these can be listed as not compensated.
+//! Format: docs/reference/effects.md. The specification in `physics` takes precedence; the table
+//! here only allows files with other effects to be loaded, so that these can be listed as not
+//! compensated.
 
 use physics::JointKind;
 use physics::effects::{CUTTING, DRIVES, SPECS};
@@ -10,16 +11,16 @@ use physics::spec::{Count, Parameter, Place, Range, Spec, Unit};
 
 use super::EffectEntry;
 
-/// What a file may say of one kind of effect.
+/// Specification of one kind of effect in files.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Kind {
     pub(crate) name: &'static str,
     pub(crate) place: Place,
     pub(crate) parameters: &'static [Parameter],
     pub(crate) has_channel: bool,
-    /// What the physics says of it, where it models it.
+    /// Its specification in `physics`, if it is modelled there.
     pub(super) spec: Option<&'static Spec>,
-    /// Sets of stems of which one must be there; empty: what is required says it all.
+    /// Sets of stems of which one is required; empty if the required parameters suffice.
     pub(crate) alternatives: &'static [&'static [&'static str]],
 }
 
@@ -42,7 +43,7 @@ impl Kind {
 }
 
 /// The kind with this name at a joint of this kind. One name may mean two effects (hysteresis of
-/// position and of torque): the one that knows most of the keys is meant, the physics' own first.
+/// position and of torque): the one that has most of the keys is chosen, those of `physics` first.
 pub(super) fn find(name: &str, joint: JointKind, has: impl Fn(&str) -> bool) -> Option<Kind> {
     let modelled = at_a_sample().filter(|spec| spec.kind == name).map(modelled);
     let others = OTHERS.iter().copied().filter(|kind| kind.name == name);
@@ -102,7 +103,7 @@ const REFERENCE: Parameter = Parameter::setting("reference", Unit::Celsius, Rang
 const LAG: Parameter = positive("lag", Unit::Second).optional();
 const TIME: Parameter = positive("time_constant", Unit::Second).optional();
 
-/// Kinds of the contract; a kind that the physics knows is found there first.
+/// Further kinds of docs/reference/effects.md; those of `physics` are found first.
 const OTHERS: &[Kind] = &[
     // What moves the tool.
     kind("joint_coupling", JOINT, &[any("ratio", Unit::One), positive("from_joint", Unit::One)]),

@@ -1,8 +1,8 @@
 //! The model of a robot, `trued.model/1`: the document in the units of its file, and its physical meaning.
 //!
-//! Contract: docs/reference/model.md. A [`RobotModel`] that exists is complete and usable; otherwise all errors are
-//! reported. The document keeps every number as in the file, so that it is
-//! written back bit for bit; comments are not kept. [`physics`] sees SI.
+//! Format: docs/reference/model.md. A valid [`RobotModel`] is complete and usable; otherwise all
+//! errors are reported. The document keeps every number as in the file, so that it is written back
+//! bit for bit; comments are not kept. [`physics`] uses SI.
 
 mod build;
 #[cfg(test)]
@@ -35,12 +35,12 @@ use crate::files::{FileError, content_hash, read_text, write_atomic};
 /// Name of the format.
 pub(crate) const SCHEMA: &str = "trued.model/1";
 
-/// A model as it stands in its file, in the units of the file.
+/// A model as in its file, in the units of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelFile {
     /// Name of the model.
     pub name: String,
-    /// `[robot]`: what the maker calls the robot.
+    /// `[robot]`: the manufacturer's data of the robot.
     pub robot: RobotEntry,
     /// `[meta]`: anything, for people.
     pub meta: toml::Table,
@@ -69,7 +69,7 @@ pub struct JointEntry {
     pub point_mm: Option<[f64; 3]>,
     /// Least and largest position, degrees (mm for a prismatic joint).
     pub limits: [f64; 2],
-    /// Largest speed, degrees/s (mm/s), where known.
+    /// Largest speed, degrees/s (mm/s), if known.
     pub max_speed: Option<f64>,
     /// Teeth of each gear stage, driver and driven, motor side first.
     pub gear_teeth: Vec<[u32; 2]>,
@@ -117,7 +117,7 @@ pub struct EffectEntry {
     pub kind: String,
     /// Joint, from 1; none for effects of the whole robot.
     pub joint: Option<usize>,
-    /// `channel` of a delay.
+    /// Keys as in the file, with values in the unit of the key.
     pub channel: Option<String>,
     /// Keys as in the file, with their numbers in the unit of the key.
     pub parameters: Vec<Parameter>,
@@ -174,30 +174,31 @@ impl Numbers {
     }
 }
 
-/// A model that can be used: its document, its physics, and what physics leaves out.
+/// A usable model: its document, its physics, and the effects that are not compensated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobotModel {
     /// The document.
     pub file: ModelFile,
-    /// The model in SI, with the effects that a correction can stand on.
+    /// The model in SI, with the effects that are compensated.
     pub physics: physics::Model,
     /// For each effect of `physics`: its place in `file.effects`.
     pub entry_of: Vec<usize>,
     /// For each effect of `physics`: the standard uncertainty of each of its values, SI; 0 where
     /// none is stated.
     pub sigma: Vec<Vec<f64>>,
-    /// Places in `file.effects` of the effects that are loaded and not compensated: delays, lags,
-    /// modes, torque, force, and what this version does not model.
+    /// Indices in `file.effects` of the effects that are loaded and not compensated: delays, lags,
+    /// modes, torque, force, and those that this version does not model.
     pub not_compensated: Vec<usize>,
-    /// Those of them that the drives feel at a sample: no part of `physics`, since nothing moves by them.
+    /// Those of them on drive torques: not in `physics`, because they do not move the tool.
     pub drives: Vec<physics::AnyEffect>,
     /// For each of `drives`: as `sigma`.
     pub drives_sigma: Vec<Vec<f64>>,
-    /// Those of them that change the force of a cut, or what is read of it.
+    /// Those of them on the force of a cut, or on its reading.
     pub cutting: Vec<physics::AnyEffect>,
     /// For each of `cutting`: as `sigma`.
     pub cutting_sigma: Vec<Vec<f64>>,
-    /// Hash of the document as it is written: the same for the same numbers, whatever the comments.
+    /// Hash of the document as it is written: the same for the same numbers, independent of
+    /// comments.
     pub hash: u64,
 }
 
@@ -215,7 +216,7 @@ impl RobotModel {
         Ok(Self::parse(&path.display().to_string(), &text)?)
     }
 
-    /// Reads a model from a text; `name` is what faults call it.
+    /// Reads a model from a text; `name` identifies it in error messages.
     ///
     /// # Errors
     /// All faults of the text.
@@ -231,10 +232,10 @@ impl RobotModel {
         })
     }
 
-    /// The model that a document means.
+    /// Builds the model of a document.
     ///
     /// # Errors
-    /// What makes a made document unusable; one that was read is usable.
+    /// Why a document made in code is not usable; one that was read is usable.
     pub fn of_file(name: &str, file: ModelFile) -> Result<Self, Faults> {
         build::build(file).map_err(|found| {
             let mut faults = Faults::of(name);
@@ -243,18 +244,20 @@ impl RobotModel {
         })
     }
 
-    /// The model with what the drives feel: for [`physics::Model::drive`], not for a correction.
+    /// The model with effects on drive torques: for [`physics::Model::drive`], not for a
+    /// correction.
     ///
     /// # Errors
-    /// More effects than a model holds.
+    /// Too many effects.
     pub fn with_drives(&self) -> Result<physics::Model, physics::ModelError> {
         self.with(&self.drives)
     }
 
-    /// The model with what changes the force of a cut: for [`physics::Model::cut_force`], not for a correction.
+    /// The model with effects on cutting forces: for [`physics::Model::cut_force`], not for a
+    /// correction.
     ///
     /// # Errors
-    /// More effects than a model holds.
+    /// Too many effects.
     pub fn with_cutting(&self) -> Result<physics::Model, physics::ModelError> {
         self.with(&self.cutting)
     }
@@ -274,10 +277,10 @@ impl RobotModel {
 }
 
 impl ModelFile {
-    /// Writes the model, whole or not at all.
+    /// Writes the model atomically.
     ///
     /// # Errors
-    /// The file cannot be written; then nothing has changed.
+    /// The file cannot be written; then it is unchanged.
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
         write_atomic(path, self.to_toml().as_bytes())
     }

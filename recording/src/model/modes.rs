@@ -2,9 +2,10 @@
 
 use super::{ModeEntry, ModelFile};
 
-/// A measured mode replaces a known one that is no further away than this part of its frequency.
+/// A measured mode replaces a known one if their frequencies differ by at most this share.
 const SAME: f64 = 0.05;
-/// Two directions whose cosine is below this are two modes, however near their frequencies.
+/// Two directions with a smaller cosine than this are different modes, however close their
+/// frequencies.
 const ALONG: f64 = 0.5;
 
 /// What a measured mode did to the list.
@@ -17,9 +18,9 @@ pub enum ModeChange {
 }
 
 impl ModelFile {
-    /// The model with measured modes: each replaces the nearest known one within 5 %, unless the two move across each
-    /// other, or is added; all else of the model stays as it is. A direction that was not measured is kept. Says what
-    /// became of each measured mode.
+    /// The model with measured modes: each replaces the nearest known one within 5 %, unless their
+    /// directions differ, or is added; everything else is unchanged. A direction that was not
+    /// measured is kept. Also returns a description of each change.
     #[must_use]
     pub fn with_modes(&self, measured: &[ModeEntry]) -> (Self, Vec<ModeChange>) {
         let mut model = self.clone();

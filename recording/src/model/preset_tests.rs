@@ -75,7 +75,7 @@ fn fr3(q: &[f64]) -> DMat4 {
         * modified(0.0, 0.0, 107.0, 0.0)
 }
 
-/// FANUC's own Denavit-Hartenberg figures; joint 3 is J2 + J3.
+/// FANUC's published Denavit-Hartenberg parameters; joint 3 is J2 + J3.
 fn fanuc(q: &[f64]) -> DMat4 {
     standard(q[0], 670.0, 312.0, -FRAC_PI_2)
         * standard(q[1] - FRAC_PI_2, 0.0, 1075.0, PI)
@@ -85,7 +85,7 @@ fn fanuc(q: &[f64]) -> DMat4 {
         * standard(q[5], -235.0, 0.0, PI)
 }
 
-/// `side` is 1 for the right arm and -1 for the left; the holder's figures are d, a, offset.
+/// `side` is 1 for the right arm and -1 for the left; the holder's parameters are d, a, offset.
 fn motoman(q: &[f64], side: f64, [d, a, offset]: [f64; 3]) -> DMat4 {
     standard(q[0] - FRAC_PI_2, -263.0, 0.0, side * 15_f64.to_radians())
         * standard(q[1], 1415.9, 150.0, -FRAC_PI_2)
@@ -146,7 +146,7 @@ fn every_preset_agrees_with_its_denavit_hartenberg_figures() {
             assert!((tool.origin - place.truncate()).length() < 1e-8, "{name}: {q:?}");
             for axis in [DVec3::X, DVec3::Z] {
                 let turned = tool.rotation * axis - (wanted * axis.extend(0.0)).truncate();
-                // The IRB's tool frame is its own choice about z: only z is published.
+                // The rotation of the IRB's tool frame about z is arbitrary: only z is published.
                 if axis == DVec3::Z || !name.starts_with("irb") {
                     assert!(turned.length() < 1e-8, "{name} {axis}: {q:?} {turned}");
                 }

@@ -1,7 +1,7 @@
 //! The shipped models: published geometry, with the source of every value in `[meta]`.
 //!
-//! Promise: each loads, and its forward kinematics agree with the published Denavit-Hartenberg
-//! figures (held by tests). Estimated masses are marked in `[meta]`.
+//! Each loads, and its forward kinematics agree with the published Denavit-Hartenberg parameters
+//! (verified by tests). Estimated masses are marked in `[meta]`.
 
 /// One preset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -11,7 +11,7 @@ use crate::walk::{Document, POSITIVE, Table};
 
 const GRAVITY_M_S2: [f64; 3] = [0.0, 0.0, -9.80665];
 
-/// A document, and where each of its effects stands.
+/// A document, and the positions of its effects.
 pub(super) struct Parsed {
     pub(super) file: ModelFile,
     pub(super) effect_places: Vec<Place>,
@@ -63,7 +63,7 @@ fn read(root: &Table<'_, '_>) -> Option<ModelFile> {
 const KINDS: [(&str, JointKind); 2] =
     [("revolute", JointKind::Revolute), ("prismatic", JointKind::Prismatic)];
 
-/// The kind of a joint, without a fault: the joint itself tells it.
+/// The kind of a joint, without a fault: reading the joint itself reports it.
 fn kind_of(table: &Table<'_, '_>) -> JointKind {
     let word = table.raw("kind").and_then(|value| value.get_ref().as_str());
     if word == Some("prismatic") { JointKind::Prismatic } else { JointKind::Revolute }

@@ -101,7 +101,7 @@ base_from_tool = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]
 "#;
 
 #[test]
-fn every_fault_of_the_geometry_is_told_at_once() {
+fn every_fault_of_the_geometry_is_reported_at_once() {
     insta::assert_snapshot!(parse(BAD_GEOMETRY).unwrap_err(), @r#"
         error: `gravity`: has no unit, which is not the one of this key
          --> robot.toml:2:1
@@ -164,7 +164,7 @@ fn every_fault_of_the_geometry_is_told_at_once() {
 }
 
 #[test]
-fn every_fault_of_the_effects_is_told_at_once() {
+fn every_fault_of_the_effects_is_reported_at_once() {
     let text = r#"
 [[effect]]
 kind = "backlsh"
@@ -230,7 +230,7 @@ sigma = { tilt = 1 }
 }
 
 #[test]
-fn what_only_the_physics_knows_is_told_at_its_effect() {
+fn what_only_the_physics_knows_is_reported_at_its_effect() {
     let text = TWO_JOINTS
         .replace("tilt_mrad = [0.1, -0.2]", "tilt_mrad = [0.1, -0.2]\npivot_mm = [9, 0, 0]");
     insta::assert_snapshot!(parse(&text).unwrap_err(), @r#"
@@ -271,7 +271,7 @@ fn a_hardening_without_a_linear_compliance_of_its_joint_is_refused() {
     }
 }
 
-/// Each kind of the contract with values that make sense; joint 2 is revolute.
+/// Each kind of docs/reference/effects.md with realistic values; joint 2 is revolute.
 pub(super) const EVERY_KIND: &[(&str, &str)] = &[
     ("joint_offset", "joint = 2\noffset_mrad = 1"),
     ("joint_ratio", "joint = 2\nratio = 1e-4"),

@@ -1,7 +1,8 @@
 //! Assignment of the model's joints to the controller's axes.
 //!
-//! Controllers know up to six axes of the robot and up to six external ones (ABB `robax` and `extax`, KUKA `A1` … and `E1`
-//! …). Promise: with prismatic joints, or more than six joints, nothing is guessed: the caller must state the axes.
+//! Controllers have up to six robot axes and up to six external ones (ABB `robax` and `extax`, KUKA
+//! `A1` … and `E1` …). With prismatic joints, or more than six joints, the caller must state the
+//! axes.
 
 use std::fmt;
 use std::str::FromStr;
@@ -19,7 +20,7 @@ pub(super) const AXES: usize = 6;
 pub enum Axis {
     /// One of the robot itself.
     Robot(usize),
-    /// One beside it: a track, a turntable, the seventh axis of an arm.
+    /// An external one: a track, a turntable, the seventh axis of an arm.
     External(usize),
 }
 
@@ -47,7 +48,7 @@ impl FromStr for Axis {
     }
 }
 
-/// The axis of each joint, as said or as it goes without saying.
+/// The axis of each joint, as stated or by default.
 pub(super) fn of_joints(faults: &mut Faults, said: &[Axis], joints: &[JointEntry]) -> Vec<Axis> {
     if said.is_empty() {
         return plain(faults, joints);

@@ -1,19 +1,20 @@
 //! A program in KUKA's KRL.
 //!
-//! By KUKA's manuals for the system software: a program is a source `.src` and a data list `.dat` of one name; `PTP` to an
-//! `E6AXIS` (A1 … A6, E1 … E6, degrees or mm) without `C_PTP` stops there; `BAS(#INITMOV,0)` sets what motions need,
-//! `BAS(#VEL_PTP,…)` and `BAS(#ACC_PTP,…)` the percentages of the axes' speeds and accelerations, `BAS(#TOOL,…)` the tool;
-//! `WAIT SEC` stops the advance run, so that nothing after it is executed before the robot is at rest.
+//! After KUKA's manuals for the system software: a program is a source `.src` and a data list
+//! `.dat` of one name; `PTP` to an `E6AXIS` (A1 … A6, E1 … E6, degrees or mm) without `C_PTP` stops
+//! there; `BAS(#INITMOV,0)` initialises motions, `BAS(#VEL_PTP,…)` and `BAS(#ACC_PTP,…)` set the
+//! percentages of the axes' speeds and accelerations, `BAS(#TOOL,…)` the tool; `WAIT SEC` stops the
+//! advance run, so that nothing after it is executed before the robot is at rest.
 
 use super::{Axis, Program, figure};
 use crate::faults::{Fault, Faults};
 
-/// What KRL needs besides the tour.
+/// Further inputs of KRL besides the tour.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Krl {
     /// Speed and acceleration of the axes, percent of their largest.
     pub percent: f64,
-    /// Number of the tool whose load the controller counts with, 0 to 16.
+    /// Number of the tool whose load the controller uses, 0 to 16.
     pub tool: u8,
     /// Number of a digital output that is true during each rest, 1 to 8192.
     pub output: Option<u16>,

@@ -1,9 +1,9 @@
 //! Lists of poses as programs for the robot's own controller, with a pause at each for the measurement.
 //!
-//! A [`Tour`] is the request; a [`Program`] has been checked against the model (limits, joints, axes of the controller)
-//! and is written as ABB RAPID, as KUKA KRL, and as the recording for the measurements. All three contain the
-//! same values, rounded once. Never: a program that exceeds the joint limits, or guesses the axis of a joint.
-//! Collisions are not checked: run a program slowly first.
+//! A [`Tour`] is the request; a [`Program`] has been checked against the model (limits, joints,
+//! axes of the controller) and is written as ABB RAPID, as KUKA KRL, and as the recording for the
+//! measurements. All three contain the same values, rounded once. A program never exceeds the joint
+//! limits. Collisions are not checked: run a program slowly first.
 
 mod axes;
 mod krl;
@@ -22,7 +22,7 @@ use crate::model::{JointEntry, ModelFile};
 use crate::series::{About, Approach as DirectionFrom, Channel, FileUnits, Kind, Recording};
 use crate::unit::Unit;
 
-/// Digits behind the point, of degrees and millimetres: controllers keep single precision.
+/// Decimals of degrees and millimetres: controllers use single precision.
 const DECIMALS: usize = 5;
 /// The longest name that KRL takes; RAPID takes 32.
 const NAME_MAX: usize = 24;
@@ -31,7 +31,7 @@ const AWAY_MIN: f64 = 1e-3;
 /// The longest rest at a pose, s.
 const PAUSE_S_MAX: f64 = 3600.0;
 
-/// Which poses the robot shall take, and how.
+/// Poses and motions of a program.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tour {
     /// Name of the program: a letter, then letters, digits, `_`; at most 24.
@@ -40,7 +40,7 @@ pub struct Tour {
     pub home: Vec<f64>,
     /// The poses to measure, in their order, rad or m.
     pub poses: Vec<Vec<f64>>,
-    /// How the robot comes to each.
+    /// How the robot approaches each pose.
     pub approach: Approach,
     /// How long it rests at each, s.
     pub pause_s: f64,
@@ -48,7 +48,7 @@ pub struct Tour {
     pub axes: Vec<Axis>,
 }
 
-/// How the robot comes to a pose.
+/// Approach to a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Approach {
     /// Straight from the pose before.
@@ -67,7 +67,7 @@ pub enum Approach {
 pub struct Stop {
     /// The pose, from 1.
     pub pose: usize,
-    /// Where the robot goes first, so that it comes from the wanted side.
+    /// Position before the pose, so that it is approached from the requested side.
     pub via: Option<Vec<f64>>,
     /// Where it rests.
     pub at: Vec<f64>,
@@ -88,10 +88,10 @@ pub struct Program {
 }
 
 impl Program {
-    /// Holds a tour against the robot's model.
+    /// Checks a tour against the robot's model.
     ///
     /// # Errors
-    /// Everything that bars it: each pose and joint beyond a limit, counts, names, axes.
+    /// All reasons against it: each pose and joint beyond a limit, counts, names, axes.
     pub fn new(tour: &Tour, model: &ModelFile) -> Result<Self, Faults> {
         let mut faults = Faults::of(&tour.name);
         check_name(&mut faults, "name", &tour.name, NAME_MAX);
@@ -135,8 +135,8 @@ impl Program {
         &self.stops
     }
 
-    /// The list of joint positions as a recording of poses, one row a stop, its `columns` left empty for the measurements.
-    /// Its times only count the rows.
+    /// The list of joint positions as a recording of poses, one row per stop, with empty `columns`
+    /// for the measurements. Its times are row numbers.
     #[must_use]
     pub fn recording(&self, columns: &[Channel]) -> Recording {
         let rows = self.stops.len();
@@ -158,7 +158,8 @@ impl Program {
         recording
     }
 
-    /// Each joint's last motion at each stop; one that did not move keeps what it had.
+    /// Each joint's last motion at each stop; a joint that did not move keeps its previous
+    /// direction.
     fn tell_directions(&mut self) {
         let mut before = self.home.clone();
         let mut direction = vec![0_i8; before.len()];

@@ -1,6 +1,7 @@
 //! A program in ABB's RAPID.
 //!
-//! By ABB's reference manual: `MoveAbsJ` moves to axis positions, with `\NoEOffs` unaffected by offsets of external
+//! After ABB's reference manual: `MoveAbsJ` moves to axis positions, with `\NoEOffs` unaffected by
+//! offsets of external
 //! axes; a `jointtarget` has six robot axes in degrees and six external ones in degrees or mm, 9E9 if unused;
 //! `speeddata` is TCP mm/s, orientation deg/s, external mm/s and deg/s; `fine` is a stop; `WaitTime \InPos` counts from
 //! standstill. A file contains one module.
@@ -12,14 +13,14 @@ use crate::faults::{Fault, Faults};
 /// The longest name that RAPID takes.
 const NAME_MAX: usize = 32;
 
-/// What RAPID needs besides the tour.
+/// Further inputs of RAPID besides the tour.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rapid {
     /// Speed of the TCP and of linear external axes, mm/s.
     pub speed_mm_s: f64,
     /// Speed of the tool's turn and of rotating external axes, degrees/s.
     pub turn_deg_s: f64,
-    /// The controller's tool data: its load is what counts, since the moves are of axes.
+    /// The controller's tool data: only its load matters, since motions are in joint space.
     pub tool: String,
     /// A digital output that is 1 during each rest.
     pub output: Option<String>,
@@ -33,10 +34,11 @@ impl Default for Rapid {
 }
 
 impl Program {
-    /// The program as a RAPID module, for a file `NAME.mod`; its procedure has the name of the tour.
+    /// The program as a RAPID module, for a file `NAME.mod`; its procedure has the name of the
+    /// tour.
     ///
     /// # Errors
-    /// A speed that is none, a name that RAPID does not take.
+    /// An invalid speed, or a name that is not valid in RAPID.
     pub fn rapid(&self, options: &Rapid) -> Result<String, Faults> {
         options.check(&self.name)?;
         let mut lines = vec![format!("MODULE {}_mod", self.name)];

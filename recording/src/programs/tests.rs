@@ -39,7 +39,7 @@ fn tour(joints: usize) -> Tour {
 const BOTH: Approach = Approach::BothWays { turn_rad: 0.05, slide_m: 0.02 };
 
 #[test]
-fn rapid_says_what_the_tour_asks() {
+fn rapid_contains_the_requested_tour() {
     let tour = Tour { approach: BOTH, ..tour(6) };
     let program = Program::new(&tour, &robot("irb1600-6-145")).unwrap();
     let options = Rapid { output: Some("doMeasure".to_owned()), ..Rapid::default() };
@@ -89,7 +89,7 @@ fn rapid_says_what_the_tour_asks() {
 }
 
 #[test]
-fn krl_says_what_the_tour_asks_in_two_files() {
+fn krl_contains_the_requested_tour_in_two_files() {
     let tour = Tour { axes: axes("E1,A1,A2,A3,A4,A5,A6"), ..tour(7) };
     let tour = Tour { poses: tour.poses[..1].to_vec(), ..tour };
     let files = Program::new(&tour, &on_a_track())
@@ -126,7 +126,7 @@ fn krl_says_what_the_tour_asks_in_two_files() {
 }
 
 #[test]
-fn everything_that_bars_a_tour_is_told_at_once() {
+fn all_reasons_against_a_tour_are_reported_at_once() {
     let mut poses = tour(6).poses;
     poses[0][4] = 2.1;
     poses[1][1] = 2.09;
@@ -188,7 +188,7 @@ fn everything_that_bars_a_tour_is_told_at_once() {
 }
 
 #[test]
-fn what_no_controller_takes_is_refused() {
+fn programs_that_no_controller_accepts_are_refused() {
     let program = Program::new(&tour(6), &robot("ur10e")).unwrap();
     let rapid = Rapid {
         speed_mm_s: 0.0,
@@ -250,7 +250,7 @@ fn by_krl(src: &str, dat: &str, axes: &[Axis]) -> Vec<Vec<f64>> {
     src.lines().filter_map(|line| line.strip_prefix("PTP ")).map(point).collect()
 }
 
-/// The way that is wanted, by the tour alone: degrees and mm.
+/// The requested motion, computed from the tour alone: degrees and mm.
 fn wanted(tour: &Tour, kinds: &[JointKind]) -> Vec<Vec<f64>> {
     let unit = |q: &[f64], away: f64| -> Vec<f64> {
         let value = |(q, kind): (&f64, &JointKind)| match kind {
@@ -280,7 +280,7 @@ fn apart(a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
 
 proptest! {
     #[test]
-    fn every_figure_comes_back_from_both_languages(
+    fn every_value_is_read_back_from_both_languages(
         shares in prop::collection::vec(prop::array::uniform7(0.03..0.97), 1..12),
         both in any::<bool>(),
     ) {
@@ -308,7 +308,7 @@ proptest! {
         prop_assert!(apart(&rapid, &wanted) < 1e-5);
         prop_assert_eq!(&krl, &rapid);
 
-        // The list to be filled in has the same figures, and the direction of the last step of the way.
+        // The list for the measurements has the same values, and the direction of the last step.
         let csv = program.recording(&[Channel::Position(0)]).to_csv();
         let list = read_text("poses.csv", &String::from_utf8(csv).unwrap(), None, None, Need::Path).unwrap();
         let mut stops = rapid.iter().enumerate().filter(|(at, _)| if both { at % 4 != 1 && at % 4 != 3 } else { true });

@@ -61,7 +61,7 @@ macro_rules! with_header {
     };
 }
 
-/// Joints; a list is empty where nothing is known.
+/// Joints; a list is empty if nothing is known.
 #[derive(Debug)]
 pub(super) struct JointState<'a> {
     pub(super) header: Header<'a>,
@@ -152,7 +152,7 @@ impl Standard for PoseStamped<'_> {
     }
 }
 
-/// A temperature, °C; its variance is not known, which the message says by 0.
+/// A temperature, °C; its variance is unknown, which the message represents by 0.
 #[derive(Debug)]
 pub(super) struct Temperature<'a> {
     pub(super) header: Header<'a>,

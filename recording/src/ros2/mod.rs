@@ -1,7 +1,8 @@
 //! Recordings as MCAP files of standard ROS 2 messages, which `ros2 bag`, Foxglove and the `mcap` packages read without message packages of trued.
 //!
-//! Contract: docs/reference/recording.md, "ROS 2". The messages of a recording of the daemon have its wall-clock times; those of a table count from its first row,
-//! in 1970. Columns of a table without a standard message are left out and listed.
+//! Format: docs/reference/recording.md, "ROS 2". The messages of a recording of the daemon have its
+//! wall-clock times; those of a table count from its first row, in 1970. Columns of a table without
+//! a standard message are left out and listed.
 
 mod messages;
 #[cfg(test)]
@@ -45,7 +46,7 @@ pub struct Bag {
 /// A recording of the daemon as ROS 2 messages.
 ///
 /// # Errors
-/// The container refuses, which a file in memory does not in practice.
+/// An error of the container, which does not occur for a file in memory.
 pub fn of_daemon(contents: &Contents) -> Result<Bag, McapError> {
     let mut bag = Writing::new()?;
     let mut clocks = contents.clocks.iter().copied().peekable();
@@ -237,7 +238,7 @@ impl Writing {
         Ok(())
     }
 
-    /// A wrench of which at least one part is known.
+    /// A wrench with at least one known component.
     fn wrench(
         &mut self,
         topic: &str,

@@ -1,4 +1,5 @@
-//! What stands in the files, read by the container's own reader; the peers in `tests/` decode the messages.
+//! Content of the files, read by the container's own reader; other tools decode the messages in
+//! `tests/`.
 
 use mcap::MessageStream;
 

@@ -14,7 +14,7 @@ pub(super) struct Egm {
     schema: String,
     /// The configuration of the cell; a relative path counts from the folder of this file.
     cell: String,
-    /// `on` where the controller compensates its robot itself: then nothing is corrected here.
+    /// `on` if the controller compensates its robot itself: then nothing is corrected here.
     absolute_accuracy: AbsoluteAccuracy,
     /// `joints`: an application streams joint targets (`EGMRunJoint`), and `[application]` is required; `path`: RAPID moves, y and z are corrected.
     guidance: Guidance,
@@ -26,7 +26,7 @@ pub(super) struct Egm {
     timing: Option<Timing>,
     /// Path corrections.
     path: Option<PathCorrections>,
-    /// Measured force goes to the daemon; off without this table.
+    /// Measured force is sent to the daemon; off without this table.
     force: Option<EgmForce>,
 }
 
@@ -56,7 +56,8 @@ struct EgmRobot {
     /// Port that the mechanical unit to serve sends from; default: whichever sends first.
     #[schemars(range(min = 1, max = 65_535))]
     port: Option<u32>,
-    /// Of an arm with seven axes: how many stand before the one that EGM carries as first external axis; default: six axes.
+    /// For an arm with seven axes: number of axes before the one that EGM transmits as first
+    /// external axis; default: six axes.
     #[schemars(range(min = 1, max = 6))]
     seventh_after: Option<u32>,
 }
@@ -100,7 +101,7 @@ struct PathCorrections {
 #[derive(JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct EgmForce {
-    /// Whether measured force goes to the daemon.
+    /// Whether measured force is sent to the daemon.
     #[schemars(extend("default" = true))]
     enabled: Option<bool>,
     /// Axes of the force.
@@ -117,9 +118,9 @@ pub(super) struct Rsi {
     schema: String,
     /// The configuration of the cell; a relative path counts from the folder of this file.
     cell: String,
-    /// `on` where the controller compensates its robot itself: then nothing is corrected here.
+    /// `on` if the controller compensates its robot itself: then nothing is corrected here.
     absolute_accuracy: AbsoluteAccuracy,
-    /// The controller's own `RSI_EthernetConfig.xml`, a copy of it.
+    /// A copy of the controller's own `RSI_EthernetConfig.xml`.
     ethernet: String,
     /// The controller.
     robot: RsiRobot,
@@ -127,11 +128,11 @@ pub(super) struct Rsi {
     timing: Option<Timing>,
     /// Where the program wants the axes, degrees.
     setpoint: Setpoint,
-    /// What is corrected, and how it adds up.
+    /// The corrected element, and how corrections accumulate.
     correction: Correction,
     /// Where the controller takes the feed override.
     feed: Option<RsiFeed>,
-    /// Every other element that the controller receives, by its tag, and the number that it is sent.
+    /// Every other element that the controller receives, by its tag, and its value.
     #[schemars(schema_with = "constants")]
     #[serde(default)]
     others: Option<BTreeMap<String, f64>>,
@@ -147,7 +148,8 @@ fn constants(_: &mut SchemaGenerator) -> Schema {
 #[derive(JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RsiFeed {
-    /// Tag of the element, connected to `MAP2OV_PRO`; it is sent percent of the programmed feed, whole ones where its type is `LONG`.
+    /// Tag of the element connected to `MAP2OV_PRO`; its value is percent of the programmed feed,
+    /// whole numbers if its type is `LONG`.
     tag: String,
 }
 
@@ -171,7 +173,7 @@ struct Setpoint {
     /// Its attributes, one per joint of the model; default: A1 to A6.
     #[schemars(length(min = 1, max = 6), extend("uniqueItems" = true))]
     names: Option<Vec<String>>,
-    /// Whether the controller's setpoint holds the correction already; `ASPos` does not.
+    /// Whether the controller's setpoint contains the correction already; `ASPos` does not.
     holds_correction: bool,
 }
 
@@ -193,7 +195,7 @@ struct AxesCorrection {
     /// Its attributes, one per joint of the model; default: A1 to A6.
     #[schemars(length(min = 1, max = 6), extend("uniqueItems" = true))]
     names: Option<Vec<String>>,
-    /// How the controller adds up what it is sent, as `RSI_ON` in the robot's program.
+    /// How the controller accumulates corrections, as `RSI_ON` in the robot's program.
     sums: Sums,
 }
 
@@ -208,7 +210,7 @@ struct PoseCorrection {
     names: Option<Vec<String>>,
     /// `base` (ROBROOT) or `tool`, as `RefCorrSys` of `POSCORR`.
     frame: Frame,
-    /// How the controller adds up what it is sent, as `RSI_ON` in the robot's program.
+    /// How the controller accumulates corrections, as `RSI_ON` in the robot's program.
     sums: Sums,
 }
 

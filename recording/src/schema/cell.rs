@@ -15,7 +15,8 @@ pub(super) struct Cell {
     /// The model file, or the name of a preset.
     #[schemars(length(min = 1))]
     model: String,
-    /// Mode after a start. `shadow`: computed and recorded, the command goes out as it came; `limited`: within a tenth of the envelope; `full`.
+    /// Mode after a start. `shadow`: computed and recorded, the command is sent unchanged;
+    /// `limited`: within a tenth of the envelope; `full`.
     #[schemars(extend("default" = "shadow"))]
     mode: Option<Mode>,
     /// Highest mode that can be requested at run time; default: as `mode`.
@@ -142,7 +143,7 @@ struct Wrench {
     /// Largest loop gain of the force compensation.
     #[schemars(range(min = 0.01, max = 0.5), extend("default" = 0.5))]
     loop_gain_max: Option<f64>,
-    /// Continue with a wrench of which a channel is stuck or saturated; else the gate closes.
+    /// Continue with a wrench of which a channel is stuck or saturated; otherwise the gate closes.
     #[schemars(extend("default" = false))]
     use_faulty_channels: Option<bool>,
 }
@@ -225,7 +226,8 @@ enum MeasuredMode {
 #[serde(deny_unknown_fields)]
 #[schemars(extend("oneOf" = [{ "required": ["force_limit_N"] }, { "required": ["deflection_limit_mm"] }]))]
 struct Feed {
-    /// `off`: nothing; `observe`: the override is found and reported, the programmed feed goes out; `adapt`: the override goes out.
+    /// `off`: nothing; `observe`: the override is computed and reported, the programmed feed is
+    /// used; `adapt`: the override is sent.
     #[schemars(extend("default" = "observe"))]
     mode: Option<FeedMode>,
     /// The process force that is kept, N; this or `deflection_limit_mm`.
@@ -237,7 +239,8 @@ struct Feed {
     /// The least override, percent of the programmed feed.
     #[schemars(range(min = 1.0, max = 100.0), extend("default" = 10.0))]
     floor_percent: Option<f64>,
-    /// The override where no force is known, percent; from `floor_percent` on. Default: `floor_percent`.
+    /// The override if no force is known, percent; at least `floor_percent`. Default:
+    /// `floor_percent`.
     #[schemars(range(min = 0.0, max = 100.0))]
     lost_percent: Option<f64>,
     /// The largest override in the air, percent; from `floor_percent` on.
@@ -252,7 +255,7 @@ struct Feed {
     /// How fast it may rise, percent per second.
     #[schemars(range(min = 1.0, max = 1000.0), extend("default" = 20.0))]
     up_percent_s: Option<f64>,
-    /// From an override to the force that comes of it, as it arrives at the daemon, ms.
+    /// Delay from an override to the arrival of the resulting force at the daemon, ms.
     #[schemars(range(min = 1.0, max = 500.0), extend("default" = 100.0))]
     latency_ms: Option<f64>,
     /// Time constant of the estimate, ms; at least twice `latency_ms`. Default: twice.
@@ -261,10 +264,10 @@ struct Feed {
     /// How the force grows with the feed: its exponent.
     #[schemars(range(min = 0.3, max = 1.0), extend("default" = 1.0))]
     exponent: Option<f64>,
-    /// A force beyond so many limits takes the override down at once.
+    /// A force beyond this multiple of the limit lowers the override at once.
     #[schemars(range(min = 1.05, max = 10.0), extend("default" = 1.25))]
     relief: Option<f64>,
-    /// Without a force the override holds for so long, ms; then it goes to `lost_percent`.
+    /// The override is held for this long without a force, ms; then it goes to `lost_percent`.
     #[schemars(range(min = 0.0, max = 10_000.0), extend("default" = 200.0))]
     hold_ms: Option<f64>,
 }
@@ -316,7 +319,8 @@ struct Force {
     /// How far the stamp of a block may lie ahead of the daemon's `CLOCK_MONOTONIC`, ms.
     #[schemars(range(min = 0.0, max = 60_000.0), extend("default" = 5.0))]
     ahead_ms: Option<f64>,
-    /// How long after its last sample a block may arrive, ms; default: `wrench.stale_ms` with `wrench.source = "force"`, else 1000.
+    /// Largest delay of a block after its last sample, ms; default: `wrench.stale_ms` with
+    /// `wrench.source = "force"`, otherwise 1000.
     #[schemars(range(min = 1.0, max = 3.6e6))]
     late_ms: Option<f64>,
 }
@@ -335,10 +339,12 @@ struct Vibration {
     /// Weaker lines are not reported, Nm.
     #[schemars(range(min = 0.0), extend("default" = 0.05))]
     least_amplitude_Nm: Option<f64>,
-    /// Scales the power over the noise floor that makes a line: lower finds weaker lines and raises more false alarms.
+    /// Scales the power over the noise floor that counts as a line: lower values find weaker lines
+    /// and raise more false alarms.
     #[schemars(range(min = 0.25, max = 10.0), extend("default" = 1.0))]
     threshold: Option<f64>,
-    /// Spindle speed where it is constant, rev/min; what the cell sends while it runs takes precedence.
+    /// Spindle speed if it is constant, rev/min; values that the cell sends at run time take
+    /// precedence.
     #[schemars(extend("exclusiveMinimum" = 0))]
     spindle_rpm: Option<f64>,
     /// Number of teeth of the cutter.
@@ -360,7 +366,8 @@ struct Realtime {
     core: Option<u32>,
     /// Lock and touch the memory; default: true with `fifo`.
     lock_memory: Option<bool>,
-    /// Refuse to start where the above cannot be had; else it is reported and the daemon continues.
+    /// Refuse to start if one of these settings is refused; otherwise it is reported and the daemon
+    /// continues.
     #[schemars(extend("default" = false))]
     enforce: Option<bool>,
 }
@@ -381,13 +388,13 @@ struct Recorder {
     /// Size at which a new file begins, MB.
     #[schemars(range(min = 1.0, max = 100_000.0), extend("default" = 256.0))]
     max_file_MB: Option<f64>,
-    /// Number of files from which on the oldest are removed; kept ones are not counted.
+    /// Number of files beyond which the oldest are removed; kept ones are not counted.
     #[schemars(range(min = 1, max = 99_999), extend("default" = 20))]
     keep_files: Option<u32>,
-    /// Whether recording begins with the daemon; else with `trued record start`.
+    /// Whether recording begins with the daemon; otherwise with `trued record start`.
     #[schemars(extend("default" = true))]
     start: Option<bool>,
-    /// Whether an alarm of the vibration monitor keeps the recording.
+    /// Whether an alarm of the vibration monitor causes the recording to be kept.
     #[schemars(extend("default" = true))]
     keep_alarms: Option<bool>,
     /// Number of kept files from which on no further one is kept.

@@ -27,7 +27,8 @@ pub(super) struct CutFile {
     /// A proposed cut stays below its limit by this share of its depth.
     #[schemars(range(min = 0.0, max = 1.0), extend("default" = 0.1))]
     margin: Option<f64>,
-    /// Results of `trued tap --json` whose modes belong to the cut; relative paths count from the folder of this file.
+    /// Results of `trued tap --json` with further modes of the cut; relative paths refer to the
+    /// folder of this file.
     taps: Option<Vec<String>>,
     /// Cutter, engagement, depth, coefficients.
     cut: Cut,

@@ -28,13 +28,14 @@ struct Robot {
     /// What the plant calls it; each name once.
     #[schemars(length(min = 1))]
     name: String,
-    /// The maker's serial number.
+    /// The manufacturer's serial number.
     #[schemars(length(min = 1))]
     serial: Option<String>,
     /// A model file, or a preset of `trued model presets`; a relative path counts from the folder of this file.
     #[schemars(length(min = 1))]
     model: String,
-    /// How tables of another program become recordings, for all recordings of the robot; default: `NAME.mapping.toml` beside each recording.
+    /// Mapping for tables of other programs, for all recordings of the robot; default:
+    /// `NAME.mapping.toml` in the folder of each recording.
     #[schemars(length(min = 1))]
     mapping: Option<String>,
 }

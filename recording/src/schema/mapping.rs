@@ -1,4 +1,4 @@
-//! `trued.mapping/1`: how the table of another program becomes a recording.
+//! `trued.mapping/1`: conversion of tables of other programs to recordings.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,8 @@ use serde_json::Value;
 use super::one_or_per_joint;
 use crate::unit::UNITS;
 
-/// How the table of another program becomes a recording, `trued.mapping/1` (docs/reference/mapping.md): `NAME.mapping.toml` beside it.
+/// Conversion of a table of another program to a recording, `trued.mapping/1`
+/// (docs/reference/mapping.md): `NAME.mapping.toml` in the same folder.
 #[derive(JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Mapping {
@@ -18,16 +19,16 @@ pub(super) struct Mapping {
     /// How many joints `*` runs over; default: the length of a list or of `order`.
     #[schemars(range(min = 1, max = 16))]
     joints: Option<u32>,
-    /// Separator of the columns; default: found from the first line.
+    /// Separator of the columns; default: detected from the first line.
     #[schemars(extend("enum" = [",", ";", "tab", "space", "|"]))]
     separator: Option<String>,
-    /// Decimal mark; default: found from the numbers.
+    /// Decimal mark; default: detected from the numbers.
     #[schemars(extend("enum" = [".", ","]))]
     decimal: Option<String>,
     /// What groups thousands, not the decimal mark; default: none.
     #[schemars(extend("enum" = [".", ",", "space", "'"]))]
     thousands: Option<String>,
-    /// The line below the header holds units; default: where all of it is units.
+    /// The line below the header holds units; default: if all of its cells are units.
     units_row: Option<bool>,
     /// Lines that begin with this ASCII character are skipped.
     #[schemars(length(equal = 1))]
@@ -38,16 +39,17 @@ pub(super) struct Mapping {
     /// false: columns are named by their numbers, from 1.
     #[schemars(extend("default" = true))]
     header: Option<bool>,
-    /// Only rows whose column reads one of these texts are kept.
+    /// Only rows in which the column has one of these texts are kept.
     keep: Option<BTreeMap<String, Vec<String>>>,
     /// `drop`: rows whose time does not increase are left out and counted.
     #[schemars(extend("enum" = ["fault", "drop"], "default" = "fault"))]
     repeated_time: Option<String>,
-    /// Columns of a recording, each with where it comes from; `*` in a name runs over the joints. Without this table the names in the header count.
+    /// Columns of a recording, each with its source; `*` in a name stands for the joint's number.
+    /// Without this table the names in the header are used.
     #[schemars(schema_with = "columns")]
     #[serde(default)]
     columns: Option<Value>,
-    /// What `NAME.toml` beside the recording would say; `NAME.toml` replaces all of it.
+    /// Content of `NAME.toml`; an existing `NAME.toml` replaces all of it.
     #[schemars(schema_with = "super::recording::table")]
     #[serde(default)]
     recording: Option<Value>,
@@ -79,24 +81,25 @@ fn with_format(generator: &mut SchemaGenerator) -> Schema {
     schema
 }
 
-/// Where a column comes from: exactly one of `from`, `constant`, `per_row`.
+/// Source of a column: exactly one of `from`, `constant`, `per_row`.
 #[derive(JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(extend("oneOf" = [{ "required": ["from"] }, { "required": ["constant"] }, { "required": ["per_row"] }]))]
 struct Column {
-    /// Column of theirs, by name or by number from 1; a list: one per joint, or with `labels`, `sum` or `format` several for one. `*` is the joint's number.
+    /// Source column, by name or by number from 1; a list: one per joint, or with `labels`, `sum`
+    /// or `format` several for one. `*` is the joint's number.
     #[schemars(schema_with = "names")]
     #[serde(default)]
     from: Option<Value>,
     /// The same number in each row.
     constant: Option<f64>,
-    /// The row's number, from 0, times this.
+    /// The row's number, from 0, times this factor.
     per_row: Option<f64>,
     /// Their unit; default: that of our name.
     #[schemars(schema_with = "unit")]
     #[serde(default)]
     unit: Option<String>,
-    /// Their numbers of our joints: `[2, 1, 3]`: our joint 1 is their 2.
+    /// Joint numbers of the source: `[2, 1, 3]`: joint 1 is joint 2 of the source.
     #[schemars(schema_with = "order")]
     #[serde(default)]
     order: Option<Vec<u32>>,
@@ -104,7 +107,8 @@ struct Column {
     #[schemars(schema_with = "sign", extend("default" = 1))]
     #[serde(default)]
     sign: Option<Value>,
-    /// Ours = `scale` · theirs + `offset`, in the unit of our name: one number, or one per joint.
+    /// Value = `scale` · source + `offset`, in the unit of the recording's column: one number, or
+    /// one per joint.
     #[schemars(schema_with = "one_or_per_joint", extend("default" = 1.0))]
     #[serde(default)]
     scale: Option<Value>,
@@ -118,7 +122,7 @@ struct Column {
     /// The columns are added.
     #[schemars(extend("default" = false))]
     sum: Option<bool>,
-    /// The numbers that texts stand for.
+    /// The numbers assigned to texts.
     numbers: Option<BTreeMap<String, f64>>,
 }
 
@@ -130,11 +134,13 @@ struct Column {
     { "properties": { "convention": { "enum": ["matrix_rows", "matrix_columns", "wxyz", "xyzw"] } } },
 ]))]
 struct Orientation {
-    /// Columns of theirs: three angles, three numbers of a rotation vector, nine of a matrix, four of a quaternion.
+    /// Source columns: three angles, three numbers of a rotation vector, nine of a matrix, four of
+    /// a quaternion.
     #[schemars(schema_with = "name_list")]
     from: Value,
-    /// Angles: a sequence of axes, capitals about the moving ones (`ZYX`: KUKA A B C), small letters about the fixed ones (`xyz`: roll, pitch, yaw).
-    /// Or `rotation_vector`, `matrix_rows`, `matrix_columns`, `wxyz`, `xyzw`.
+    /// Angles: a sequence of axes, capitals about the moving ones (`ZYX`: KUKA A B C), small
+    /// letters about the fixed ones (`xyz`: roll, pitch, yaw). Or `rotation_vector`, `matrix_rows`,
+    /// `matrix_columns`, `wxyz`, `xyzw`.
     #[schemars(regex(
         pattern = "^([XYZ]{3}|[xyz]{3}|rotation_vector|matrix_rows|matrix_columns|wxyz|xyzw)$"
     ))]

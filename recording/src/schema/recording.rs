@@ -1,4 +1,4 @@
-//! `trued.recording/1`: the TOML beside a recording, and the table `[recording]` of a mapping.
+//! `trued.recording/1`: the TOML of a recording, and the table `[recording]` of a mapping.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,8 @@ use super::cut::Cut;
 use super::{NUMBER, Vector};
 use crate::series::Channel;
 
-/// What a recording says of itself, `trued.recording/1` (docs/reference/recording.md): `NAME.toml` beside `NAME.csv` or `NAME.parquet`.
+/// Metadata of a recording, `trued.recording/1` (docs/reference/recording.md): `NAME.toml` next to
+/// `NAME.csv` or `NAME.parquet`.
 #[derive(JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Recording {
@@ -22,7 +23,7 @@ pub(super) struct Recording {
     /// `path`: motion in time; `poses`: a settled pose in each row.
     #[schemars(extend("default" = "path"))]
     kind: Option<Kind>,
-    /// Which joint positions are the input; default: `q` where it is there, else `qa`.
+    /// Which joint positions are the input; default: `q` if present, otherwise `qa`.
     input: Option<Input>,
     /// Frame of points, targets and orientation. `unknown`: its six parameters are fitted.
     #[schemars(extend("default" = "unknown"))]
@@ -33,7 +34,8 @@ pub(super) struct Recording {
     #[schemars(schema_with = "sigma")]
     #[serde(default)]
     sigma: Option<BTreeMap<String, f64>>,
-    /// How the direction of the last motion at poses is known: columns `d1` …, the row before, or not.
+    /// Source of the direction of the last motion at poses: columns `d1` …, the previous row, or
+    /// unknown.
     #[schemars(extend("default" = "unknown"))]
     approach: Option<Approach>,
     /// Nm (N) at the joint per ampere, one per joint up to the last `iN_A`; required with currents.
@@ -51,7 +53,7 @@ pub(super) struct Recording {
     heldout: Option<Value>,
     /// The cutter, for the force domain.
     cut: Option<Cut>,
-    /// What a distance is measured from; what is not stated is fitted.
+    /// Reference of a distance; parameters that are not stated are fitted.
     #[serde(rename = "distance#")]
     distance: Option<Distance>,
     /// The touch probe; required with touches.
@@ -59,7 +61,7 @@ pub(super) struct Recording {
     /// A touched plane.
     #[serde(rename = "plane#")]
     plane: Option<Plane>,
-    /// A touched sphere; what is not stated is fitted.
+    /// A touched sphere; parameters that are not stated are fitted.
     #[serde(rename = "sphere#")]
     sphere: Option<Sphere>,
 }
@@ -101,7 +103,7 @@ fn sigma(_: &mut SchemaGenerator) -> Schema {
     })
 }
 
-/// What the name of a column of samples looks like.
+/// Pattern of the name of a column of samples.
 fn column_names() -> String {
     let mut names = Vec::new();
     let mut add = |base: String, channel: Channel| match channel.units() {

@@ -1,6 +1,7 @@
-//! Metadata of a recording: `NAME.toml` beside it, or the `[recording]` table of a mapping.
+//! Metadata of a recording: `NAME.toml` in the same folder, or the `[recording]` table of a
+//! mapping.
 //!
-//! Contract: docs/reference/recording.md. Values SI. Unknown keys are faults.
+//! Format: docs/reference/recording.md. Values SI. Unknown keys are faults.
 
 use std::collections::BTreeMap;
 
@@ -42,14 +43,14 @@ pub enum Frame {
     Tool,
 }
 
-/// How the direction of the last motion is known at poses.
+/// Source of the direction of the last motion at poses.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Approach {
-    /// Columns `d1` … give it.
+    /// Columns `d1` ….
     Columns,
     /// From the row before.
     Sequence,
-    /// Not known: lost motion cannot be told.
+    /// Unknown: lost motion cannot be identified.
     #[default]
     Unknown,
 }
@@ -57,7 +58,7 @@ pub enum Approach {
 /// What is kept from every fit, for validation only.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum Heldout {
-    /// Nothing is named: whoever fits chooses.
+    /// Not stated: the fit decides.
     #[default]
     Unsaid,
     /// These segments.
@@ -85,12 +86,12 @@ pub struct Cut {
     pub cutting_pa: [f64; 3],
     /// Tangential, radial, axial edge coefficients, N/m.
     pub edge_n_per_m: [f64; 3],
-    /// The work turns and the tool stands (`operation = "turning"`).
+    /// Turning (`operation = "turning"`): the workpiece rotates, and the tool does not.
     pub turning: bool,
 }
 
 impl Cut {
-    /// The cutter, as the physics takes it.
+    /// The cutter for `physics`.
     #[must_use]
     pub fn cutter(&self) -> physics::Cutter {
         physics::Cutter {
@@ -107,7 +108,7 @@ impl Cut {
     }
 }
 
-/// What a recording says of itself.
+/// Metadata of a recording.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct About {
     /// The model that belongs to it; the command line wins.
@@ -116,13 +117,13 @@ pub struct About {
     pub kind: Kind,
     /// Which positions are the input; unsaid: `q` where it is there.
     pub input: Option<Input>,
-    /// Whether measured positions are in the base frame; else the measuring frame is unknown.
+    /// Whether measured positions are in the base frame; otherwise the measuring frame is unknown.
     pub measured_in_base: bool,
     /// The axes of the wrench; unsaid: the tool's.
     pub wrench_frame: Option<Frame>,
     /// Instruments' standard uncertainty per column, SI.
     pub sigma: BTreeMap<Channel, f64>,
-    /// How the direction of approach is known.
+    /// Source of the direction of approach.
     pub approach: Approach,
     /// Torque (force) at the joint per ampere, N m/A (N/A).
     pub torque_per_ampere: Vec<f64>,
@@ -134,12 +135,12 @@ pub struct About {
     pub heldout: Heldout,
     /// The cut, for the force domain.
     pub cut: Option<Cut>,
-    /// What distances are measured from, and what is touched.
+    /// References of distances, and touched objects.
     pub gauges: Gauges,
 }
 
 impl About {
-    /// Reads the TOML that stands beside a recording.
+    /// Reads the TOML of a recording.
     ///
     /// # Errors
     /// All faults of the text.
@@ -214,7 +215,7 @@ fn targets_of(table: &Table<'_, '_>) -> BTreeMap<usize, [f64; 3]> {
     let mut targets = BTreeMap::new();
     for target in 0..TARGETS_MAX {
         let key = format!("target{}_mm", target + 1);
-        // Only those that stand there are asked for: the others would fill every help text.
+        // Only existing ones are read: the others would fill every help text.
         if table.keys().any(|name| name == key)
             && let Some(place) = table.vector::<3>(&key)
         {

@@ -1,11 +1,11 @@
-//! Writes the metadata of a recording as the TOML beside it.
+//! Writes the metadata of a recording as TOML.
 
 use super::about::{Approach, Cut, Frame, Heldout, Input, Kind, SCHEMA};
 use super::{FileUnits, Recording};
 use crate::toml_text::{line, list, number, string};
 
 impl Recording {
-    /// The TOML beside the recording; it reads back to the same [`Recording::about`].
+    /// The TOML of the recording; it reads back to the same [`Recording::about`].
     #[must_use]
     pub fn about_toml(&self) -> String {
         let about = &self.about;

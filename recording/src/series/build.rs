@@ -1,6 +1,6 @@
 //! Builds a consistent [`Recording`] from named columns, with all checks of the format.
 //!
-//! Contract: docs/reference/recording.md, "Errors". Every error is reported with row and column.
+//! Format: docs/reference/recording.md, "Errors". Every error is reported with row and column.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,7 +15,7 @@ use super::{Need, Recording};
 use crate::faults::{Fault, Faults, nearest};
 use crate::unit::Unit;
 
-/// A column on its way: what it is, where it came from, its values in the unit of its name.
+/// A column during conversion: meaning, origin, values in the unit of its name.
 struct Source {
     name: String,
     /// Index of the column in the foreign table, where it has one.
@@ -27,7 +27,7 @@ pub(crate) struct Builder<'t, 's> {
     table: &'t RawTable<'s>,
     pub(super) faults: Faults,
     time: Option<Vec<f64>>,
-    /// The column of the foreign table that the time came from.
+    /// The source column of the time.
     time_from: Option<usize>,
     segment: Option<Vec<i64>>,
     pub(super) columns: BTreeMap<Channel, Vec<f64>>,
@@ -59,14 +59,14 @@ impl<'t, 's> Builder<'t, 's> {
         self.faults.push(fault);
     }
 
-    /// Where the columns of the foreign table with these names stand; none where a fault was noted.
+    /// Indices of the source columns with these names; `None` if a fault was added.
     pub(crate) fn places(&mut self, names: &[String]) -> Option<Vec<usize>> {
         let column = |name: &String| self.table.column(name, &mut self.faults);
         let places: Vec<usize> = names.iter().filter_map(column).collect();
         (places.len() == names.len()).then_some(places)
     }
 
-    /// The numbers of a column of the foreign table; faults are noted, the values stay in place.
+    /// The numbers of a source column; faults are added, the values stay in place.
     pub(crate) fn numbers(&mut self, from: usize) -> Vec<f64> {
         self.table.numbers(from, &mut self.faults)
     }
@@ -81,7 +81,7 @@ impl<'t, 's> Builder<'t, 's> {
         self.table.check_unit(from, read_in, stated, &mut self.faults);
     }
 
-    /// Takes the columns whose names are ours, and keeps the others.
+    /// Takes the columns with names of the format, and keeps the others.
     pub(crate) fn take_own_columns(&mut self) {
         let mut known = BTreeSet::new();
         for (at, name) in self.table.header.iter().enumerate() {
@@ -175,7 +175,8 @@ impl<'t, 's> Builder<'t, 's> {
         self.sources.insert(channel, source);
     }
 
-    /// Notes a fault at the first value that is infinite though its cell is not: an infinite cell was told when it was read.
+    /// Adds a fault at the first value that is infinite though its cell is not: infinite cells were
+    /// already reported.
     fn judge_finite(&mut self, name: &str, from: Option<usize>, values: &[f64]) {
         let told = |row: usize| {
             from.is_some_and(|at| self.table.number_in(row, at).is_ok_and(f64::is_infinite))
@@ -263,7 +264,7 @@ impl<'t, 's> Builder<'t, 's> {
             let segment = self.segment.as_ref().and_then(|s| s.get(row)).copied().unwrap_or(0);
             let before = last.get(&segment).copied();
             if !t.is_finite() {
-                // What is no time or infinite was told when it was read.
+                // Unreadable and infinite times were already reported.
                 let unread = from.is_some_and(|at| self.table.number_in(row, at).is_err());
                 if unread || t.is_infinite() {
                     continue;
@@ -276,7 +277,7 @@ impl<'t, 's> Builder<'t, 's> {
                 let fault = Fault::new("t_s", message)
                     .expected("times that increase strictly within a segment");
                 self.cell_fault(row, from, fault);
-                // One jump is one fault: go on from where the time stands now.
+                // One jump is one fault: continue from the present time.
                 last.insert(segment, *t);
             } else {
                 last.insert(segment, *t);
@@ -360,7 +361,7 @@ impl<'t, 's> Builder<'t, 's> {
     }
 }
 
-/// A number that counts something; larger ones would not be exact.
+/// Whether a count is an exactly represented integer.
 fn is_whole(value: f64) -> bool {
     value.fract() == 0.0 && value.abs() < 9e15
 }

@@ -4,16 +4,16 @@ use std::borrow::Cow;
 
 /// A column.
 pub(crate) enum Cells {
-    /// Not a number where nothing is.
+    /// NaN for an empty cell.
     Numbers(Vec<f64>),
     /// None for a null.
     #[cfg(feature = "parquet")]
     Whole(Vec<Option<i64>>),
-    /// Empty where nothing is.
+    /// Empty for an empty cell.
     Texts(Texts),
 }
 
-/// Texts end to end: a string of its own for each takes three times the memory.
+/// Concatenated texts: separate strings would take three times the memory.
 #[derive(Debug, Default)]
 pub(crate) struct Texts {
     text: String,
@@ -55,7 +55,7 @@ impl Cells {
         }
     }
 
-    /// The number in a row: NaN where nothing is; none where a text stands.
+    /// The number in a row: NaN if it is empty; `None` for a text.
     pub(crate) fn number(&self, row: usize) -> Option<f64> {
         match self {
             Self::Numbers(all) => Some(all.get(row).copied().unwrap_or(f64::NAN)),
@@ -67,7 +67,8 @@ impl Cells {
         }
     }
 
-    /// A row as text: for numbers the shortest that reads back to the same one; nothing where nothing is.
+    /// A row as text: for numbers the shortest that reads back to the same one; empty if it is
+    /// empty.
     pub(crate) fn text(&self, row: usize) -> Cow<'_, str> {
         let text = match self {
             Self::Numbers(all) => {

@@ -1,6 +1,6 @@
 //! The columns of `trued.recording/1`: their names, units and order.
 //!
-//! Contract: docs/reference/recording.md. Joints and targets count from 0 here and from 1 in names.
+//! Format: docs/reference/recording.md. Joints and targets count from 0 here and from 1 in names.
 
 use physics::JointKind;
 
@@ -51,30 +51,30 @@ pub enum Channel {
     Acceleration(usize),
     /// Distance of a point of the tool from a fixed point, m.
     Distance(usize),
-    /// The plane that the probe touches, by its number from 1; 0 for none.
+    /// The plane that the probe touches, numbered from 1; 0 for none.
     TouchPlane,
-    /// The sphere that the probe touches, by its number from 1; 0 for none.
+    /// The sphere that the probe touches, numbered from 1; 0 for none.
     TouchSphere,
-    /// How the base stands against the plumb line: turn about base x (0) and y (1), rad.
+    /// Tilt of the base relative to gravity: rotation about base x (0) and y (1), rad.
     BaseTilt(usize),
-    /// Which set-up of the measuring instrument saw the row: rows of one number share a measuring frame.
+    /// Set-up of the measuring instrument: rows with the same number share a measuring frame.
     Station,
 }
 
-/// The units in which positions stand in a file: what was read is written alike.
+/// The units of positions in a file; a recording is written in the units in which it was read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FileUnits {
-    /// Joint angles in degrees (else radians).
+    /// Joint angles in degrees (otherwise radians).
     pub degrees: bool,
-    /// Lengths in millimetres (else metres).
+    /// Lengths in millimetres (otherwise metres).
     pub millimetres: bool,
 }
 
 impl FileUnits {
     /// Radians and metres: written files read back to the same bits.
     pub const SI: Self = Self { degrees: false, millimetres: false };
-    /// Degrees and millimetres; values that no decimal degree or millimetre hits exactly come
-    /// back within one unit in the last place.
+    /// Degrees and millimetres; values without an exact decimal representation are read back within
+    /// one unit in the last place.
     pub const WORKSHOP: Self = Self { degrees: true, millimetres: true };
 }
 
@@ -247,8 +247,8 @@ fn index(number: &str, limit: usize) -> Option<usize> {
 }
 
 impl Column {
-    /// The meaning of a column name. `Err` where the name is ours and the unit is not: then it
-    /// says what was expected.
+    /// The meaning of a column name. `Err` with the expectation if the name is known and its unit
+    /// is not.
     pub(crate) fn named(name: &str) -> Result<Self, String> {
         match name {
             "t_s" => return Ok(Self::Time),
@@ -284,7 +284,7 @@ fn expected_names(channel: Channel, units: &[&str]) -> String {
     names.join(" or ")
 }
 
-/// What the unit of a joint's column says of the joint.
+/// The kind of joint implied by the unit of its column.
 pub(crate) fn joint_kind_of(channel: Channel, unit: Option<Unit>) -> Option<JointKind> {
     channel.joint()?;
     match unit?.quantity {
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_unit_is_told_and_a_foreign_name_is_unknown() {
+    fn a_wrong_unit_is_reported_and_a_foreign_name_is_unknown() {
         assert_eq!(Column::named("fx_Nm"), Err("`fx_N`".to_owned()));
         assert_eq!(Column::named("x"), Err("`x_mm` or `x_m`".to_owned()));
         assert_eq!(Column::named("d1_deg"), Err("`d1`, without a unit".to_owned()));

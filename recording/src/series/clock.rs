@@ -15,25 +15,25 @@ pub(crate) enum Clock {
     Iso,
     /// A pattern as `strftime` has them.
     Pattern(String),
-    /// Days as a number, as spreadsheets count them.
+    /// Days as a number, as in spreadsheets.
     Days,
 }
 
 /// A point in time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Instant {
-    /// Since 1970, of UTC where the time has a zone, else of the clock that wrote it.
+    /// Since 1970: UTC if the time has a zone, otherwise by the clock that wrote it.
     nanoseconds: i128,
     has_zone: bool,
 }
 
 const FIELDS: &str = "%Y %y %m %d %H %I %M %S %f %p %z";
-/// No zone lies further from UTC.
+/// Largest difference of a zone from UTC.
 const ZONE_HOURS_MAX: i64 = 14;
 const SECOND_NS: i128 = 1_000_000_000;
 const DAY_S: f64 = 86_400.0;
 
-/// An ISO 8601 time with its zone, as µs since 1970 in UTC; none for anything else.
+/// An ISO 8601 time with its zone, as µs since 1970 in UTC; `None` for anything else.
 pub(crate) fn instant_us(text: &str) -> Option<i64> {
     let instant = Clock::Iso.read(text).filter(|instant| instant.has_zone)?;
     i64::try_from(instant.nanoseconds.div_euclid(1000)).ok()
@@ -86,7 +86,7 @@ impl Clock {
         })
     }
 
-    /// The fields of a whole cell, whatever their numbers.
+    /// The fields of a complete cell, without a check of their ranges.
     fn fields<'c>(&self, cell: &'c str) -> Option<Reader<'c>> {
         let mut reader = Reader::of(cell);
         match self {
@@ -107,8 +107,8 @@ impl Clock {
 }
 
 impl RawTable<'_> {
-    /// Seconds since the first row's time, of one column or several side by side (date, time of the day); without a `clock` of a column of numbers, or of
-    /// ISO 8601.
+    /// Seconds since the first row's time, of one column or several (date, time of the day);
+    /// without a `clock` from a column of numbers, or of ISO 8601.
     pub(crate) fn times(
         &self,
         columns: &[usize],
@@ -157,7 +157,8 @@ impl RawTable<'_> {
         times
     }
 
-    /// A column of numbers. Where the first is a date or time in another form than ISO 8601, one fault says so instead of one per row.
+    /// A column of numbers. If the first cell is a date or time in another form than ISO 8601, one
+    /// fault says so instead of one per row.
     fn numbers_or_hint(&self, column: usize, sample: &str, faults: &mut Faults) -> Vec<f64> {
         let marks = sample.matches(['.', '/', ':', '-']).count();
         let digits = sample.bytes().filter(u8::is_ascii_digit).count();
@@ -179,7 +180,7 @@ fn since_first(days: Vec<f64>) -> Vec<f64> {
     days.into_iter().map(|day| (day - first) * DAY_S).collect()
 }
 
-/// A text on the way to a point in time.
+/// Parser of a time.
 struct Reader<'c> {
     rest: &'c str,
     year: i64,
@@ -309,7 +310,7 @@ impl<'c> Reader<'c> {
         Some(())
     }
 
-    /// A number of so many digits.
+    /// A number with `least` to `most` digits.
     fn number(&mut self, least: usize, most: usize) -> Option<i64> {
         let digits = self.rest.bytes().take(most).take_while(u8::is_ascii_digit).count();
         let (number, rest) = self.rest.split_at_checked(digits).filter(|_| digits >= least)?;
@@ -317,7 +318,7 @@ impl<'c> Reader<'c> {
         number.parse().ok()
     }
 
-    /// What stands behind the seconds' decimal mark, where there is one.
+    /// Digits after the seconds' decimal mark, if there is one.
     fn decimals(&mut self) {
         let rest = self.rest;
         if let Some(decimals) = rest.strip_prefix(['.', ',']) {
@@ -328,7 +329,7 @@ impl<'c> Reader<'c> {
         }
     }
 
-    /// Decimals of a second; what lies below a nanosecond is left out.
+    /// Decimals of a second; digits below a nanosecond are dropped.
     fn fraction(&mut self) -> Option<()> {
         let digits = self.rest.bytes().take_while(u8::is_ascii_digit).count();
         let (fraction, rest) = self.rest.split_at_checked(digits).filter(|_| digits > 0)?;

@@ -3,7 +3,7 @@
 use super::*;
 use crate::mapping::Mapping;
 
-/// A recording of `t_s`, `q1_deg` and `x_mm`, read by a mapping without columns where one is given.
+/// A recording of `t_s`, `q1_deg` and `x_mm`, read by a mapping without columns if one is given.
 fn read(mapping: &str, text: &str) -> Result<Recording, Faults> {
     let mapping = (!mapping.is_empty())
         .then(|| Mapping::parse("m.toml", &format!("schema = \"trued.mapping/1\"\n{mapping}")))
@@ -171,7 +171,7 @@ fn a_last_line_without_an_end_is_left_out_only_where_it_is_seen_to_be_cut_off() 
     }
 }
 
-/// A mapping of the columns by their names, with more said of `x_mm`.
+/// A mapping of the columns by their names, with further settings of `x_mm`.
 fn columns_with_x(more: &str) -> String {
     format!(
         "[columns]\nt_s = {{ from = \"t_s\" }}\nq1_deg = {{ from = \"q1_deg\" }}\nx_mm = {{ from = \"x_mm\"{more} }}"
@@ -194,7 +194,7 @@ fn a_line_of_units_that_contradicts_the_names_is_refused() {
     assert!(told(&columns(""), text).contains("`x_mm`: has the unit m and is read in mm"));
     assert_eq!(rows(&columns(", unit = \"m\""), text), [(0.0, 1500.0)]);
     assert_eq!(rows(&columns(", scale = 1000"), text), [(0.0, 1500.0)]);
-    // A row of data is none, whatever text stands in it.
+    // A row of data is not a line of units, whatever text it contains.
     let data = read("", "t_s,q1_deg,x_mm,note\n1,,,mm\n2,,,mm\n").unwrap();
     assert_eq!(data.t_s, [1.0, 2.0]);
     let words = "t_s,q1_deg,x_mm\nSek,Grad,mm\n0,1,1.5\n";
@@ -357,7 +357,7 @@ fn faults_stand_in_their_line_behind_comments_and_whatever_ends_lines() {
 }
 
 #[test]
-fn several_columns_for_one_are_refused_unless_it_is_said_what_becomes_of_them() {
+fn several_columns_for_one_are_refused_without_a_rule() {
     let mapping = "[columns]\nt_s = { from = \"t_s\" }\nq1_deg = { from = [\"q1_deg\", \"x_mm\"] }";
     let text = "t_s,q1_deg,x_mm\n0,1,2\n";
     assert!(told(mapping, text).contains("names 2 columns for one"));

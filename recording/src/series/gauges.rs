@@ -1,9 +1,9 @@
-//! Distances and touches: their tables in the TOML beside a recording.
+//! Distances and touches: their tables in the TOML of a recording.
 //!
 //! `[distance1]` … describe the fixed end of a ballbar, cable or draw-wire; `[probe]`, `[plane1]` …, `[sphere1]` … the probe and the touched objects. Parameters that are not stated are
 //! fitted. Lengths in mm, base frame, tool points by the number of their target. See docs/measurements.md.
 //!
-//! Promises: every error is reported. Never: a guess.
+//! All errors are reported.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -16,7 +16,7 @@ use crate::walk::{POSITIVE, Table};
 
 const MM: f64 = 1e-3;
 
-/// Where a distance is measured from, and of what point.
+/// Reference and measured point of a distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Distance {
     /// The fixed point, m, base frame; none where it is to be fitted.
@@ -62,7 +62,7 @@ pub struct TouchedSphere {
     pub radius_m: Option<f64>,
 }
 
-/// All of it, by number from 0.
+/// All of them, by number from 0.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Gauges {
     /// What distances are measured from.
@@ -130,10 +130,10 @@ impl Gauges {
     }
 }
 
-/// Stands where a number is not known.
+/// Used for unknown values.
 const FITTED: &str = "fitted";
 
-/// The tables `STEM1`, `STEM2`, …; only those that stand there are asked for.
+/// The tables `STEM1`, `STEM2`, …; only existing ones are read.
 fn numbered<T>(
     table: &Table<'_, '_>,
     stem: &str,

@@ -1,6 +1,6 @@
 //! Checks distances and touches against the TOML.
 //!
-//! Promises: each error with its row or table. Never: a changed value.
+//! Each error is reported with its row or table. Values are not changed.
 
 use super::Builder;
 use super::channel::{Channel, GAUGES_MAX};
@@ -49,7 +49,7 @@ impl Builder<'_, '_> {
         }
     }
 
-    /// The numbers of what is touched; the first that is none is a fault.
+    /// The numbers of the touched objects; the first invalid one is a fault.
     fn touched(&mut self, channel: Channel) -> Vec<usize> {
         let Some(values) = self.columns.get(&channel) else { return Vec::new() };
         let number = |value: f64| (0..=GAUGES_MAX).find(|number| *number as f64 == value);

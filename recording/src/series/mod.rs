@@ -1,8 +1,8 @@
 //! Recordings: `trued.recording/1` in memory, SI inside.
 //!
-//! Contract: docs/reference/recording.md. A [`Recording`] that exists is consistent: equally long
-//! columns, finite strictly increasing times within each segment, no infinite value, unit
-//! quaternions, joints that are either revolute or prismatic. NaN marks a missing sample.
+//! Format: docs/reference/recording.md. A valid [`Recording`] is consistent: equally long columns,
+//! finite strictly increasing times within each segment, no infinite value, unit quaternions,
+//! joints that are either revolute or prismatic. NaN marks a missing sample.
 
 mod about;
 mod about_text;
@@ -55,7 +55,7 @@ use crate::faults::{Fault, Faults};
 pub enum Need {
     /// Inputs and at least one measured group: for calibration and diagnosis.
     Measurement,
-    /// Joint positions alone: for replay and correction of paths.
+    /// Joint positions only: for replay and correction of paths.
     Path,
     /// Samples of anything over time: for spectra.
     Samples,
@@ -64,13 +64,13 @@ pub enum Need {
 /// A recording: columns of equal length over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
-    /// The file it came from, for messages; empty where it was made.
+    /// The source file, for messages; empty if made in code.
     pub file: PathBuf,
     /// Time, s.
     pub t_s: Vec<f64>,
     /// Segment of each row.
     pub segment: Vec<i64>,
-    /// What the TOML beside it says.
+    /// Metadata from its TOML.
     pub about: About,
     /// Units in which positions were read, and will be written.
     pub units: FileUnits,
@@ -85,7 +85,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// A recording with times alone, in one segment, SI units in its file.
+    /// A recording with times only, in one segment, with SI units in its file.
     #[must_use]
     pub fn new(t_s: Vec<f64>) -> Self {
         Self {
@@ -102,10 +102,10 @@ impl Recording {
         }
     }
 
-    /// Checks what [`read`] does of a recording that was read for less.
+    /// Applies the checks of [`read`] to a recording that was read with fewer requirements.
     ///
     /// # Errors
-    /// What is needed and not there.
+    /// Missing columns.
     pub fn check_need(&self, need: Need) -> Result<(), Faults> {
         let mut faults = Faults::of(self.file.display().to_string());
         need::lacking(&self.columns, need).into_iter().for_each(|fault| faults.push(fault));
@@ -127,7 +127,7 @@ impl Recording {
         self.t_s.is_empty()
     }
 
-    /// A column's samples, SI; NaN where none was taken.
+    /// A column's samples, SI; NaN for missing ones.
     #[must_use]
     pub fn column(&self, channel: Channel) -> Option<&[f64]> {
         self.columns.get(&channel).map(Vec::as_slice)
@@ -138,7 +138,7 @@ impl Recording {
         self.columns.keys().copied()
     }
 
-    /// What a column is called in the file that it was read from; the first where it was made of several.
+    /// Name of a column in the source file; the first one if it was made of several.
     #[must_use]
     pub fn name_in_file(&self, channel: Channel) -> Option<&str> {
         self.names.get(&channel).map(String::as_str)
@@ -155,13 +155,13 @@ impl Recording {
         self.columns.remove(&channel)
     }
 
-    /// Whether a joint turns or slides, as far as its columns say; joints of unknown kind turn.
+    /// The kind of a joint by the unit of its columns; revolute if unknown.
     #[must_use]
     pub fn joint_kind(&self, joint: usize) -> JointKind {
         self.kinds.get(&joint).copied().unwrap_or(JointKind::Revolute)
     }
 
-    /// Says that a joint turns or slides, for made recordings.
+    /// Sets the kind of a joint, for recordings made in code.
     pub fn set_joint_kind(&mut self, joint: usize, kind: JointKind) {
         self.kinds.insert(joint, kind);
     }
@@ -184,7 +184,7 @@ impl Recording {
         of_columns.max(self.about.gauges.target_count())
     }
 
-    /// The column that is the input of a joint: `q` or `qa`, as the TOML or the default says.
+    /// The column with the input of a joint: `q` or `qa`, by the TOML or by default.
     #[must_use]
     pub fn input(&self, joint: usize) -> Option<&[f64]> {
         match self.input_kind() {
@@ -193,7 +193,8 @@ impl Recording {
         }
     }
 
-    /// Which group is the input: what the TOML says; else `qa` where the link side alone was measured along a path; else `q` where it is there, else `qa`.
+    /// Which group is the input: as the TOML states; otherwise `qa` if only the link side was
+    /// measured along a path; otherwise `q` if present, otherwise `qa`.
     #[must_use]
     pub fn input_kind(&self) -> Input {
         let any = |wanted: fn(&Channel) -> bool| self.columns.keys().any(wanted);
@@ -211,7 +212,7 @@ impl Recording {
         self.about.input.unwrap_or(unsaid)
     }
 
-    /// Standard uncertainty of a column, SI, where the TOML gives it.
+    /// Standard uncertainty of a column, SI, if the TOML states it.
     #[must_use]
     pub fn sigma(&self, channel: Channel) -> Option<f64> {
         self.about.sigma.get(&channel).copied()
@@ -252,7 +253,7 @@ impl Recording {
     }
 }
 
-/// The name of the TOML that belongs to a recording: `NAME.toml` beside `NAME.csv`.
+/// Path of a recording's TOML: `NAME.toml` for `NAME.csv`.
 #[must_use]
 pub fn about_path(recording: &Path) -> PathBuf {
     recording.with_extension("toml")

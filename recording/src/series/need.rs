@@ -31,7 +31,7 @@ pub(super) fn lacking(columns: &BTreeMap<Channel, Vec<f64>>, need: Need) -> Opti
             )
         });
     if need == Need::Samples {
-        // Any column may be looked at.
+        // Any column is accepted.
         None
     } else if !inputs && (need == Need::Path || !forces) {
         let fault = Fault::new("q1_deg", "no joint position is there");

@@ -1,6 +1,7 @@
 //! Number format of a table: decimal mark, thousands separators, minus signs.
 //!
-//! A wrong decimal mark changes a value by a factor of 1000 without any other sign of it, so an ambiguous number is refused, never guessed:
+//! A wrong decimal mark changes a value by a factor of 1000 without any other sign of it, so an
+//! ambiguous number is refused:
 //! - one decimal mark per file, stated or detected ([`Notation::found`]) in the numeric columns;
 //! - if there are only commas, each followed by three digits, they are decimal commas between semicolons, as written by spreadsheets: the only exception, and noted;
 //! - the other mark is a thousands separator only if stated (`thousands`), or if it appears in one number with the decimal mark: `1.042,5`;
@@ -10,14 +11,14 @@
 
 use crate::faults::Fault;
 
-/// Which mark separates the decimals of a file's numbers, and which groups thousands.
+/// Decimal mark and thousands separator of a file's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Notation {
     /// `.` or `,`.
     pub(super) decimal: char,
-    /// A mark that groups thousands by the user's word.
+    /// A thousands separator stated by the user.
     pub(super) thousands: Option<char>,
-    /// The file's numbers have one mark and three digits behind it, all of them: `1.042` may be either.
+    /// All numbers of the file have one mark and three digits after it: `1.042` is ambiguous.
     pub(super) undecided: bool,
 }
 
@@ -32,7 +33,8 @@ pub(super) enum Unread {
     OtherDecimal,
 }
 
-/// Marks between thousands that cannot be anything else: apostrophes, no-break space, narrow no-break space, thin space.
+/// Thousands separators that cannot have another meaning: apostrophes, no-break space, narrow
+/// no-break space, thin space.
 const GROUPING: [char; 5] = ['\'', '\u{2019}', '\u{a0}', '\u{202f}', '\u{2009}'];
 /// U+2212, which typesetting programs write for `-`.
 const MINUS: char = '\u{2212}';
@@ -44,10 +46,11 @@ impl Notation {
         Self { decimal, thousands, undecided: false }
     }
 
-    /// The notation of a file by its cells: the first number that can be read in one way only settles it.
+    /// The notation of a file by its cells: determined by the first unambiguous number.
     ///
-    /// Where none does, semicolons between fields go with decimal commas, as spreadsheets write them; else a point is the decimal mark. Points alone, each
-    /// with three digits behind it, leave it undecided in what a spreadsheet writes (semicolons, tabulators).
+    /// If there is none, semicolons between fields imply decimal commas, as written by
+    /// spreadsheets; otherwise the decimal mark is a point. Points only, each followed by three
+    /// digits, leave it undecided for formats of spreadsheets (semicolons, tabulators).
     pub(super) fn found<'c>(separator: u8, cells: impl Iterator<Item = &'c str>) -> Self {
         if separator == b',' {
             return Self::of('.', None);
@@ -77,7 +80,7 @@ impl Notation {
         cells.find_map(proof).map(|(mark, _)| Self::of(mark, None))
     }
 
-    /// The number in a cell: NaN where it is empty.
+    /// The number in a cell: NaN if it is empty.
     pub(super) fn read(self, cell: &str) -> Result<f64, Unread> {
         if cell.is_empty() {
             return Ok(f64::NAN);
@@ -88,7 +91,7 @@ impl Notation {
             return cell.parse().map_err(|_| Unread::NoNumber);
         }
         if self.decimal == '.' && !self.undecided && self.thousands != Some('.') {
-            // The usual case: the language's own notation.
+            // The usual case: Rust's own notation.
             if let Ok(number) = cell.parse() {
                 return Ok(number);
             }
@@ -158,12 +161,12 @@ impl Notation {
     }
 }
 
-/// A number cut at its decimal mark.
+/// A number split at its decimal mark.
 #[derive(Debug, Clone, Copy)]
 struct Parts<'c> {
     sign: &'static str,
     whole: &'c str,
-    /// What stands behind the decimal mark, where there is one.
+    /// The digits after the decimal mark, if there is one.
     decimals: Option<&'c str>,
     /// With its letter.
     exponent: &'c str,
@@ -183,7 +186,8 @@ impl<'c> Parts<'c> {
         has_digits.then_some(Self { sign, whole, decimals, exponent })
     }
 
-    /// Its number, where `thousands`, beside decimals the `other` mark, or what can be nothing else may group its thousands.
+    /// Its value; thousands may be grouped by `thousands`, by the `other` mark if there are
+    /// decimals, or by an unambiguous separator.
     fn value(&self, other: char, thousands: Option<char>) -> Option<f64> {
         let may_group = |c: &char| {
             (*c == other && self.decimals.is_some())
@@ -200,7 +204,7 @@ impl<'c> Parts<'c> {
         text.parse().ok().filter(|_| is_number)
     }
 
-    /// Digits and one decimal mark, nothing else.
+    /// Whether it consists of digits and one decimal mark only.
     fn is_plain(&self) -> bool {
         let digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
         digits(self.whole) && self.decimals.is_some_and(digits)
@@ -214,7 +218,7 @@ impl<'c> Parts<'c> {
     }
 }
 
-/// Whether a cell is a number in some notation, be it one that can be read in two ways.
+/// Whether a cell is a number in some notation, even an ambiguous one.
 pub(crate) fn is_number(cell: &str) -> bool {
     let reads = |decimal| Notation::of(decimal, None).read(cell) != Err(Unread::NoNumber);
     !cell.is_empty() && (reads('.') || reads(','))
@@ -224,7 +228,7 @@ fn other_of(mark: char) -> char {
     if mark == '.' { ',' } else { '.' }
 }
 
-/// The digits of a whole number whose thousands this mark groups; none where it does not.
+/// The digits of an integer whose thousands are grouped by this mark; `None` if they are not.
 fn groups(whole: &str, mark: char) -> Option<String> {
     let mut parts = whole.split(mark);
     let first = parts.next()?;
@@ -242,7 +246,7 @@ fn groups(whole: &str, mark: char) -> Option<String> {
     (starts && digits(first) && more > 0).then_some(text)
 }
 
-/// The decimal mark that a cell speaks for, and whether no other reading of it is a number.
+/// The decimal mark that a cell implies, and whether any other reading of it is not a number.
 fn evidence(cell: &str) -> Option<(char, bool)> {
     let cell = cell.trim_start_matches(['-', '+', MINUS]);
     let is_numeric = |c: char| c.is_ascii_digit() || matches!(c, '.' | ',' | 'e' | 'E' | '-' | '+');
@@ -258,7 +262,7 @@ fn evidence(cell: &str) -> Option<(char, bool)> {
         (true, true) => ['.', ','].into_iter().find(grouped).map(|mark| (mark, true)),
         (true, false) if cell.matches('.').count() == 1 => reads_as('.'),
         (false, true) if cell.matches(',').count() == 1 => reads_as(','),
-        // Versions and addresses look so, too.
+        // Versions and addresses have the same form.
         (true, false) => groups(cell, '.').map(|_| (',', false)),
         (false, true) => groups(cell, ',').map(|_| ('.', false)),
         (false, false) => None,

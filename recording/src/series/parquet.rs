@@ -1,7 +1,8 @@
 //! A table in a Parquet file: flat columns of numbers, texts or booleans; null marks a missing sample.
 //!
-//! Contract: docs/reference/recording.md. It becomes the same kind of table as a text, with the same checks; numbers are not converted. Compression: none, Snappy or Zstandard.
-//! No input causes a panic: what the library cannot read is an error.
+//! Format: docs/reference/recording.md. It becomes the same kind of table as a text, with the same
+//! checks; numbers are not converted. Compression: none, Snappy or Zstandard. No input causes a
+//! panic: what the library cannot read is an error.
 
 use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -80,7 +81,7 @@ fn strange(column: &ColumnDescriptor) -> Option<&'static str> {
     }
 }
 
-/// A column of all groups of rows; `ours`: its values as we keep them.
+/// A column over all row groups; `ours` converts its values.
 fn all<T: DataType, V>(
     file: &SerializedFileReader<File>,
     column: usize,

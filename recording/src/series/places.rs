@@ -32,7 +32,8 @@ impl<'s> RawTable<'s> {
         self.line_of(self.rows.byte(row))
     }
 
-    /// Line of a record, from 1. Counted here: the reader's own count is one behind after CRLF, and its place of a record may be that of the line ends and
+    /// Line of a record, from 1. Counted here, because the reader's own count is one behind after
+    /// CRLF, and its position of a record may be that of the preceding line ends and comments.
     /// comments before it.
     pub(super) fn line_of(&self, byte: usize) -> usize {
         let start = byte.saturating_add(self.body_start);

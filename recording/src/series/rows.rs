@@ -1,6 +1,6 @@
 //! The rows of a table of text: all fields concatenated in one text. A separate record per row would take four times the memory.
 
-/// At most so many bytes of text; places in it are counted in 32 bits.
+/// Largest size of the text, bytes; positions in it are 32-bit numbers.
 const BYTES_MAX: usize = u32::MAX as usize;
 
 /// Rows of any number of fields each.
@@ -26,7 +26,7 @@ struct Row {
 pub(super) struct TooLarge;
 
 impl Rows {
-    /// Adds a row that begins at `byte` of the source; blanks around fields are left out.
+    /// Adds a row that begins at `byte` of the source; blanks around fields are removed.
     pub(super) fn push<'f>(
         &mut self,
         byte: usize,
@@ -47,7 +47,7 @@ impl Rows {
         self.rows.len()
     }
 
-    /// What stands in a cell; none where the row is too short.
+    /// The content of a cell; `None` if the row is too short.
     pub(super) fn cell(&self, row: usize, column: usize) -> Option<&str> {
         let Row { first, fields, .. } = *self.rows.get(row)?;
         let at = first as usize + column;
@@ -78,7 +78,7 @@ impl Rows {
     }
 }
 
-/// More than a table can hold, in words.
+/// The error for more than a table can hold.
 pub(super) fn too_large() -> crate::faults::Fault {
     crate::faults::Fault::new("", "is too large to be read")
         .expected(format!("at most {} GiB of text", BYTES_MAX.div_ceil(1 << 30)))

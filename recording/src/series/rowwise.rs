@@ -1,7 +1,8 @@
 //! Reads a text table row by row: only the values are kept in memory, for files of any length.
 //!
-//! Promises: same bits and notes as reading the whole text ([`RawTable::cut`]). Cases that require the whole text (errors with lines, a
-//! truncated end, ambiguous marks, a line of units) are left to that: then no table is returned here.
+//! Same bits and notes as reading the whole text ([`RawTable::cut`]). Cases that require the whole
+//! text (errors with lines, a truncated end, ambiguous marks, a line of units) are left to that:
+//! then no table is returned here.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
@@ -16,9 +17,9 @@ use super::separator::{guess_separator, separator_line};
 use super::table::{Dialect, RawTable, header_of};
 use super::units_line::UnitsLine;
 
-/// So much of a file is held at once.
+/// Part of a file that is in memory at once.
 const PIECE_BYTES: usize = 1 << 18;
-/// Rows that may tell the decimal mark where the separator does not.
+/// Number of rows from which the decimal mark is determined if the separator does not imply it.
 const ROWS_TOLD: usize = 1000;
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
@@ -106,7 +107,7 @@ fn separator(head: &[u8], dialect: &Dialect) -> Option<u8> {
     (separator != b' ').then_some(separator)
 }
 
-/// How numbers are written: by what is stated, the separator, or the first rows; none where these leave it open.
+/// Number format: as stated, by the separator, or by the first rows; `None` if these are ambiguous.
 fn notation(
     separator: u8,
     header: &[String],
@@ -128,17 +129,17 @@ fn notation(
 struct Columns {
     header: Vec<String>,
     cells: Vec<Cells>,
-    /// Whether anything stood in a column so far.
+    /// Whether a column has had content so far.
     begun: Vec<bool>,
     notation: Notation,
-    /// More fields than columns may stand in a row.
+    /// Rows may have more fields than there are columns.
     more_may_follow: bool,
     /// Whether all fields of the last row were empty.
     is_empty: bool,
 }
 
 impl Columns {
-    /// No rows yet; `first`: the first that will be taken.
+    /// Without rows yet; `first`: index of the first row to be stored.
     fn of(
         header: Vec<String>,
         notation: Notation,
@@ -155,7 +156,8 @@ impl Columns {
             return None;
         }
         let holds = |(name, cell): (&String, &str)| {
-            // A number is no time of ISO 8601 unless it is read as text, as the digits of a date are.
+            // A number is not a time of ISO 8601 unless it is read as text, as the digits of a date
+            // are.
             let is_number = notation.read(cell).is_ok() && !Clock::Iso.reads(cell);
             match is_number && dialect.reads.has(name) {
                 true => Cells::Numbers(Vec::new()),
@@ -223,7 +225,7 @@ mod tests {
         (rowwise, whole)
     }
 
-    /// All of a recording, not-a-numbers included.
+    /// All of a recording, including NaN.
     fn shown(recording: &Recording) -> String {
         format!("{recording:?}")
     }

@@ -5,7 +5,7 @@ pub(super) fn guess_separator(line: &str, of_data: bool) -> u8 {
     let count = |mark: u8| line.bytes().filter(|byte| *byte == mark).count();
     let mut best = b',';
     for mark in [b';', b'\t'] {
-        // Commas beside numbers that end with another mark are decimal commas, however many.
+        // Commas in numbers that end with another mark are decimal commas, however many there are.
         if count(mark) > count(best) || (of_data && ends_number(line, mark)) {
             best = mark;
         }
@@ -13,7 +13,7 @@ pub(super) fn guess_separator(line: &str, of_data: bool) -> u8 {
     best
 }
 
-/// Whether this mark stands behind a number, outside of quotes, and no comma behind it.
+/// Whether this mark follows a number, outside of quotes, without a comma after it.
 fn ends_number(line: &str, mark: u8) -> bool {
     let fields = |text: &str| {
         let fields: Vec<&str> = text.split(char::from(mark)).collect();

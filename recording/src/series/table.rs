@@ -1,7 +1,7 @@
 //! A foreign table, of text or of cells: separators, decimal mark, comments, a line of units and a truncated last line are detected and noted.
 //!
-//! Contract: cells are converted to numbers only on request ([`RawTable::numbers`], [`RawTable::times`]), and to check for a truncated last
-//! line. Every row of text keeps its line number.
+//! Cells are converted to numbers only on request ([`RawTable::numbers`], [`RawTable::times`]), and
+//! to check for a truncated last line. Every row of text keeps its line number.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -23,19 +23,19 @@ pub(crate) struct Dialect {
     pub(crate) decimal_comma: Option<bool>,
     /// What groups thousands.
     pub(crate) thousands: Option<char>,
-    /// Whether units stand in the row below the header.
+    /// Whether the row below the header contains units.
     pub(crate) units_row: Option<bool>,
     pub(crate) comment: Option<u8>,
-    /// Lines before the header (or the first row), whatever stands in them.
+    /// Number of lines before the header (or the first row), with any content.
     pub(crate) skip_lines: usize,
     /// Without a header columns are named by their numbers, from 1.
     pub(crate) no_header: bool,
-    /// Rows have so many cells, and what stands beyond is not looked at; `None`: as many as the header, exactly.
+    /// Number of cells per row, further ones are ignored; `None`: exactly as many as the header.
     pub(crate) width: Option<usize>,
     pub(crate) reads: Reads,
 }
 
-/// Which columns are read as numbers: they alone tell the decimal mark.
+/// Which columns are read as numbers: only they determine the decimal mark.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) enum Reads {
     #[default]
@@ -61,7 +61,7 @@ impl Dialect {
         self.comment.is_some_and(|mark| line.as_bytes().first() == Some(&mark))
     }
 
-    /// The decimal mark, where it is stated, be it by what groups thousands.
+    /// The decimal mark if it is stated, possibly through the thousands separator.
     pub(super) fn stated_decimal(&self) -> Option<char> {
         match (self.decimal_comma, self.thousands) {
             (Some(comma), _) => Some(if comma { ',' } else { '.' }),
@@ -72,7 +72,7 @@ impl Dialect {
     }
 }
 
-/// The names in a first row; the numbers of the columns where it is none of names.
+/// The names in the first row; the numbers of the columns if there are no names.
 pub(super) fn header_of<'f>(
     fields: impl Iterator<Item = &'f str>,
     dialect: &Dialect,
@@ -81,18 +81,18 @@ pub(super) fn header_of<'f>(
         let width = dialect.width.unwrap_or_else(|| fields.count());
         return (1..=width).map(|number| number.to_string()).collect();
     }
-    // Word processors put no-break spaces into names; nobody can type them into a mapping.
+    // Word processors put no-break spaces into names, which cannot be typed into a mapping.
     fields.map(|name| name.trim().replace('\u{a0}', " ")).collect()
 }
 
-/// A table as it was found.
+/// A table as read.
 pub(crate) struct RawTable<'s> {
     pub(super) source: &'s str,
     pub(crate) header: Vec<String>,
     pub(super) units: Option<UnitsLine>,
     /// Of a table of text.
     pub(super) rows: Rows,
-    /// Column by column, of one that is kept as values.
+    /// Column by column, for a table stored as values.
     cells: Vec<Cells>,
     pub(crate) notes: Vec<String>,
     pub(super) separator: u8,
@@ -103,7 +103,7 @@ pub(crate) struct RawTable<'s> {
 }
 
 impl<'s> RawTable<'s> {
-    /// Cuts a text into fields. Faults of shape are noted; what is readable stays.
+    /// Splits a text into fields. Faults of the structure are added; readable parts are kept.
     pub(crate) fn cut(source: &'s str, dialect: &Dialect, faults: &mut Faults) -> Self {
         let skipped: usize =
             source.split_inclusive('\n').take(dialect.skip_lines).map(str::len).sum();
@@ -170,7 +170,7 @@ impl<'s> RawTable<'s> {
         }
     }
 
-    /// Says of a table whose cells were read how they were.
+    /// Notes how the cells of a table were read.
     pub(super) fn is_read_by(&mut self, separator: u8, notation: Notation, dialect: &Dialect) {
         (self.separator, self.notation) = (separator, notation);
         self.note_separator(dialect);
@@ -219,7 +219,7 @@ impl<'s> RawTable<'s> {
         self.rows.len()
     }
 
-    /// What stands in a cell; none where its row is too short.
+    /// The content of a cell; `None` if its row is too short.
     pub(crate) fn cell(&self, row: usize, column: usize) -> Option<Cow<'_, str>> {
         if let Some(cells) = self.cells.get(column) {
             return Some(cells.text(row));
@@ -227,7 +227,7 @@ impl<'s> RawTable<'s> {
         self.rows.cell(row, column).map(Cow::Borrowed)
     }
 
-    /// The number in a cell: NaN where it is empty.
+    /// The number in a cell: NaN if it is empty.
     pub(super) fn number_in(&self, row: usize, column: usize) -> Result<f64, Unread> {
         if let Some(number) = self.cells.get(column).and_then(|cells| cells.number(row)) {
             return Ok(number);
@@ -320,12 +320,13 @@ impl<'s> RawTable<'s> {
         }
     }
 
-    /// Whether a cell is empty or meant as a number, be it one that can be read in two ways.
+    /// Whether a cell is empty or a number, even an ambiguous one.
     pub(crate) fn is_number(&self, cell: &str) -> bool {
         self.notation.read(cell) != Err(Unread::NoNumber)
     }
 
-    /// The numbers of a column; what is none, or infinite, is a fault and stays in place as NaN or itself.
+    /// The numbers of a column; invalid or infinite ones are faults and stay in place as NaN or
+    /// themselves.
     pub(crate) fn numbers(&self, column: usize, faults: &mut Faults) -> Vec<f64> {
         let name = self.header.get(column).map_or("", String::as_str);
         let mut numbers = Vec::with_capacity(self.len());
@@ -367,7 +368,7 @@ impl<'s> RawTable<'s> {
         None
     }
 
-    /// The fault of a column whose name another has, too.
+    /// The fault of a column whose name is not unique.
     pub(super) fn twice(&self, column: usize) -> Fault {
         let name = self.header.get(column).map_or("", String::as_str);
         let fault = Fault::new(name, "appears twice in the header")

@@ -3,7 +3,7 @@
 use super::table::{Dialect, RawTable};
 
 impl RawTable<'_> {
-    /// Leaves out a last row that was cut off, where that can be told.
+    /// Drops a truncated last row, if it can be recognised.
     pub(super) fn judge_last_line(&mut self, body: &str, dialect: &Dialect) {
         let end = body.rsplit('\n').next().unwrap_or_default();
         let Some(last) = self.rows.len().checked_sub(1) else { return };
@@ -36,7 +36,8 @@ impl RawTable<'_> {
         (0..self.rows.width(row)).all(|at| self.rows.cell(row, at) == Some(""))
     }
 
-    /// Whether the cells of a column that are not empty are numbers, in the rows before this one, and there are any.
+    /// Whether all non-empty cells of a column in the rows before this one are numbers, and there
+    /// are any.
     fn holds_numbers(&self, column: usize, before: usize) -> bool {
         let mut cells = (0..before)
             .filter_map(|row| self.rows.cell(row, column))

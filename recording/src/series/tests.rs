@@ -8,7 +8,7 @@ fn parse(text: &str) -> Result<Recording, Faults> {
 }
 
 #[test]
-fn a_spreadsheets_export_is_read_and_said() {
+fn a_spreadsheets_export_is_read_and_reported() {
     let text =
         "\u{feff}t_s;q1_deg;q2_mm;x_mm;remark\r\n0;1,5;10;;a\r\n0,001;-1,5;nan;2;b\r\n0,002;1";
     let recording = parse(text).unwrap();
@@ -28,7 +28,7 @@ fn a_spreadsheets_export_is_read_and_said() {
 }
 
 #[test]
-fn every_fault_of_a_table_is_told_with_row_and_column() {
+fn every_fault_of_a_table_is_reported_with_row_and_column() {
     let text = "t_s,segment,q1_deg,q2_rad,ow,ox,oy,oz,fx_Nm,d1\n\
                 0,0,1,2,1,0,0,0,0,1\n\
                 1,0,one,2,1,0,0,0,0,1\n\
@@ -117,7 +117,7 @@ fn joints_must_fit_the_model() {
 }
 
 #[test]
-fn the_toml_beside_is_read_in_si_and_all_its_faults_are_told() {
+fn the_toml_beside_is_read_in_si_and_all_its_faults_are_reported() {
     let text = r#"
 schema = "trued.recording/1"
 kind = "poses"
@@ -172,7 +172,7 @@ coefficients_N_per_mm = [8.0, 10.0, 2.0]
 
 #[cfg(not(feature = "parquet"))]
 #[test]
-fn parquet_says_what_to_do() {
+fn parquet_states_the_remedy() {
     let error = read(Path::new("run.parquet"), None, Need::Path).unwrap_err();
     assert!(error.to_string().contains("CSV"), "{error}");
 }
@@ -274,7 +274,7 @@ fn distances_and_touches_are_read_with_what_the_toml_says_of_them() {
 }
 
 #[test]
-fn every_fault_of_distances_and_touches_is_told() {
+fn every_fault_of_distances_and_touches_is_reported() {
     let table = "t_s,q1_deg,distance1_mm,touch_plane,touch_sphere\n0,1,-1,2,0.5\n";
     let about = "schema = \"trued.recording/1\"\n[distance2]\n[sphere1]\n";
     let about = About::parse("run.toml", about).unwrap();

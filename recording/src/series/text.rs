@@ -1,7 +1,7 @@
 //! Recordings as CSV: read with all errors reported, written atomically.
 //!
-//! Contract: docs/reference/recording.md. Values written in SI units read back to the same bits; values in
-//! degrees and millimetres do if they were read in these units.
+//! Format: docs/reference/recording.md. Values written in SI units read back to the same bits;
+//! values in degrees and millimetres do if they were read in these units.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -17,9 +17,10 @@ use crate::faults::{Fault, Faults};
 use crate::files::{FileError, read_text as read_file, write_atomic};
 use crate::mapping::{Mapping, mapping_path};
 
-/// Reads a recording, with the TOML beside it and a mapping where there is one.
+/// Reads a recording, with its TOML and mapping if they exist.
 ///
-/// A mapping is `mapping` where given, else `NAME.mapping.toml` beside the file, else none.
+/// The mapping is `mapping` if given, otherwise `NAME.mapping.toml` in the folder of the file, if
+/// it exists.
 ///
 /// # Errors
 /// A file cannot be read, or every fault of the first file that has any.
@@ -50,7 +51,7 @@ pub fn read(path: &Path, mapping: Option<&Path>, need: Need) -> Result<Recording
     Ok(read_text(&path.display().to_string(), &source, mapping.as_ref(), about, need)?)
 }
 
-/// The recording in a file that has no faults and is written plainly; none where it takes the whole text to tell.
+/// The recording in a file without faults in a simple format; `None` if the whole text is required.
 fn row_by_row(
     path: &Path,
     mapping: Option<&Mapping>,
@@ -79,7 +80,7 @@ fn other_format(path: &Path, extension: &str) -> Faults {
     faults
 }
 
-/// Reads a recording from a text. `about` wins over what a mapping says of the recording.
+/// Reads a recording from a text. `about` takes precedence over the metadata in a mapping.
 ///
 /// # Errors
 /// Every fault of the text.
@@ -136,7 +137,7 @@ impl Recording {
         header.extend(columns.iter().map(|column| column.name.clone()));
         header.extend(self.other.iter().map(|(name, _)| name.clone()));
         let mut writer = WriterBuilder::new().from_writer(Vec::new());
-        // Writing into memory cannot fail; a field count that differs is what `flexible` forbids.
+        // Writing into memory cannot fail, and `flexible` allows different field counts.
         let _ = writer.write_record(&header);
         for row in 0..self.len() {
             let mut fields = vec![number_text(self.t_s[row])];
@@ -185,7 +186,7 @@ pub(super) struct FileColumn<'r> {
 }
 
 impl FileColumn<'_> {
-    /// In the file's unit; NaN where it was not taken.
+    /// In the file's unit; NaN if missing.
     pub(super) fn value(&self, row: usize) -> f64 {
         let si = self.samples.get(row).copied().unwrap_or(f64::NAN);
         self.unit.map_or(si, |unit| unit.from_si(si))
@@ -196,16 +197,15 @@ impl FileColumn<'_> {
     }
 }
 
-/// The shortest text that reads back to the same bits; nothing for NaN.
+/// The shortest text that reads back to the same bits; empty for NaN.
 pub(crate) fn number_text(value: f64) -> String {
     if value.is_nan() { String::new() } else { format!("{value:?}") }
 }
 
-/// Writes a recording as CSV, and where it says anything of itself the TOML beside it: each whole
-/// or not at all, the CSV last.
+/// Writes a recording as CSV and its metadata, if any, as TOML: each file atomically, the CSV last.
 ///
 /// # Errors
-/// A file cannot be written; then the CSV has not changed.
+/// A file cannot be written; then the CSV is unchanged.
 pub fn write(path: &Path, recording: &Recording) -> Result<(), FileError> {
     if recording.about != About::default() {
         write_atomic(&about_path(path), recording.about_toml().as_bytes())?;

@@ -4,7 +4,8 @@ use super::{Channel, JOINTS_MAX, Recording, TARGETS_MAX};
 use crate::faults::Fault;
 use crate::series::GAUGES_MAX;
 
-/// Two instruments may read the same number once; so many rows alike, and none apart, are one reading under two names.
+/// Two instruments may read the same number once; this many equal rows, and no different one, are
+/// one measurement under two names.
 const ROWS_ALIKE_LEAST: usize = 2;
 
 /// The columns of one kind, by their number.
@@ -38,9 +39,11 @@ impl Twins {
 }
 
 impl Recording {
-    /// Pairs of measured columns, or of points, that hold the same readings bit for bit wherever both were taken.
+    /// Pairs of measured columns, or of points, whose samples are equal bit for bit wherever both
+    /// exist.
     ///
-    /// Columns that do not change are left out: parked joints and places to be filled in are alike without being one reading.
+    /// Constant columns are ignored: parked joints and placeholders are equal without being one
+    /// measurement.
     pub(super) fn twins(&self) -> Vec<Twins> {
         let point = |name: String, of: &dyn Fn(usize) -> Channel| (name, vec![of(0), of(1), of(2)]);
         let mut points = vec![point("x, y, z".to_owned(), &Channel::Position)];

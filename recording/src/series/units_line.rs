@@ -6,7 +6,7 @@ use super::RawTable;
 use crate::faults::{Fault, Faults};
 use crate::unit::Unit;
 
-/// Spellings beside those of [`crate::unit`].
+/// Spellings in addition to those of [`crate::unit`].
 const SPELLINGS: &[(&str, &[&str])] = &[
     ("deg", &["°", "degree", "degrees"]),
     ("C", &["°C", "℃", "degC"]),
@@ -21,7 +21,7 @@ const SPELLINGS: &[(&str, &[&str])] = &[
     ("m_s2", &["m/s²", "m/s^2", "m/s2"]),
     ("rpm", &["1/min", "min-1", "min^-1", "rev/min", "U/min"]),
 ];
-/// What stands for no unit.
+/// Cells without a unit.
 const NONE: [&str; 2] = ["", "-"];
 /// Units that are none of ours.
 const FOREIGN: &[&str] = &["%", "V", "mV", "K", "W", "bar", "counts"];
@@ -34,7 +34,7 @@ pub(super) struct UnitsLine {
     cells: Vec<UnitCell>,
 }
 
-/// What stands in the line for one column.
+/// The unit in one column's cell.
 struct UnitCell {
     /// Without brackets.
     spelling: String,
@@ -43,7 +43,8 @@ struct UnitCell {
 }
 
 impl UnitsLine {
-    /// The units in these cells; none where they hold anything else, unless `stated` to hold units.
+    /// The units in these cells; `None` if they contain anything else, unless `stated` says that
+    /// they are units.
     pub(super) fn of<'c>(
         line: usize,
         cells: impl Iterator<Item = &'c str>,
@@ -63,8 +64,8 @@ impl UnitsLine {
 }
 
 impl RawTable<'_> {
-    /// Notes a fault where the line of units contradicts the unit that a column is read in, or names one that is not known: the latter not where the
-    /// mapping has `stated` how the column is read.
+    /// Adds a fault if the line of units contradicts the unit of a column, or contains an unknown
+    /// one: the latter not if the mapping has `stated` how the column is read.
     pub(crate) fn check_unit(
         &self,
         column: usize,
@@ -104,7 +105,7 @@ impl UnitCell {
     }
 }
 
-/// Whether a text may stand in a line of units.
+/// Whether a text is a unit.
 pub(crate) fn is_unit(text: &str) -> bool {
     NONE.contains(&text) || FOREIGN.contains(&text) || unit(text).is_some()
 }

@@ -1,8 +1,9 @@
 //! Masses of a URDF, and how the links that move together become one body.
 //!
-//! A link's inertia is given about its centre of mass, in the axes of `<inertial><origin>`: it is rotated to base axes and
-//! moved to the common centre (parallel axes, Huygens-Steiner), all at the zero configuration. Never: a physically impossible
-//! body; placeholders are read as point masses, with a note.
+//! A link's inertia is given about its centre of mass, in the axes of `<inertial><origin>`: it is
+//! rotated to base axes and moved to the common centre (parallel axes, Huygens-Steiner), all at the
+//! zero configuration. Physically impossible bodies, which are placeholders, are read as point
+//! masses, with a note.
 
 use glam::{DMat3, DVec3};
 use physics::{Body, Frame};
@@ -10,13 +11,13 @@ use roxmltree::Node;
 
 use super::source::{Source, child, name};
 
-/// Files round their moments: a thin rod may miss what matter allows by its third figure.
+/// Files contain rounded moments: a thin rod may violate the inequality in the third digit.
 const ROUNDED: f64 = 1e-3;
 
-/// The body of a link whose frame stands at `base_from_link`; nothing where it has no mass.
+/// The body of a link with the pose `base_from_link`; `None` without a mass.
 ///
-/// Many descriptions hold placeholders here, which say nothing about the geometry: an inertia that no body has gives a
-/// point mass, no mass gives no body, and `remarks` says so.
+/// Many descriptions contain placeholders, which say nothing about the geometry: a physically
+/// impossible inertia gives a point mass, no mass gives no body, and `remarks` notes it.
 pub(super) fn of_link(
     source: &Source<'_>,
     link: Node<'_, '_>,
@@ -60,8 +61,9 @@ fn tensor(source: &Source<'_>, inertial: Node<'_, '_>) -> Result<DMat3, &'static
     Ok(inertia)
 }
 
-/// Whether some spread of mass has this inertia: the second moments `½ tr(I) 1 − I` must not be negative in any direction
-/// (Wensing, Kim, Slotine 2018, IEEE RA-L 3(1): 60), which all principal minors tell.
+/// Whether the inertia is physically possible: the second moments `½ tr(I) 1 − I` must not be
+/// negative in any direction (Wensing, Kim, Slotine 2018, IEEE RA-L 3(1): 60), which is checked by
+/// all principal minors.
 fn is_of_matter(inertia: &DMat3) -> bool {
     let [xx, yy, zz] = [inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z];
     let size = xx.abs().max(yy.abs()).max(zz.abs()).max(inertia.x_axis.y.abs());
@@ -76,7 +78,7 @@ fn is_of_matter(inertia: &DMat3) -> bool {
     diagonal && minors.iter().all(|minor| *minor >= slack) && second.determinant() >= slack
 }
 
-/// All bodies as one; nothing where there are none.
+/// All bodies as one; `None` if there are none.
 pub(super) fn together(bodies: &[Body]) -> Option<Body> {
     let mass: f64 = bodies.iter().map(|body| body.mass).sum();
     if bodies.is_empty() {
@@ -92,7 +94,8 @@ pub(super) fn together(bodies: &[Body]) -> Option<Body> {
     Some(Body { mass, centre, inertia: lifted(inertia) })
 }
 
-/// What rounding left too small is given back, alike about every axis: then no moment is above the sum of the others.
+/// Increases moments that rounding made too small, equally about every axis, so that no moment
+/// exceeds the sum of the others.
 fn lifted(inertia: DMat3) -> DMat3 {
     let [xx, yy, zz] = [inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z];
     let missing = (xx - yy - zz).max(yy - zz - xx).max(zz - xx - yy).max(0.0);

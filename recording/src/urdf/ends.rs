@@ -12,7 +12,7 @@ use super::tree::{Motion, Tree};
 use super::{Ends, rpy};
 use crate::faults::Fault;
 
-/// At most this many names stand in one sentence.
+/// Largest number of names in one message.
 const NAMES_SHOWN: usize = 8;
 /// Frames of a controller at the base, by ROS-Industrial's names.
 const BASES: [&str; 2] = ["base", "base_link"];
@@ -33,7 +33,7 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// The chain between the links that were named; where one was not, the only one that there is.
+    /// The chain between the named links; if one is not named, the only possible one.
     pub(super) fn find(source: &Source<'_>, tree: &Tree<'_, '_>, ends: &Ends<'_>) -> Option<Self> {
         let base = ends.base.map(|link| named(source, tree, "--base", link));
         let tip = ends.tip.map(|link| named(source, tree, "--tip", link));
@@ -190,7 +190,7 @@ fn only_tip(source: &Source<'_>, tree: &Tree<'_, '_>, base: Option<usize>) -> Op
         ends.extend(moving_leaves(tree, root, &mut moving));
     }
     if let (Some(base), true) = (base, ends.is_empty()) {
-        // A leaf: the arm begins at what the leaf is fixed to.
+        // A leaf: the arm begins at the link to which the leaf is fixed.
         ends = moving_leaves(tree, fixed_above(tree, base).1, &mut moving);
     }
     if let [tip] = ends.as_slice() {
@@ -211,7 +211,7 @@ fn only_tip(source: &Source<'_>, tree: &Tree<'_, '_>, base: Option<usize>) -> Op
     None
 }
 
-/// Of ends that are fixed to each other, the one that is called as a controller's tool frame.
+/// Of ends that are fixed to each other, the one with the name of a controller's tool frame.
 fn tool_of(tree: &Tree<'_, '_>, ends: &[usize]) -> Option<usize> {
     let (first, others) = ends.split_first()?;
     let top = fixed_above(tree, *first).1;

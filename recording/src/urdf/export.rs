@@ -14,7 +14,7 @@ use physics::{AnyEffect, Body, Evaluation, Inputs, JOINTS_MAX, Joint, JointKind,
 use super::rpy;
 use crate::model::RobotModel;
 
-/// A URDF, and what of the model stands in it.
+/// A URDF, and the parts of the model in it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Export {
     /// The file's text.
@@ -30,7 +30,7 @@ pub struct Export {
 pub struct LeftOut {
     /// An effect, as `joint_compliance of joint 2`, or a key of the model.
     pub what: String,
-    /// What it depends on, or what else bars it.
+    /// The quantity that it depends on, or another reason against it.
     pub why: &'static str,
 }
 
@@ -44,7 +44,7 @@ pub fn export(model: &RobotModel) -> Export {
         let effect = in_physics.next_if(|(_, place)| **place == at).map(|(effect, _)| effect);
         let barred = effect.map_or(Some(NO_PLACE), barred);
         match (effect, barred) {
-            // As many effects as the model itself has always find room.
+            // There is always room for as many effects as the model itself has.
             (Some(effect), None) if fixed.push(*effect).is_ok() => carried.push(entry.title()),
             (_, barred) => {
                 left_out.push(LeftOut { what: entry.title(), why: barred.unwrap_or(NO_PLACE) });
@@ -64,7 +64,7 @@ pub fn export(model: &RobotModel) -> Export {
 
 const NO_PLACE: &str = "a URDF has no place for it";
 
-/// Why a URDF cannot carry an effect; nothing where it is a fixed change of the geometry.
+/// Why a URDF cannot represent an effect; `None` for a constant change of the geometry.
 fn barred(effect: &AnyEffect) -> Option<&'static str> {
     use AnyEffect::{AxisShift, AxisTilt, GravitySag, JointOffset, ToolOffset};
     if matches!(effect, JointOffset(_) | AxisTilt(_) | AxisShift(_) | ToolOffset(_)) {
@@ -88,7 +88,7 @@ fn barred(effect: &AnyEffect) -> Option<&'static str> {
 /// The text in the making.
 struct Writer<'a> {
     out: String,
-    /// Names given so far, of links and joints apart.
+    /// Names used so far, of links and joints separately.
     links: Vec<String>,
     joints: Vec<String>,
     model: &'a RobotModel,
@@ -144,7 +144,7 @@ impl<'a> Writer<'a> {
         self.line("  </joint>");
     }
 
-    /// Writes a link and returns its name: what `[meta]` says under `key`, else `otherwise`.
+    /// Writes a link and returns its name: that in `[meta]` under `key`, otherwise `otherwise`.
     fn link(&mut self, key: &str, otherwise: &str, body: Option<Body>) -> String {
         let said = self.model.file.meta.get(key).and_then(|value| value.as_str());
         let name = unused(&mut self.links, said.unwrap_or(otherwise));
@@ -175,7 +175,7 @@ impl<'a> Writer<'a> {
             JointKind::Prismatic => "prismatic",
         };
         let (low, high) = joint.limits;
-        // The format wants a velocity and an effort; 0 is how descriptions say that it is not known.
+        // The format requires a velocity and an effort; by convention 0 means unknown.
         let velocity = if joint.max_speed.is_finite() { joint.max_speed } else { 0.0 };
         self.line(&format!("  <joint name=\"{}\" type=\"{kind}\">", escaped(&name)));
         self.ends(ends);
@@ -207,7 +207,7 @@ fn numbers(vector: DVec3) -> String {
     words.join(" ")
 }
 
-/// The name without what XML cannot hold, and with a tail where it is taken.
+/// The name without characters that are invalid in XML, and with a suffix if it is used.
 fn unused(taken: &mut Vec<String>, name: &str) -> String {
     let held = |c: &char| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}');
     let mut free: String = name.chars().filter(held).collect();

@@ -19,10 +19,10 @@ use crate::xml;
 
 /// Limits of a joint without any, degrees: a model needs some.
 const TURNS_DEG: f64 = 360.0;
-/// Below this a component of a direction or a place in metres is what rounding left of a zero.
+/// Smaller components of a direction or position, m, are rounding of zero.
 const ROUNDING: f64 = 1e-15;
 
-/// Reads the arm between two links out of a URDF text; `name` is what faults call it.
+/// Reads the arm between two links of a URDF text; `name` identifies it in error messages.
 ///
 /// # Errors
 /// All faults of the text.
@@ -224,7 +224,8 @@ impl<'a> Chain<'a, '_> {
         (speed > 0.0).then(|| in_file(speed, kind))
     }
 
-    /// What `link` carries, short of the chain's next joint: what hangs beside the chain stands as at zero.
+    /// The body carried by `link`, without the chain's next joint; side branches are at their zero
+    /// position.
     fn body(&mut self, link: usize, base_from_link: Frame, next: Option<usize>) -> Option<Body> {
         let mut frames = vec![(link, base_from_link)];
         let mut found = Vec::new();
@@ -253,7 +254,8 @@ impl<'a> Chain<'a, '_> {
         bodies::together(&found)
     }
 
-    /// Gravity in the frame of the base link: down in the frame of the root, whose z points up (REP 103).
+    /// Gravity in the frame of the base link: down in the frame of the root, whose z points up (REP
+    /// 103).
     fn gravity(&mut self, path: &Path) -> DVec3 {
         let mut root_from_base = DMat3::IDENTITY;
         let mut link = path.base;
@@ -284,7 +286,7 @@ fn entry(body: Body) -> BodyEntry {
     }
 }
 
-/// Rows of a rotation, as the file wants them; nothing for the identity.
+/// Rows of a rotation, as in the file; `None` for the identity.
 fn rows(rotation: &DMat3) -> Option<[[f64; 3]; 3]> {
     let rows = rotation.transpose().to_cols_array_2d().map(|row| row.map(tidy));
     (rows != DMat3::IDENTITY.to_cols_array_2d()).then_some(rows)

@@ -1,9 +1,10 @@
 //! Import and export of URDF.
 //!
-//! Source of the format: the URDF specification (ROS wiki, `urdf/XML`): joint and link frames by `<origin>`, axes in the
-//! joint's frame, SI units. A model describes the chain from a base link to a tip link: its axes and points are those of the
-//! URDF with all joints at zero, in the base link's frame; the tip link is the tool. Promise: all errors of a file at
-//! once, each with its joint or link; no text causes a panic; import and export keep the forward kinematics to rounding.
+//! Format: the URDF specification (ROS wiki, `urdf/XML`): joint and link frames by `<origin>`, axes
+//! in the joint's frame, SI units. A model describes the chain from a base link to a tip link: its
+//! axes and points are those of the URDF with all joints at zero, in the base link's frame; the tip
+//! link is the tool. All errors of a file are reported at once, each with its joint or link; no
+//! text causes a panic; import and export keep the forward kinematics to rounding.
 
 mod bodies;
 mod ends;
@@ -47,7 +48,7 @@ pub struct Import {
     pub base: String,
     /// The link whose frame is the tool's.
     pub tip: String,
-    /// What was taken otherwise than the file says, one sentence each.
+    /// Deviations from the file, one sentence each.
     pub notes: Vec<String>,
 }
 

@@ -1,7 +1,8 @@
 //! Conversion between URDF's three angles and rotations.
 //!
-//! `rpy` are rotations about the fixed x, y and z axes, in that order: `R = Rz(yaw) Ry(pitch) Rx(roll)` (the URDF
-//! specification, joint origin). Promise: accurate to rounding in both directions, also at a pitch of 90°.
+//! `rpy` are rotations about the fixed x, y and z axes, in that order: `R = Rz(yaw) Ry(pitch)
+//! Rx(roll)` (the URDF specification, joint origin). Accurate to rounding in both directions, also
+//! at a pitch of 90°.
 
 use glam::{DMat3, DVec3};
 use physics::frame::rotation_about;
@@ -15,8 +16,8 @@ pub(super) fn rotation(rpy: DVec3) -> DMat3 {
 
 /// Roll, pitch and yaw of a rotation, rad; pitch within a quarter turn.
 ///
-/// Pitch and roll are taken after the yaw is undone: near a pitch of a quarter turn, where the yaw is free, they
-/// then fit whatever yaw rounding has chosen.
+/// Pitch and roll are computed after undoing the yaw: near a pitch of a quarter turn, where the yaw
+/// is arbitrary, they are then consistent with the computed yaw.
 pub(super) fn angles(rotation: &DMat3) -> DVec3 {
     let (c0, c1, c2) = (rotation.x_axis, rotation.y_axis, rotation.z_axis);
     let yaw = c0.y.atan2(c0.x);
@@ -39,7 +40,7 @@ mod tests {
     #[test]
     fn roll_comes_first_and_about_the_fixed_axis() {
         let turned = rotation(DVec3::new(FRAC_PI_2, 0.0, FRAC_PI_2)) * DVec3::Y;
-        // Roll brings y to z, and the later yaw about the fixed z leaves it there.
+        // Roll turns y to z, and the later yaw about the fixed z leaves it there.
         assert!((turned - DVec3::Z).length() < 1e-15, "{turned}");
     }
 

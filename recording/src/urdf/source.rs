@@ -1,7 +1,7 @@
-//! The XML of a URDF: its numbers and names, and for every error the link or joint with its line.
+//! The XML of a URDF: numbers and names, with the link or joint and the line of every error.
 //!
-//! Promise: a getter returns the value if it is valid, otherwise a harmless one after noting an error: all errors
-//! are reported at once, and nothing is built if there are any.
+//! A getter returns the value if it is valid, otherwise a harmless one after adding a fault: all
+//! errors are reported at once, and nothing is built if there are any.
 
 use std::cell::RefCell;
 use std::ops::Range;
@@ -22,19 +22,19 @@ pub(super) const EXPAND: &str = "expand the xacro first: `xacro FILE.urdf.xacro 
 /// No robot has larger figures; products of them stay finite.
 const SIZE_MAX: f64 = 1e12;
 
-/// Where one attribute stands, and what it says.
+/// Position and text of an attribute.
 type Said<'d> = (Range<usize>, &'d str);
 
-/// A text, and what was found in it so far.
+/// A text, and the faults found in it so far.
 pub(super) struct Source<'s> {
     text: &'s str,
     faults: RefCell<Faults>,
 }
 
-/// The XML of a text; `relaxed` is the same text as [`crate::xml::relaxed`] gives it.
+/// The XML of a text; `relaxed` is the result of [`crate::xml::relaxed`] for it.
 ///
 /// # Errors
-/// What is no XML, or too much of it.
+/// Not valid XML, or too large.
 pub(super) fn document<'t>(
     name: &str,
     text: &str,
@@ -67,7 +67,7 @@ fn place_of(text: &str, error: &Error) -> Place {
     Place::in_line(row, line, &(byte..byte + 1))
 }
 
-/// The name of a link or joint; nothing where it has none.
+/// The name of a link or joint; `None` without one.
 pub(super) fn name<'d>(node: Node<'d, '_>) -> &'d str {
     node.attribute("name").unwrap_or_default()
 }
@@ -151,7 +151,7 @@ impl<'s> Source<'s> {
         Some((found.range_value(), found.value()))
     }
 
-    /// A number, where the attribute is there.
+    /// A number, if the attribute is present.
     pub(super) fn number(&self, node: Node<'_, '_>, attribute: &str) -> Option<f64> {
         let said = self.said(node, attribute)?;
         let number = number(said.1.trim());
@@ -161,7 +161,8 @@ impl<'s> Source<'s> {
         Some(number.unwrap_or_default())
     }
 
-    /// A number that may be infinite, where the attribute is there; what is beyond any robot is infinite.
+    /// A number that may be infinite, if the attribute is present; unrealistically large ones
+    /// become infinite.
     pub(super) fn wide(&self, node: Node<'_, '_>, attribute: &str) -> Option<f64> {
         let said = self.said(node, attribute)?;
         let number = said.1.trim().parse().ok().filter(|number: &f64| !number.is_nan());
@@ -172,7 +173,7 @@ impl<'s> Source<'s> {
         Some(if number.abs() < SIZE_MAX { number } else { f64::INFINITY.copysign(number) })
     }
 
-    /// A finite number; none, without a fault, where it is missing or not finite.
+    /// A finite number; `None`, without a fault, if it is missing or not finite.
     pub(super) fn finite(&self, node: Node<'_, '_>, attribute: &str) -> Option<f64> {
         let said = self.said(node, attribute)?;
         match said.1.trim().parse::<f64>() {
@@ -184,7 +185,7 @@ impl<'s> Source<'s> {
         }
     }
 
-    /// Three numbers, where the attribute is there.
+    /// Three numbers, if the attribute is present.
     pub(super) fn vector(&self, node: Node<'_, '_>, attribute: &str) -> Option<DVec3> {
         let said = self.said(node, attribute)?;
         let numbers: Option<Vec<f64>> = said.1.split_whitespace().map(number).collect();
@@ -195,7 +196,7 @@ impl<'s> Source<'s> {
         Some(DVec3::from_array(vector.unwrap_or_default()))
     }
 
-    /// The placement that `<origin>` gives: child frame to parent frame, m; the identity where there is none.
+    /// The pose of `<origin>`: child frame to parent frame, m; the identity without one.
     pub(super) fn origin(&self, node: Node<'_, '_>) -> Frame {
         let Some(origin) = child(node, "origin") else { return Frame::IDENTITY };
         if origin.has_attribute("quat_xyzw") {

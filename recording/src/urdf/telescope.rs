@@ -1,7 +1,8 @@
 //! Stages of a telescope: consecutive prismatic joints that mimic one leader, combined into one joint.
 //!
-//! Promise: only if all move along one line and their sum equals the leader's motion; any other mimic joint is left unchanged and refused
-//! later. The body of every stage but the last is carried as if it slid the whole way.
+//! Applies only if all move along one line and their sum equals the leader's motion; any other
+//! mimic joint is left unchanged and refused later. The body of every stage but the last is treated
+//! as if it moved the whole distance.
 
 use glam::{DMat3, DVec3};
 use physics::Frame;
@@ -13,7 +14,7 @@ use super::tree::{Joint, Motion, Tree};
 /// Directions and shares that differ by less are the same.
 const SAME: f64 = 1e-6;
 
-/// Makes one joint of each telescope along a path; says so in `notes`.
+/// Combines each telescope along a path into one joint, with an entry in `notes`.
 pub(super) fn fold(source: &Source<'_>, tree: &mut Tree<'_, '_>, path: &Path) -> Vec<String> {
     let mut notes = Vec::new();
     let mut rest = path.joints.as_slice();
@@ -43,7 +44,7 @@ pub(super) fn fold(source: &Source<'_>, tree: &mut Tree<'_, '_>, path: &Path) ->
     notes
 }
 
-/// The joint that a joint follows, where it is one that slides by itself.
+/// The joint that a joint mimics, if that is an independent prismatic joint.
 fn leader(tree: &Tree<'_, '_>, joint: usize) -> Option<usize> {
     let wanted = child(tree.joints[joint].node, "mimic")?.attribute("joint")?;
     let found = tree.joints.iter().position(|joint| name(joint.node) == wanted)?;
@@ -56,7 +57,8 @@ fn follows(tree: &Tree<'_, '_>, joint: usize, wanted: usize) -> bool {
     leader(tree, joint) == Some(wanted)
 }
 
-/// Each stage with where it stands in its own frame while the leader is at zero; none where they are no telescope.
+/// Each stage with its position in its own frame while the leader is at zero; `None` if they are
+/// not a telescope.
 fn stages(
     source: &Source<'_>,
     tree: &Tree<'_, '_>,

@@ -81,7 +81,7 @@ fn an_arm_becomes_a_model_in_the_units_of_its_file() {
 }
 
 #[test]
-fn every_fault_of_the_numbers_is_told_at_once_with_its_joint_or_link() {
+fn every_fault_of_the_numbers_is_reported_at_once_with_its_joint_or_link() {
     let found = faults(&[
         ("xyz=\"0 0 0.5\" rpy", "xyz=\"0 0,5\" rpy"),
         ("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 0 0\"/>"),
@@ -142,7 +142,7 @@ fn every_fault_of_the_numbers_is_told_at_once_with_its_joint_or_link() {
 }
 
 #[test]
-fn every_fault_of_the_tree_is_told_at_once() {
+fn every_fault_of_the_tree_is_reported_at_once() {
     let found = faults(&[
         ("<link name=\"hand\"/>", "<link name=\"hand\"/><link name=\"base\"/><link/>"),
         ("name=\"turn\" type=\"revolute\"", "name=\"turn\" type=\"hinge\""),
@@ -193,7 +193,7 @@ fn every_fault_of_the_tree_is_told_at_once() {
 }
 
 #[test]
-fn what_a_serial_arm_cannot_have_is_refused_by_name() {
+fn what_a_serial_arm_cannot_have_is_refused_with_the_reason() {
     let mimic =
         faults(&[("<axis xyz=\"2 0 0\"/>", "<axis xyz=\"2 0 0\"/><mimic joint=\"turn\"/>")]);
     let floating = faults(&[("type=\"prismatic\"", "type=\"floating\"")]);
@@ -284,7 +284,7 @@ fn a_branch_asks_for_a_chain_and_a_named_one_is_taken() {
 }
 
 #[test]
-fn what_is_no_urdf_is_told_so() {
+fn anything_but_a_urdf_is_refused() {
     let texts = [
         "",
         "<robot",

@@ -1,6 +1,6 @@
 //! The link tree of a URDF: names, parents and children.
 //!
-//! Promise: a [`Tree`] that exists has no loop and unique names. Traversal takes linear time.
+//! A valid [`Tree`] has no loop and unique names. Traversal takes linear time.
 
 use std::collections::HashMap;
 
@@ -48,7 +48,7 @@ pub(super) struct Tree<'d, 's> {
 }
 
 impl<'d, 's> Tree<'d, 's> {
-    /// The links and joints below `<robot>`; nothing, and faults, where they are no tree.
+    /// The links and joints below `<robot>`; `None`, with faults, if they are not a tree.
     pub(super) fn read(source: &Source<'_>, robot: Node<'d, 's>) -> Option<Self> {
         let mut tree = Self { links: Vec::new(), joints: Vec::new(), places: HashMap::new() };
         for node in named(source, robot, "link") {
@@ -122,7 +122,7 @@ impl<'d, 's> Tree<'d, 's> {
         )
     }
 
-    /// What cannot be reached from a link that hangs on nothing is a loop.
+    /// Links that cannot be reached from a root form a loop.
     fn refuse_loops(&self, source: &Source<'_>) {
         let roots = self.links.iter().enumerate().filter(|(_, link)| link.hangs_on.is_none());
         let mut seen = vec![false; self.links.len()];
@@ -138,7 +138,7 @@ impl<'d, 's> Tree<'d, 's> {
         }
     }
 
-    /// Visits a link and all that hang below it, each after what it hangs on, with the joint between.
+    /// Visits a link and all its descendants, parents first, with the joint between.
     pub(super) fn below(&self, top: usize, mut visit: impl FnMut(usize, Option<usize>)) {
         let mut open = vec![(top, None)];
         while let Some((link, joint)) = open.pop() {

@@ -1,8 +1,8 @@
 //! Reading of TOML files: typed getters that collect all errors instead of stopping.
 //!
-//! Contract: a getter returns the value if it is valid, otherwise `None` after noting an error.
-//! Closing a table reports unknown keys (with the nearest known one, or the same name
-//! with the right unit) and missing ones. Never panics.
+//! A getter returns the value if it is valid, otherwise `None` after adding a fault. Closing a
+//! table reports unknown keys (with the nearest known one, or the same name with the right unit)
+//! and missing ones. Never panics.
 
 #[cfg(test)]
 mod tests;
@@ -60,7 +60,7 @@ impl<'s> Document<'s> {
 
 type Value<'s> = Spanned<DeValue<'s>>;
 
-/// A table on the way, with the keys that were asked of it.
+/// A table being read, with the keys requested so far.
 pub(crate) struct Table<'d, 's> {
     document: &'d Document<'s>,
     table: &'d DeTable<'s>,
@@ -93,7 +93,7 @@ impl<'d, 's> Table<'d, 's> {
         self.document.note(fault, &span);
     }
 
-    /// Where the table stands.
+    /// Position of the table.
     pub(crate) fn place(&self) -> Place {
         Place::of_span(self.document.source, &self.span)
     }
@@ -109,12 +109,12 @@ impl<'d, 's> Table<'d, 's> {
         self.document.faults.borrow().len()
     }
 
-    /// Whether the key stands in the table (it counts as asked for).
+    /// Whether the table has the key (which counts as requested).
     pub(crate) fn has(&self, key: &str) -> bool {
         self.raw(key).is_some()
     }
 
-    /// Says that a key must be there; told when the table is closed.
+    /// Makes a key required; reported when the table is closed.
     pub(crate) fn require(&self, key: &str, expected: &str) {
         self.required.borrow_mut().push((key.to_owned(), expected.to_owned()));
     }
@@ -125,7 +125,7 @@ impl<'d, 's> Table<'d, 's> {
         self.table.get(key)
     }
 
-    /// All keys that stand here, in alphabetical order, none of them counted as asked for.
+    /// All keys of the table, in alphabetical order, without counting them as requested.
     pub(crate) fn keys(&self) -> impl Iterator<Item = &'d str> {
         self.table.keys().map(|key| key.get_ref().as_ref())
     }
@@ -210,7 +210,7 @@ impl<'d, 's> Table<'d, 's> {
         list.iter().map(|item| self.number_in(key, item, &range)).collect()
     }
 
-    /// A list of exactly so many numbers.
+    /// A list with exactly `N` numbers.
     pub(crate) fn vector<const N: usize>(&self, key: &str) -> Option<[f64; N]> {
         let list = self.numbers(key, ..)?;
         let length = list.len();
@@ -260,7 +260,7 @@ impl<'d, 's> Table<'d, 's> {
         texts
     }
 
-    /// One of several words, each standing for a value.
+    /// One of several strings, each with its value.
     pub(crate) fn choice<T: Copy>(&self, key: &str, of: &[(&str, T)]) -> Option<T> {
         let word = self.text(key)?;
         let found = of.iter().find(|(name, _)| *name == word).map(|(_, value)| *value);
@@ -303,7 +303,7 @@ impl<'d, 's> Table<'d, 's> {
         tables
     }
 
-    /// A free table (`[meta]`), where anything may stand.
+    /// A free table (`[meta]`) with arbitrary content.
     pub(crate) fn free_table(&self, key: &str) -> Option<&'d DeTable<'s>> {
         let value = self.raw(key)?;
         let table = value.get_ref().as_table();
@@ -313,7 +313,7 @@ impl<'d, 's> Table<'d, 's> {
         table
     }
 
-    /// Tells unknown keys and missing ones. To be called once, when all keys were asked for.
+    /// Reports unknown keys and missing ones. To be called once, after all keys were requested.
     pub(crate) fn close(&self) {
         let asked = self.asked.borrow();
         let asked: Vec<&str> = asked.iter().map(String::as_str).collect();

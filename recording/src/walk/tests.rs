@@ -4,7 +4,7 @@ use super::*;
 use proptest::prelude::*;
 
 #[test]
-fn every_fault_of_a_file_is_told_at_once() {
+fn every_fault_of_a_file_is_reported_at_once() {
     let text = "name = 3\nperiod_s = 1.0\nrate = -1\nanlge = 1\n[wrench]\nsource = \"fource\"\n";
     let document = Document::parse("cell.toml", text).unwrap();
     let root = document.root();
@@ -63,7 +63,7 @@ fn every_fault_of_a_file_is_told_at_once() {
 }
 
 #[test]
-fn faults_of_syntax_are_told_with_their_line() {
+fn faults_of_syntax_are_reported_with_their_line() {
     let faults = Document::parse("a.toml", "a = 1\nb = = 2\n[c\n").err().unwrap();
     assert!(faults.len() >= 2);
     assert_eq!(faults.list()[0].place.as_ref().unwrap().line, 2);

@@ -5,7 +5,7 @@ use std::ops::{Bound, RangeBounds};
 use crate::faults::{Fault, nearest};
 use crate::unit::{Quantity, Unit};
 
-/// The fault of an unknown key, and the known key that it seems to stand for.
+/// The fault of an unknown key, and the known key that is probably meant.
 pub(super) fn unknown_key<'k>(
     path: String,
     name: &str,
@@ -50,7 +50,7 @@ fn rounded(factor: f64) -> f64 {
     format!("{factor:.9e}").parse().unwrap_or(factor)
 }
 
-/// What a range of numbers is called.
+/// Description of a range of numbers.
 pub(super) fn describe(range: &impl RangeBounds<f64>) -> String {
     match (range.start_bound(), range.end_bound()) {
         (Bound::Included(a), Bound::Included(b)) => format!("a number from {a} to {b}"),

@@ -7,11 +7,11 @@ use super::{Grid, Options, Record, Wave};
 use crate::faults::{Fault, Faults};
 use crate::series::Channel;
 
-/// Where at least this part of the rows has no sample of any channel, another instrument was slower: those rows are
-/// left out.
+/// If at least this share of the rows has no sample of any channel, another instrument was slower:
+/// those rows are dropped.
 const SLOWER: f64 = 0.2;
 
-/// What the rows of a table stand at.
+/// Positions of a table's rows.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Stand {
     /// Times, s.
@@ -20,7 +20,7 @@ pub(super) enum Stand {
     Length(Vec<f64>),
     /// An even rate that the file states, Hz.
     Rate(f64),
-    /// Nothing is known.
+    /// Unknown.
     Unknown,
 }
 
@@ -28,7 +28,7 @@ pub(super) enum Stand {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Columns {
     pub(super) stand: Stand,
-    /// The name of the column that it stands at, for faults.
+    /// The name of the column with the positions, for faults.
     pub(super) named: String,
     /// Segment of each row; empty: one.
     pub(super) segment: Vec<i64>,
@@ -37,7 +37,7 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// The records that the columns make. `fault_at` puts a fault at a row of the table.
+    /// The records of the columns. `fault_at` gives a fault the position of a row in the table.
     pub(super) fn records(
         mut self,
         options: &Options,
@@ -78,7 +78,7 @@ impl Columns {
         runs.iter().map(record).collect()
     }
 
-    /// Leaves out the rows without any sample where they are many; says which rows stay.
+    /// Drops the rows without any sample if there are many; returns which rows remain.
     fn drop_empty_rows(&mut self, rows: usize, notes: &mut Vec<String>) -> Option<Vec<usize>> {
         if !matches!(self.stand, Stand::Time(_) | Stand::Length(_)) {
             return None;
@@ -152,7 +152,7 @@ impl Columns {
         }
     }
 
-    /// One run for each segment: where the rate is given, time is not asked for gaps.
+    /// One run for each segment: if the rate is given, times are not checked for gaps.
     fn segments(&self, rows: usize) -> Vec<Run> {
         let mut runs: Vec<Run> = Vec::new();
         for row in 0..rows {
@@ -173,13 +173,13 @@ impl Columns {
     }
 }
 
-/// The grid that was asked for, whatever the file says.
+/// The requested grid, whatever the file says.
 pub(super) fn asked(options: &Options) -> Option<Grid> {
     let time = options.rate_hz.map(|rate_hz| Grid::Time { start_s: 0.0, rate_hz });
     time.or_else(|| options.step_mm.map(|step_mm| Grid::Length { start_mm: 0.0, step_mm }))
 }
 
-/// Faults of what was asked, before any file is looked at.
+/// Faults of the request, before any file is read.
 pub(super) fn check(options: &Options, faults: &mut Faults) {
     let asked =
         [("--rate", options.rate_hz), ("--step", options.step_mm), ("--scale", options.full_scale)];

@@ -1,7 +1,8 @@
 //! `LabVIEW` measurement files (.lvm): a header, then sections with their own units, rate and table.
 //!
-//! Source: the public description of the format's text header (keys `Separator`, `Multi_Headings`, `X_Columns`,
-//! `Y_Unit_Label`, `Delta_X`). A column `X_Value` that is filled in wins over `Delta_X`, as a file may have been thinned.
+//! Source: the public description of the format's text header (keys `Separator`, `Multi_Headings`,
+//! `X_Columns`, `Y_Unit_Label`, `Delta_X`). A non-empty column `X_Value` takes precedence over
+//! `Delta_X`, as a file may have been decimated.
 
 use std::path::PathBuf;
 
@@ -13,7 +14,7 @@ use crate::faults::{Fault, Faults};
 use crate::series::Dialect;
 
 const END_OF_HEADER: &str = "***End_of_Header***";
-/// Sections beyond this are refused: each is a record.
+/// Limit on sections: each is a record.
 const SECTIONS_MAX: usize = 10_000;
 
 pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Waves, Faults> {

@@ -1,9 +1,9 @@
 //! Waveforms of instruments: samples at one rate, from tables, `LabVIEW`, UFF 58 and WAV files.
 //!
-//! Contract: what a file is, its content says (its name only where the content cannot). A [`Waves`] that exists holds a
-//! record or a response function; a record's channels are equally long and free of infinities, NaN stands for a sample
-//! that was not taken, and its grid is finite with a step above 0. No input makes a reader panic, and memory stays
-//! within a few times the file's size.
+//! The format is determined by the content (by the name only if the content is ambiguous). A valid
+//! [`Waves`] has a record or a response function; a record's channels are equally long and free of
+//! infinities, NaN marks a missing sample, and its grid is finite with a step above 0. No input
+//! makes a reader panic, and memory stays within a few times the file's size.
 
 mod columns;
 mod lvm;
@@ -43,52 +43,53 @@ use crate::unit::Quantity;
 
 pub use self::stored::Stored;
 
-/// Larger files are refused: they would not fit into memory beside what is made of them.
+/// Larger files are refused: they would not fit into memory together with the result.
 const FILE_BYTES_MAX: u64 = 4 << 30;
 
-/// What a reader is told about a file besides its name.
+/// Options of a reader besides the file name.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Options {
-    /// Samples per second; wins over what the file says.
+    /// Samples per second; takes precedence over the file.
     pub rate_hz: Option<f64>,
-    /// Samples per step of length, for profiles, mm; wins over what the file says.
+    /// Sample spacing of profiles, mm; takes precedence over the file.
     pub step_mm: Option<f64>,
     /// Columns to take, by name or by number from 1; empty: all that are waveforms.
     pub columns: Vec<String>,
     /// How another program's table becomes a recording.
     pub mapping: Option<PathBuf>,
-    /// What a WAV file's full scale stands for; 1 if not given.
+    /// The value of a WAV file's full scale; 1 if not given.
     pub full_scale: Option<f64>,
 }
 
 /// The waveforms of one file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Waves {
-    /// The file they came from.
+    /// The source file.
     pub file: PathBuf,
-    /// Runs of samples without a hole, in the file's order. A gap in time, a new segment, a time that starts anew or a
-    /// channel that comes again begins another.
+    /// Runs of samples without a gap, in the file's order. A gap in time, a new segment, a time
+    /// that restarts or a repeated channel starts another.
     pub records: Vec<Record>,
-    /// Measured response functions, where the file holds any.
+    /// Measured response functions, if the file has any.
     pub responses: Vec<ResponseFunction>,
-    /// What the TOML beside a recording of the house says.
+    /// The metadata of a `trued.recording/1`.
     pub about: Option<About>,
     /// What was noticed while reading and is no fault, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Samples of several channels, taken together at even steps.
+/// Samples of several channels, taken simultaneously at even steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record {
-    /// Where the samples stand.
+    /// Positions of the samples.
     pub grid: Grid,
     /// The channels, all of one length.
     pub channels: Vec<Wave>,
-    /// What else was recorded with them and is known by name: spindle, feed, tacho, positions, joints. SI.
+    /// Other columns recorded with them and known by name: spindle, feed, tacho, positions, joints.
+    /// SI.
     pub beside: BTreeMap<Channel, Vec<f64>>,
 }
 
-/// The even steps that a record's samples are taken at.
+/// The even spacing of a record's samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Grid {
     /// Over time.
@@ -112,11 +113,11 @@ pub enum Grid {
 pub struct Wave {
     /// Its name in the file, or its number there.
     pub name: String,
-    /// The unit of its values as the file has it; `1` where the file says none.
+    /// The unit of its values in the file; `1` if the file states none.
     pub unit: String,
-    /// 0 to 2: along x, y, z; 3 to 5: moment about them; as far as the name says.
+    /// 0 to 2: along x, y, z; 3 to 5: moment about them; if the name tells it.
     pub axis: Option<usize>,
-    /// The samples, in that unit; NaN where none was taken.
+    /// The samples, in that unit; NaN for missing ones.
     pub values: Vec<f64>,
 }
 
@@ -152,14 +153,14 @@ impl Record {
 }
 
 impl Wave {
-    /// A channel; what its name says of its axis is found out.
+    /// A channel; its axis is determined from its name.
     #[must_use]
     pub fn new(name: impl Into<String>, unit: impl Into<String>, values: Vec<f64>) -> Self {
         let name = name.into();
         Self { axis: names::axis(&name), unit: unit.into(), name, values }
     }
 
-    /// What the channel measures and the SI value of its unit, where its unit is known.
+    /// The channel's quantity and the SI value of its unit, if the unit is known.
     #[must_use]
     pub fn quantity(&self) -> Option<(Quantity, f64)> {
         quantity::of(&self.unit)
@@ -167,14 +168,14 @@ impl Wave {
 }
 
 impl ResponseFunction {
-    /// What response and reference measure, and their units' SI values, where they are known.
+    /// Quantities of response and reference, and their units' SI values, if known.
     #[must_use]
     pub fn quantities(&self) -> [Option<(Quantity, f64)>; 2] {
         [quantity::of(&self.response_unit), quantity::of(&self.reference_unit)]
     }
 }
 
-/// Reads the waveforms of a file. A recording of the house brings the TOML and the mapping that stand beside it.
+/// Reads the waveforms of a file; for a `trued.recording/1` also its TOML and mapping.
 ///
 /// # Errors
 /// The file cannot be read, or every fault of it.
@@ -197,7 +198,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Waves, FileError> {
     Ok(parse(path, bytes, options)?)
 }
 
-/// Whether a mapping is given, or stands beside the file.
+/// Whether a mapping is given, or exists in the file's folder.
 fn is_mapped(path: &Path, options: &Options) -> bool {
     options.mapping.is_some() || mapping_path(path).is_file()
 }
@@ -261,7 +262,7 @@ impl Form {
     }
 }
 
-/// A file's text: UTF-8, or else Latin-1, which older instruments write; said where it is.
+/// A file's text: UTF-8, or otherwise Latin-1, which older instruments write; noted if so.
 fn text(bytes: Vec<u8>, notes: &mut Vec<String>) -> String {
     let text = String::from_utf8(bytes).unwrap_or_else(|error| {
         notes.push("is not UTF-8: read as Latin-1".to_owned());

@@ -1,6 +1,6 @@
 //! Interpretation of column names: unit, axis, time, length or sample count.
 //!
-//! Names are a convention, not a promise: what cannot be distinguished from a name is left open.
+//! Names are only a convention: what a name does not determine remains unknown.
 
 use super::quantity;
 use crate::unit::{Quantity, Unit};
@@ -10,9 +10,9 @@ use crate::unit::{Quantity, Unit};
 pub(super) enum Counts {
     /// Time; the unit's size in s.
     Time(f64),
-    /// A length along which the others were taken; the unit's size in m.
+    /// A length along which the others were measured; the unit's size in m.
     Length(f64),
-    /// Samples: it says nothing of the rate.
+    /// Sample numbers, which do not determine the rate.
     Samples,
     /// None of them.
     Else,
@@ -38,7 +38,8 @@ pub(super) fn split(head: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// What a unit measures, and its SI value. `x_mm` is spelled as the house does, `x (mm)` as others do.
+/// The quantity of a unit, and its SI value. `x_mm` is the spelling of `trued.recording/1`, `x
+/// (mm)` that of others.
 pub(super) fn measured(unit: &str) -> Option<(Quantity, f64)> {
     let own = Unit::named(unit).map(|unit| (unit.quantity, unit.si));
     own.or_else(|| quantity::of(unit))
@@ -55,7 +56,7 @@ pub(super) fn counts(head: &str) -> Counts {
         None if is(TIME) => Counts::Time(1.0),
         Some((Quantity::Length, si)) if is(LENGTH) => Counts::Length(si),
         None if is(SAMPLES) => Counts::Samples,
-        // `seconds`, `ms`: a unit alone.
+        // `seconds`, `ms`: only a unit.
         None => match quantity::of(&name) {
             Some((Quantity::Time, si)) if name != "m" => Counts::Time(si),
             _ => Counts::Else,
@@ -64,7 +65,7 @@ pub(super) fn counts(head: &str) -> Counts {
     }
 }
 
-/// The axis that a name tells: 0 to 2 along x, y, z, 3 to 5 moments about them.
+/// The axis in a name: 0 to 2 along x, y, z, 3 to 5 moments about them.
 pub(super) fn axis(name: &str) -> Option<usize> {
     const ALONG: &[&str] =
         &["", "f", "a", "v", "d", "acc", "accel", "acceleration", "force", "vib", "+", "-"];
@@ -106,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn time_length_and_samples_are_told_apart() {
+    fn time_length_and_samples_are_distinguished() {
         for head in ["t_s", "Time", "time (s)", "X_Value", "Seconds", "t [sec]"] {
             assert_eq!(counts(head), Counts::Time(1.0), "{head}");
         }
@@ -120,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn an_axis_is_told_by_usual_names_alone() {
+    fn an_axis_is_recognised_by_common_names_only() {
         for (name, expected) in [
             ("fx_N", Some(0)),
             ("acc_y_raw", Some(1)),

@@ -2,10 +2,10 @@
 
 use crate::faults::{Fault, Faults, nearest};
 
-/// The places of the asked columns in `names`; what is not there is a fault with the nearest name.
+/// The indices of the requested columns in `names`; a missing one is a fault with the nearest name.
 ///
-/// A column is asked for by its name, by its number from 1, or by its name without the unit or in other letters of
-/// case where only one fits.
+/// A column is requested by its name, by its number from 1, or by its name without the unit or in
+/// different case if that is unique.
 pub(super) fn columns(names: &[String], asked: &[String], faults: &mut Faults) -> Vec<usize> {
     let mut found = Vec::new();
     for wanted in asked {

@@ -1,7 +1,8 @@
 //! Detection of the start of a table in a text of numbers, its separator and column names.
 //!
-//! Instruments put lines of their own before the table, with or without a line of names, with any separator. The table
-//! begins at the first of six lines (or of all that follow) of which most hold as many numbers each.
+//! Instruments write their own lines before the table, with or without a line of names, with any
+//! separator. The table begins at the first of six lines (or of all that follow) most of which have
+//! the same number of numeric cells.
 
 use super::names;
 use super::quantity;
@@ -9,7 +10,7 @@ use crate::series::{Dialect, is_number, is_unit};
 
 /// Lines that are searched for the beginning.
 const SEARCHED: usize = 2000;
-/// So many lines alike make a table.
+/// Number of similar lines that make a table.
 const ALIKE: usize = 6;
 /// Separators in the order in which they are tried.
 const SEPARATORS: &[u8] = b"\t;,| ";
@@ -18,11 +19,11 @@ const SEPARATORS: &[u8] = b"\t;,| ";
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shape {
     pub(super) dialect: Dialect,
-    /// As many as the table has columns; `None` where no line of names was found.
+    /// One per column of the table; `None` if no line of names was found.
     pub(super) heads: Option<Vec<String>>,
 }
 
-/// The shape of the first table of a text, looked for behind `skipped` lines.
+/// The structure of the first table of a text, searched after `skipped` lines.
 pub(super) fn find(source: &str, skipped: usize) -> Option<Shape> {
     let lines: Vec<(usize, &str)> = source
         .lines()
@@ -33,14 +34,15 @@ pub(super) fn find(source: &str, skipped: usize) -> Option<Shape> {
         .collect();
     (0..lines.len()).find_map(|at| {
         let following = lines.get(at..(at + ALIKE).min(lines.len()))?;
-        // A table of few rows must make up most of the text: else its end would be taken for the whole.
+        // A table of few rows must make up most of the text: otherwise its end would be taken for
+        // the whole.
         if following.len() < ALIKE && 2 * at > lines.len() {
             return None;
         }
         let separator = *SEPARATORS.iter().find(|separator| {
             let widths = || following.iter().map(|(_, line)| width(line, **separator));
             let first = widths().next().flatten();
-            // A bad cell is for the reader to tell; it does not move the table's beginning.
+            // An invalid cell is reported by the reader; it does not change the start of the table.
             let alike = widths().filter(|width| *width == first).count();
             first.is_some() && 3 * alike >= 2 * following.len()
         })?;
@@ -59,7 +61,8 @@ pub(super) fn find(source: &str, skipped: usize) -> Option<Shape> {
     })
 }
 
-/// Number of cells of a row of numbers in any notation, empty ones at its end aside; `None` where it is none.
+/// Number of cells of a row of numbers in any notation, without empty ones at its end; `None` if it
+/// is not such a row.
 fn width(line: &str, separator: u8) -> Option<usize> {
     if separator != b' ' && !line.contains(char::from(separator)) {
         return None;
@@ -70,7 +73,7 @@ fn width(line: &str, separator: u8) -> Option<usize> {
     (numbers > 0 && numbers + empty == cells.len()).then_some(cells.len())
 }
 
-/// The cells of a line, trimmed, empty ones at its end left out.
+/// The cells of a line, trimmed, without empty ones at its end.
 fn cells(line: &str, separator: u8) -> Vec<&str> {
     let mut cells: Vec<&str> = if separator == b' ' {
         line.split_whitespace().collect()
@@ -95,7 +98,7 @@ fn heads(
     Some(two_above.and_then(|real| with_units(&real, &names)).unwrap_or(names))
 }
 
-/// Names with the units of the row below them; `None` where that row holds anything else.
+/// Names with the units of the row below them; `None` if that row contains anything else.
 pub(super) fn with_units(names: &[String], below: &[String]) -> Option<Vec<String>> {
     let units: Vec<&str> =
         below.iter().map(|cell| cell.trim_matches(['(', ')', '[', ']', '<', '>'])).collect();
@@ -107,7 +110,7 @@ pub(super) fn with_units(names: &[String], below: &[String]) -> Option<Vec<Strin
     Some(names.iter().zip(units).map(|(name, unit)| with_unit(name, unit)).collect())
 }
 
-/// A name with its unit; one that states another unit keeps that too.
+/// A name with its unit; one with another unit keeps that too.
 fn with_unit(name: &str, unit: &str) -> String {
     let (own, measured) = (names::split(name).1, names::measured(unit));
     let is_same =
@@ -118,7 +121,7 @@ fn with_unit(name: &str, unit: &str) -> String {
     format!("{name} [{unit}]")
 }
 
-/// The names in a line above the table; `None` where it holds numbers, or another count of cells.
+/// The names in a line above the table; `None` if it contains numbers, or another number of cells.
 fn names(line: &str, separator: u8, wanted: usize) -> Option<Vec<String>> {
     let line = line.trim_start().trim_start_matches(['#', '%']);
     let mut names = cells(line, separator);

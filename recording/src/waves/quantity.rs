@@ -1,6 +1,7 @@
 //! Spellings of units by instruments: quantity and size in SI.
 //!
-//! Wider than [`crate::unit`], which is the house's own spelling: here `g` is the acceleration of gravity and `lbf` a force.
+//! More general than [`crate::unit`], the spelling of our own formats: here `g` is the acceleration
+//! of gravity and `lbf` a force.
 
 use crate::unit::Quantity;
 

@@ -5,7 +5,7 @@ use super::{Options, Wave, Waves, pick};
 use crate::faults::{Fault, Faults};
 use crate::series::{Channel, Column, Recording};
 
-/// The header is looked for in so many bytes.
+/// The header is searched in this many bytes.
 const HEAD_BYTES: usize = 64 << 10;
 
 /// Whether a file begins with a header of the house: `t_s` and one more column of ours.
@@ -92,7 +92,7 @@ fn wave(recording: &Recording, channel: Channel) -> Wave {
     Wave::new(channel.name(unit), unit.map_or("1", |unit| unit.name), values)
 }
 
-/// A column that is not ours, as numbers; `None` where a cell is none.
+/// A foreign column as numbers; `None` if a cell is not a number.
 fn cells(recording: &Recording, at: usize, faults: &mut Faults) -> Option<Vec<f64>> {
     let (name, cells) = recording.other.get(at)?;
     let mut values = Vec::with_capacity(cells.len());

@@ -1,19 +1,19 @@
 //! Even steps from a column of times (or positions): rate, jitter, gaps.
 //!
-//! Contract: the step is the middle one, refined over each run; a jump of more than 1.75 steps, or back, ends a run.
-//! What strays by more than 1 % of a step is said; by more than half of one it is refused.
+//! The step is the median one, refined over each run; a jump of more than 1.75 steps, or back, ends
+//! a run. Jitter of more than 1 % of a step is noted; more than half of one is refused.
 
 use std::ops::Range;
 
 use crate::faults::Fault;
 
-/// A jump of more than so many steps is a gap.
+/// A jump of more than this number of steps is a gap.
 const GAP: f64 = 1.75;
-/// Jitter (root mean square of single steps, in steps) beyond this is said.
+/// Larger jitter (root mean square of single steps, in steps) is noted.
 const SAID: f64 = 0.01;
-/// Jitter beyond this is refused.
+/// Larger jitter is refused.
 const REFUSED: f64 = 0.5;
-/// A rate so near to a whole number was rounded when its times were written.
+/// A rate this close to an integer was rounded when its times were written.
 const WHOLE: f64 = 1e-6;
 
 /// Evenly spaced rows.
@@ -32,10 +32,11 @@ pub(super) struct Spacing {
 }
 
 impl Spacing {
-    /// Finds the even steps of `x`; `breaks` says that a new run begins at a row whatever its time.
+    /// Finds the even steps of `x`; `breaks` states whether a new run begins at a row whatever its
+    /// time.
     ///
     /// # Errors
-    /// A value that is missing or stands still, with its row; too few or too uneven.
+    /// A missing or repeated value, with its row; too few or too uneven values.
     pub(super) fn of(
         x: &[f64],
         breaks: impl Fn(usize) -> bool,
@@ -115,7 +116,7 @@ impl Spacing {
         Ok(self)
     }
 
-    /// Steps per unit; a whole number where it is one but for the rounding of written times.
+    /// Steps per unit; an integer if it is one up to rounding of written times.
     pub(super) fn rate(&self) -> f64 {
         tidy(1.0 / self.step, WHOLE)
     }
@@ -124,7 +125,7 @@ impl Spacing {
 const RESAMPLE_HELP: &str = "resample it evenly first; a spectrum of it would mislead";
 const RATE_HELP: &str = "give --rate HZ if the samples were taken evenly";
 
-/// The nearest whole number, where it is nearer than a part `within` of the value.
+/// The nearest integer, if it is nearer than a share `within` of the value.
 pub(super) fn tidy(value: f64, within: f64) -> f64 {
     let whole = value.round();
     if whole >= 1.0 && (value - whole).abs() <= within * whole { whole } else { value }

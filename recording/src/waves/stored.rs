@@ -10,7 +10,7 @@ use super::wav_chunks::Source;
 use super::{Form, Grid, Options, Wave, is_mapped};
 use crate::files::FileError;
 
-/// A file's form is known by so many bytes.
+/// Number of bytes that identify a file's format.
 const HEAD_BYTES: u64 = 512;
 
 /// A record whose samples stay in its file.
@@ -19,7 +19,7 @@ pub struct Stored {
     file: File,
     path: PathBuf,
     layout: Layout,
-    /// Where the samples stand.
+    /// Positions of the samples.
     pub grid: Grid,
     /// Name, unit and axis of each channel, without values.
     pub channels: Vec<Wave>,
@@ -64,8 +64,8 @@ impl Stored {
         self.len() == 0
     }
 
-    /// Hands the samples of some channels to `each`, a part of the range after the other, those of one time beside each
-    /// other.
+    /// Passes the samples of some channels to `each`, one part of the range after the other,
+    /// interleaved.
     ///
     /// # Errors
     /// The file cannot be read any more.

@@ -11,7 +11,7 @@ use super::{Options, Record, Wave, Waves, pick};
 use crate::faults::{Fault, Faults};
 use crate::series::{self, Channel, Dialect, RawTable};
 
-/// What a file says of a table outside of it.
+/// Information on a table from elsewhere in its file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Said {
     /// Unit by the column's name.
@@ -59,7 +59,7 @@ pub(super) fn records(
     Sheet { table: &table, said, named }.records(options, faults, notes)
 }
 
-/// Takes the units of a first row that holds nothing else into the names of the columns.
+/// Adds the units of a first row that contains nothing else to the names of the columns.
 fn name_units(table: &mut RawTable<'_>) {
     let cell = |at| table.cell(0, at).unwrap_or_default().into_owned();
     let first: Vec<String> = (0..table.header.len()).map(cell).collect();
@@ -72,7 +72,7 @@ fn name_units(table: &mut RawTable<'_>) {
 struct Sheet<'t, 's> {
     table: &'t RawTable<'s>,
     said: &'t Said,
-    /// The columns have names, not only numbers.
+    /// Whether the columns have names, not only numbers.
     named: bool,
 }
 
@@ -124,7 +124,7 @@ impl Sheet<'_, '_> {
         })
     }
 
-    /// The column that counts time or length, and what it counts.
+    /// The column with time or length, and its meaning.
     fn counter(&self, asked: &[usize], notes: &mut Vec<String>) -> Option<(usize, Counts)> {
         let heads = &self.table.header;
         let free = || (0..heads.len()).filter(|at| !asked.contains(at) && self.is_numeric(*at));
@@ -137,7 +137,7 @@ impl Sheet<'_, '_> {
         if found.is_some() {
             return found;
         }
-        // Without a name, the first column counts time where it grows evenly, not by ones.
+        // Without a name, the first column is time if it grows evenly, not by ones.
         let first = free().next().filter(|at| *at == 0 && heads.len() > 1)?;
         if self.named && names::counts(&heads[first]) == Counts::Samples {
             return None;
@@ -171,7 +171,7 @@ impl Sheet<'_, '_> {
         }
     }
 
-    /// All columns of numbers that are neither the counter nor known by name to be something else.
+    /// All numeric columns that are neither the time nor known by name to be something else.
     fn waveforms(
         &self,
         counter: Option<usize>,
@@ -193,7 +193,8 @@ impl Sheet<'_, '_> {
         chosen
     }
 
-    /// Whether most of the first rows hold numbers, or nothing: a single bad cell is a fault, not a column of text.
+    /// Whether most of the first rows have numbers or are empty: a single bad cell is a fault, not
+    /// a column of text.
     fn is_numeric(&self, at: usize) -> bool {
         let rows = self.table.len().min(10);
         let cells = (0..rows).map(|row| self.table.cell(row, at).unwrap_or_default());
@@ -211,7 +212,7 @@ impl Sheet<'_, '_> {
     }
 }
 
-/// A column that tells of the process and is no waveform unless asked for.
+/// A column about the process, which is a waveform only on request.
 fn process(head: &str) -> Option<Channel> {
     match series::Column::named(head) {
         Ok(series::Column::Channel(channel, _)) => {

@@ -74,7 +74,7 @@ fn a_profile_stands_over_length() {
 }
 
 #[test]
-fn a_gap_splits_a_record_and_jitter_is_said() {
+fn a_gap_splits_a_record_and_jitter_is_reported() {
     let mut text = "t_s,F\n".to_owned();
     for i in 0..40 {
         let late = if i >= 20 { 0.5 } else { 0.0 };
@@ -132,7 +132,7 @@ fn a_recording_of_the_house_gives_forces_and_what_stands_beside() {
 }
 
 #[test]
-fn every_fault_of_a_table_is_told_with_its_place() {
+fn every_fault_of_a_table_is_reported_with_its_place() {
     let text = "t_s,a,b\n0,1,2\n0.1,x,2\n0.1,3,inf\n0.2,1,2\n0.3,1,2\n0.4,1\n0.5,1,2\n";
     insta::assert_snapshot!(parsed(text, &Options::default()).unwrap_err(), @r"
         error: `a`: `x` is no number
@@ -249,7 +249,7 @@ fn a_universal_file_that_is_cut_off_or_of_the_old_form_is_refused_with_a_reason(
 }
 
 #[test]
-fn wav_files_have_full_scale_one_unless_told_otherwise() {
+fn wav_files_have_full_scale_one_by_default() {
     for (name, tolerance) in [("tone-i16.wav", 2e-5), ("tone-f32.wav", 1e-7)] {
         let (path, bytes) = fixture(name);
         let options =
@@ -271,7 +271,7 @@ fn wav_files_have_full_scale_one_unless_told_otherwise() {
 }
 
 #[test]
-fn files_of_other_programs_are_named_with_what_to_do() {
+fn files_of_other_programs_are_recognised_and_refused_with_a_remedy() {
     for (bytes, word) in
         [(&b"TDSm\x0e"[..], "TDMS"), (b"MATLAB 5.0 MAT-file", "MATLAB"), (b"PK\x03\x04", "zip")]
     {

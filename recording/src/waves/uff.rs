@@ -12,7 +12,7 @@ use super::uff58::{Content, Function};
 use super::{Options, ResponseFunction, Waves, columns, pick, uff_names};
 use crate::faults::{Fault, Faults};
 
-/// Whether a file begins as a universal file does: a line of -1, then a number.
+/// Whether a file begins as a universal file: a line of -1, then a number.
 pub(super) fn is_uff(bytes: &[u8]) -> bool {
     let head = bytes.get(..bytes.len().min(400)).unwrap_or_default();
     let text = String::from_utf8_lossy(head);
@@ -32,7 +32,7 @@ fn is_mark(line: &str) -> bool {
 pub(super) struct Cursor<'b> {
     bytes: &'b [u8],
     at: usize,
-    /// Lines so far, binary runs not counted.
+    /// Lines so far, without binary data.
     pub(super) line: usize,
 }
 
@@ -60,7 +60,7 @@ impl<'b> Cursor<'b> {
         run
     }
 
-    /// Whether nothing but zero bytes and blanks is left before the next line of -1, or the end.
+    /// Whether only zero bytes and blanks are left before the next line of -1, or the end.
     pub(super) fn is_before_mark(&self) -> bool {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         let is_filling = |byte: &&u8| **byte == 0 || byte.is_ascii_whitespace();
@@ -68,8 +68,8 @@ impl<'b> Cursor<'b> {
         rest.len() == filling || rest.get(filling..).unwrap_or_default().starts_with(b"-1")
     }
 
-    /// Reads on to the line of -1 that begins or ends a dataset, behind zero bytes too, with which binary numbers may be
-    /// filled up; says whether there was one.
+    /// Skips to the line of -1 that begins or ends a dataset, including zero bytes with which
+    /// binary numbers may be padded; returns whether there was one.
     pub(super) fn skip_to_mark(&mut self) -> bool {
         while let Some(line) = self.line() {
             let filling = line.iter().take_while(|byte| **byte == 0).count();
@@ -91,7 +91,7 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
     let mut number = 0;
     let mut units: Vec<(usize, Units)> = Vec::new();
     while cursor.skip_to_mark() {
-        // Two marks in a row: one that ended what could not be read, and one that begins.
+        // Two marks in a row: one that ended an unreadable dataset, and one that begins the next.
         let head = std::iter::from_fn(|| cursor.text()).find(|line| !is_mark(line));
         let Some(head) = head else { break };
         let kind = head.split_whitespace().next().unwrap_or("").to_owned();
@@ -115,7 +115,7 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
                 faults.push(Fault { key, ..*fault });
             }
         }
-        // An ASCII function has read its own end; so has a binary one that is as long as it says.
+        // An ASCII function has read its own end; so has a binary one with the stated length.
     }
     if !other.is_empty() {
         let kinds: Vec<String> = other.into_iter().collect();
@@ -131,8 +131,8 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
     faults.or((!(waves.records.is_empty() && waves.responses.is_empty())).then_some(waves))
 }
 
-/// Completes the units of functions by the systems of units, each with the number of functions before it: the last one before a
-/// function, or else the first one behind it.
+/// Completes the units of functions by the systems of units, each with the number of functions
+/// before it: the last one before a function, or otherwise the first one after it.
 fn complete(functions: &mut [Function], systems: &[(usize, Units)], notes: &mut Vec<String>) {
     let (mut units, mut next) = (systems.first().map_or(Units::SI, |(_, units)| *units), 0);
     for (at, function) in functions.iter_mut().enumerate() {
@@ -147,7 +147,8 @@ fn complete(functions: &mut [Function], systems: &[(usize, Units)], notes: &mut 
     }
 }
 
-/// Sorts functions into channels with their records, and response functions; refuses a file of other functions alone.
+/// Assigns functions to channels with their records, and to response functions; refuses a file with
+/// other functions only.
 fn collect(
     functions: Vec<Function>,
     options: &Options,

@@ -9,7 +9,7 @@ use super::uff_head::{Axis, Counts, Head, Source, Units};
 use super::uff_numbers::{Refused, ascii, binary as binary_numbers};
 use crate::faults::Fault;
 
-/// Steps are written with six digits: a rate this near to a whole number is one.
+/// Steps are written with six digits: a rate this close to an integer is one.
 const SIX_DIGITS: f64 = 5e-6;
 
 /// A function that was read.
@@ -20,11 +20,11 @@ pub(super) struct Function {
     pub(super) reference: String,
     pub(super) denominator: Axis,
     pub(super) content: Content,
-    /// What was assumed or left out.
+    /// Assumptions and omissions.
     pub(super) note: Option<&'static str>,
 }
 
-/// What a function holds.
+/// Content of a function.
 #[derive(Debug)]
 pub(super) enum Content {
     Time {
@@ -36,21 +36,21 @@ pub(super) enum Content {
         frequency_hz: Vec<f64>,
         values: Vec<[f64; 2]>,
     },
-    /// A function that is not read, in words.
+    /// An unsupported function, with a description.
     Other(String),
 }
 
 impl Function {
-    /// Reads a function behind its line `58`; `binary` is that line where the numbers are binary.
+    /// Reads a function after its line `58`; `binary` is that line if the numbers are binary.
     ///
     /// # Errors
-    /// What is wrong first; the cursor then stands behind the dataset, or where its end is not known, inside.
+    /// The first error; the cursor is then after the dataset, or inside it if its end is unknown.
     pub(super) fn read(cursor: &mut Cursor<'_>, binary: Option<&str>) -> Result<Self, Refused> {
         let head = Head::read(cursor);
         let numbers = match (binary, &head) {
             (Some(line), Ok(head)) => {
                 let numbers = binary_numbers(cursor, line, &head.form);
-                // What stands between the numbers and the end is padding.
+                // Between the numbers and the end there is only padding.
                 if numbers.is_ok() {
                     cursor.skip_to_mark();
                 }

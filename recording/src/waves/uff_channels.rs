@@ -1,13 +1,16 @@
 //! Converts the time responses of a universal file to channels, and channels to records.
 //!
-//! A channel is what was measured at one place: response entity, node, direction, quantity and unit. Functions that agree in
-//! all of these are distinguished as follows.
+//! A channel is a quantity at one place: response entity, node, direction, quantity and unit.
+//! Functions that agree in all of these are distinguished as follows.
 //!
-//! - One with other ID lines is of another sensor, unless it is at a node of the geometry and of another date.
-//! - One that begins where the other ends continues it; one that begins later belongs to it too, behind a gap.
-//! - One over the same time is another measurement of the channel where the place is a node of the geometry, or where their
-//!   dates differ. Else it is a channel of its own: a file without geometry has all sensors at node 0. So is one of another
-//!   number at the same date and time of day.
+//! - One with other ID lines belongs to another sensor, unless it is at a node of the geometry and
+//!   has another date.
+//! - One that begins where the other ends continues it; one that begins later belongs to it too,
+//!   after a gap.
+//! - One over the same time is another measurement of the channel if the place is a node of the
+//!   geometry, or if their dates differ. Otherwise it is a separate channel: a file without
+//!   geometry has all sensors at node 0. So is one with another number at the same date and time of
+//!   day.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +19,7 @@ use super::uff_names::{self, Unnamed};
 use super::{Grid, Record, Wave};
 use crate::faults::{Fault, Faults};
 
-/// Header numbers have six digits: a start or an end may be off by this part of itself.
+/// Header numbers have six digits: a start or an end may be off by this share.
 const SIX_DIGITS: f64 = 1e-5;
 
 /// A time response.
@@ -34,7 +37,7 @@ pub(super) struct Channel {
     /// Unlike those of all other channels.
     pub(super) name: String,
     takes: Vec<Take>,
-    /// Some are over the same time, of different numbers and without different dates.
+    /// Whether some are over the same time, with different numbers and without different dates.
     is_renumbered: bool,
 }
 
@@ -129,7 +132,7 @@ impl Channels {
         }
     }
 
-    /// The channels, each with a name of its own.
+    /// The channels, each with a unique name.
     pub(super) fn named(self, notes: &mut Vec<String>) -> Vec<Channel> {
         let names =
             uff_names::names(&self.all.iter().map(Channel::unnamed).collect::<Vec<_>>(), notes);
@@ -138,7 +141,8 @@ impl Channels {
     }
 }
 
-/// Says which channels may be several sensors: functions over the same time, of which nothing but their numbers differs.
+/// Notes which channels may be several sensors: functions over the same time that differ only in
+/// their numbers.
 pub(super) fn note_renumbered(channels: &[Channel], notes: &mut Vec<String>) {
     let renumbered = channels.iter().filter(|channel| channel.is_renumbered);
     let names: Vec<String> = renumbered.map(|channel| format!("`{}`", channel.name)).collect();
@@ -151,8 +155,8 @@ pub(super) fn note_renumbered(channels: &[Channel], notes: &mut Vec<String>) {
     }
 }
 
-/// The records of the channels: those of one rate beside each other, by their start, or where a channel was measured
-/// several times over the same time, by their turn.
+/// The records of the channels: those of one rate together, by their start, or, for a channel that
+/// was measured several times over the same time, by their order.
 pub(super) fn records(
     channels: Vec<Channel>,
     asked: Option<Grid>,
@@ -238,7 +242,7 @@ fn turns_by_start(group: &[Channel]) -> Vec<Turn> {
     parts.sort_by(|(a, _), (b, _)| a.start_s.total_cmp(&b.start_s));
     let mut turns: Vec<Turn> = Vec::new();
     let mut first: Option<&Take> = None;
-    // How many turns there were when a channel had its last one: a channel has one take in a turn.
+    // The measurement of each channel's last record: a channel has one record per measurement.
     let mut last_turn = vec![0; group.len()];
     for (take, part) in parts {
         let begins_with_it = first.is_some_and(|first| take.begins_with(first));

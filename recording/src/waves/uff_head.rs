@@ -1,7 +1,8 @@
 //! The header of a dataset 58 (records 1 to 11), and the system of units of the file (dataset 164).
 //!
-//! Source: Structural Dynamics Research Laboratory, University of Cincinnati, description of datasets 58 and 164. Fields stand
-//! in fixed columns; record 6 is also read where its fields are only separated by blanks.
+//! Source: Structural Dynamics Research Laboratory, University of Cincinnati, description of
+//! datasets 58 and 164. Fields are in fixed columns; record 6 is also read if its fields are only
+//! separated by blanks.
 
 use std::f64::consts::TAU;
 
@@ -20,7 +21,7 @@ const PRESSURE: i64 = 15;
 const TIME: i64 = 17;
 const FREQUENCY: i64 = 18;
 
-/// Units of length and force by their factor in dataset 164: so many of them make one of SI.
+/// Units of length and force by their factor in dataset 164: the number of units per SI unit.
 const LENGTHS: &[(f64, &str)] =
     &[(1.0, "m"), (1e3, "mm"), (1e2, "cm"), (1.0 / 0.0254, "in"), (1.0 / 0.3048, "ft")];
 const FORCE_UNITS: &[(f64, &str)] = &[(1.0, "N"), (1e-3, "kN"), (0.224_808_943_1, "lbf")];
@@ -39,10 +40,10 @@ pub(super) struct Head {
     pub(super) denominator: Axis,
 }
 
-/// What tells one measured channel from another.
+/// Properties that distinguish measured channels.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Source {
-    /// ID lines 1, 2, 4 and 5; empty where the file says NONE.
+    /// ID lines 1, 2, 4 and 5; empty if the file says NONE.
     pub(super) texts: [String; 4],
     /// ID line 3: by convention date and time.
     pub(super) date: String,
@@ -67,12 +68,13 @@ pub(super) struct PlaceKey {
     texts: Option<[String; 4]>,
 }
 
-/// Records 8 to 11: what an axis measures.
+/// Records 8 to 11: quantity of an axis.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Axis {
     kind: i64,
     pub(super) label: String,
-    /// As the file has it; once it is completed, by the type of data and dataset 164 where it names none, `1` where neither does.
+    /// As in the file; completed by the type of data and dataset 164 if it states none, `1` if
+    /// these do not either.
     pub(super) unit: String,
 }
 
@@ -81,13 +83,13 @@ pub(super) struct Axis {
 pub(super) enum Counts {
     Time(f64),
     Frequency(f64),
-    /// Neither says what it counts, nor in which unit.
+    /// Neither quantity nor unit is stated.
     Unsaid,
-    /// Something else, or in a unit that is not known.
+    /// Another quantity, or an unknown unit.
     Else,
 }
 
-/// The units of data whose axis names none.
+/// The units of data whose axis states none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Units {
     length: Option<&'static str>,
@@ -97,7 +99,7 @@ pub(super) struct Units {
 impl Units {
     pub(super) const SI: Self = Self { length: Some("m"), force: Some("N") };
 
-    /// Reads dataset 164 behind its number; what of it cannot be read leaves the units unknown.
+    /// Reads dataset 164 after its number; unreadable parts leave the units unknown.
     pub(super) fn read(cursor: &mut Cursor<'_>) -> Self {
         cursor.line();
         let factors = cursor.text().and_then(|line| in_line(&line)).unwrap_or_default();
@@ -190,7 +192,7 @@ impl Axis {
         }
     }
 
-    /// What an abscissa counts, by its unit; a type of data stands for a unit that is missing.
+    /// The quantity of an abscissa, by its unit, or by the type of data if the unit is missing.
     pub(super) fn counts(&self) -> Counts {
         match (quantity::of(&self.unit), self.kind) {
             (Some((Quantity::Time, si)), _) => Counts::Time(si),
@@ -285,7 +287,7 @@ fn columns(line: &str) -> impl Fn(usize, usize) -> String {
     }
 }
 
-/// A text of the header; empty where it says that there is none.
+/// A text of the header; empty for NONE.
 fn said(text: &str) -> String {
     let text = text.trim_matches(|c: char| c.is_whitespace() || c == '\0');
     if text.eq_ignore_ascii_case("none") { String::new() } else { text.to_owned() }

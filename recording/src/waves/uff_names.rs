@@ -8,14 +8,14 @@ use super::uff_head::{PlaceKey, Source};
 /// What is to be named.
 pub(super) struct Unnamed<'s> {
     pub(super) source: &'s Source,
-    /// Node and direction of the reference: only names beside one and the same have to differ.
+    /// Node and direction of the reference: only names with the same reference have to differ.
     pub(super) reference: &'s str,
     /// Of a channel over time.
     pub(super) rate_hz: Option<f64>,
 }
 
 impl Unnamed<'_> {
-    /// What tells things at one place apart, in the order in which it is tried.
+    /// Fields that distinguish channels at one place, in the order in which they are tried.
     fn marks(&self) -> [String; 9] {
         let Source { texts, numbers, component, ordinate, .. } = self.source;
         let [first, second, fourth, fifth] = texts.clone();
@@ -25,7 +25,7 @@ impl Unnamed<'_> {
         [unit, label, component, first, second, fourth, fifth, number, rate]
     }
 
-    /// Node and direction; without a geometry the response entity or what the first ID line says.
+    /// Node and direction; without a geometry the response entity or the first ID line.
     fn plain_name(&self) -> &str {
         let Source { texts, component, node, dof, .. } = self.source;
         let unplaced = [component, &texts[0]].into_iter().find(|text| !text.is_empty());
@@ -66,8 +66,8 @@ pub(super) fn names(unnamed: &[Unnamed<'_>], notes: &mut Vec<String>) -> Vec<Str
     names
 }
 
-/// Names the places of response functions. Those at one node that differ in nothing are of one place, measured again; without
-/// a geometry each is of its own.
+/// Names the places of response functions. Functions at one node without a difference are repeated
+/// measurements of one place; without a geometry each is a separate place.
 pub(super) fn name_responses(
     found: Vec<(Source, ResponseFunction)>,
     notes: &mut Vec<String>,

@@ -6,7 +6,7 @@ use crate::faults::{Fault, Place};
 /// Why a dataset was refused.
 pub(super) type Refused = Box<Fault>;
 
-/// Record 7: how the numbers stand.
+/// Record 7: format of the numbers.
 #[derive(Debug)]
 pub(super) struct Form {
     pub(super) complex: bool,
@@ -55,7 +55,8 @@ impl Form {
         1 + usize::from(self.complex) + usize::from(!self.even)
     }
 
-    /// Bytes of a binary number. An abscissa is of single precision beside doubles only in text.
+    /// Bytes of a binary number. With double-precision data, an abscissa is of single precision
+    /// only in text.
     fn size(&self) -> usize {
         if self.double { 8 } else { 4 }
     }
@@ -65,7 +66,8 @@ impl Form {
         self.points.saturating_mul(self.width()).saturating_mul(self.size())
     }
 
-    /// Cuts off zeros behind the last point, with which some programs fill up a line or a block; says whether there were any.
+    /// Removes zeros after the last point, with which some programs fill a line or a block; returns
+    /// whether there were any.
     pub(super) fn cut_filling(&self, numbers: &mut Vec<f64>) -> bool {
         let needed = self.points.saturating_mul(self.width());
         let filling = numbers.get(needed..).unwrap_or_default();
@@ -77,7 +79,8 @@ impl Form {
     }
 }
 
-/// Whether a sign behind `word` begins the exponent of it: Fortran leaves out the letter where it has three digits.
+/// Whether a sign after `word` begins its exponent: Fortran omits the letter if the exponent has
+/// three digits.
 fn is_bare_exponent(word: &str, behind_sign: &str) -> bool {
     let digits = behind_sign.bytes().take_while(u8::is_ascii_digit).count();
     let ends =
@@ -85,7 +88,8 @@ fn is_bare_exponent(word: &str, behind_sign: &str) -> bool {
     digits == 3 && ends && word.contains('.') && !word.contains('e')
 }
 
-/// The numbers of a line in fixed columns, which may touch: a sign behind a digit begins another number.
+/// The numbers of a line in fixed columns, which may be adjacent: a sign after a digit begins
+/// another number.
 pub(super) fn in_line(line: &str) -> Option<Vec<f64>> {
     let mut numbers = Vec::new();
     let mut word = String::new();
@@ -119,7 +123,7 @@ pub(super) fn in_line(line: &str) -> Option<Vec<f64>> {
     Some(numbers)
 }
 
-/// Reads numbers up to and with the line of -1.
+/// Reads numbers up to and including the line of -1.
 pub(super) fn ascii(cursor: &mut Cursor<'_>) -> Result<Vec<f64>, Refused> {
     let mut numbers = Vec::new();
     let mut fault: Option<Refused> = None;
@@ -147,7 +151,8 @@ pub(super) fn ascii(cursor: &mut Cursor<'_>) -> Result<Vec<f64>, Refused> {
     }
 }
 
-/// Reads the numbers that the header promises; `line` is the dataset's first, which says their form.
+/// Reads the numbers stated in the header; `line` is the dataset's first, which states their
+/// format.
 pub(super) fn binary(
     cursor: &mut Cursor<'_>,
     line: &str,
@@ -176,8 +181,9 @@ pub(super) fn binary(
     Ok(bytes.chunks_exact(size).filter_map(number).collect())
 }
 
-/// The bytes that the numbers need. Those that the dataset states (0: none) have to hold them, and nothing but zeros may follow:
-/// else the header is of another type or number of points than the numbers.
+/// The bytes that the numbers need. The number of bytes stated by the dataset (0: none) has to
+/// contain them, followed by zeros only: otherwise the header has another type or number of points
+/// than the data.
 fn run<'b>(cursor: &mut Cursor<'b>, stated: usize, form: &Form) -> Result<&'b [u8], Refused> {
     let needed = form.bytes();
     let numbers = cursor.bytes(needed);

@@ -17,12 +17,12 @@ struct Made {
     axes: [(i64, &'static str); 2],
     start_s: f64,
     values: Vec<f64>,
-    /// Zeros behind the values that the header does not count.
+    /// Zeros after the values, not counted in the header.
     filling: usize,
 }
 
 impl Made {
-    /// Four samples at 1 kHz, the first of which is given.
+    /// Four samples at 1 kHz, starting with `first`.
     fn at(node: i64, direction: i64, first: f64) -> Self {
         Self {
             kind: 1,
@@ -267,7 +267,7 @@ fn blocks_filled_up_with_zeros_hold_the_samples_that_their_header_counts() {
         text(&[Made::at(1, 1, 1.0)]).replacen("         4         1", "         3         1", 1);
     let fault = read_text(&more, &Options::default()).unwrap_err();
     assert!(fault.contains("holds 4 numbers, its header says 3 points"), "{fault}");
-    // Binary numbers that are filled up to a multiple of 512 bytes.
+    // Binary numbers padded to a multiple of 512 bytes.
     let whole = std::fs::read(
         Path::new(env!("CARGO_MANIFEST_DIR")).join("src/waves/fixtures/hits-little-f64.uff"),
     );

@@ -1,8 +1,9 @@
 //! WAV files: PCM of 8 to 64 bits and IEEE floats of 32 and 64 bits, in RIFF (little-endian), RIFX (big-endian) and RF64 files.
 //!
-//! By Microsoft's *Multiple Channel Audio Data and WAVE Files* and EBU Tech 3306 (RF64). A sample fills whole bytes; where fewer of its
-//! bits are valid, they are its highest, and the rest is zero: what they are is asserted, so that a file that has them at the other end is
-//! refused instead of read as noise. Full scale is 1 unless stated otherwise.
+//! After Microsoft's *Multiple Channel Audio Data and WAVE Files* and EBU Tech 3306 (RF64). A
+//! sample fills whole bytes; if fewer of its bits are valid, they are the highest, and the rest is
+//! zero: this is checked, so that a file with the valid bits at the other end is refused instead of
+//! read as noise. Full scale is 1 unless stated otherwise.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -55,17 +56,17 @@ impl From<std::io::Error> for Unread {
     }
 }
 
-/// A file whose samples were checked and not kept.
+/// A file whose samples were checked but not stored.
 #[derive(Debug)]
 pub(super) struct Opened {
     pub(super) layout: Layout,
     pub(super) grid: Grid,
-    /// Those that were asked for, without values.
+    /// The requested ones, without values.
     pub(super) channels: Vec<Wave>,
     pub(super) notes: Vec<String>,
 }
 
-/// Where samples are, and what they stand for.
+/// Positions of the samples, and the meaning of full scale.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
     format: Format,
@@ -76,7 +77,7 @@ pub(super) struct Layout {
     chosen: Vec<usize>,
 }
 
-/// Opens a file; its samples are read once where its format alone does not promise that they are sound.
+/// Opens a file; its samples are read once if the format does not guarantee that they are valid.
 pub(super) fn open(name: &str, bytes: &dyn Source, options: &Options) -> Result<Opened, Unread> {
     let mut faults = Faults::of(name);
     columns::check(options, &mut faults);
@@ -115,8 +116,8 @@ pub(super) fn open(name: &str, bytes: &dyn Source, options: &Options) -> Result<
 }
 
 impl Layout {
-    /// Hands the samples of some of the chosen channels to `each`, a part of the frames after the other, those of one time
-    /// beside each other. `part` is what they are decoded into.
+    /// Passes the samples of some of the chosen channels to `each`, one part of the frames after
+    /// the other, interleaved. `part` is the buffer for decoding.
     pub(super) fn parts(
         &self,
         bytes: &dyn Source,
@@ -155,7 +156,7 @@ impl Layout {
         Ok(())
     }
 
-    /// Spare bits are zero, and floats are finite numbers.
+    /// Checks that unused bits are zero, and floats are finite.
     fn check(&self, bytes: &dyn Source, faults: &mut Faults) -> std::io::Result<()> {
         let Format { coding, sample_bytes, valid_bits, .. } = self.format;
         let bits = 8 * sample_bytes as u32;
@@ -196,7 +197,7 @@ impl Layout {
     }
 }
 
-/// The samples at some places of each frame, as shares of full scale times what that stands for.
+/// The samples at some positions of each frame, as shares of full scale times its value.
 fn decode(raw: &[u8], format: &Format, places: &[usize], full_scale: f64, to: &mut Vec<f64>) {
     match format.sample_bytes {
         1 => decode_of::<1>(raw, format, places, full_scale, to),
@@ -210,7 +211,7 @@ fn decode(raw: &[u8], format: &Format, places: &[usize], full_scale: f64, to: &m
     }
 }
 
-/// The same, of samples of so many bytes.
+/// The same, for samples of `N` bytes.
 fn decode_of<const N: usize>(
     raw: &[u8],
     format: &Format,

@@ -13,19 +13,19 @@ const FLOAT: u16 = 3;
 const EXTENSIBLE: u16 = 0xfffe;
 /// What follows the format tag in an extensible format's GUID.
 const GUID_TAIL: [u8; 14] = [0, 0, 0, 0, 0x10, 0, 0x80, 0, 0, 0xaa, 0, 0x38, 0x9b, 0x71];
-/// A size that is not known: of a file that was written to a pipe, or one that `ds64` tells.
+/// An unknown size: of a file written to a pipe, or one stated by `ds64`.
 const UNKNOWN_SIZE: u32 = u32::MAX;
 
 /// How samples are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Coding {
-    /// Whole numbers.
+    /// Integers.
     Pcm,
     /// IEEE floating point.
     Float,
 }
 
-/// What `fmt` says.
+/// Content of `fmt`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Format {
     pub(super) coding: Coding,
@@ -34,7 +34,7 @@ pub(super) struct Format {
     pub(super) rate_hz: u32,
     /// Bytes that one sample of one channel fills.
     pub(super) sample_bytes: usize,
-    /// Of their bits, how many count.
+    /// Number of valid bits.
     pub(super) valid_bits: u32,
 }
 
@@ -107,7 +107,7 @@ struct Chunk {
     rest: u64,
 }
 
-/// The bytes of a file, and in which order its numbers are.
+/// The bytes of a file, and their byte order.
 struct Bytes<'a> {
     all: &'a dyn Source,
     length: u64,
@@ -170,16 +170,16 @@ impl Chunk {
 /// What follows a place in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Tail {
-    /// Chunks up to the file's end, or nothing.
+    /// Chunks up to the file's end, or none.
     Chunks,
-    /// Chunks, of which one holds samples.
+    /// Chunks, one of them with samples.
     Samples,
-    /// Something else.
+    /// Anything else.
     Other,
 }
 
 impl Bytes<'_> {
-    /// The samples of `data`: as many as it says, or up to the end where it does not know.
+    /// The samples of `data`: the stated number, or up to the end if the size is unknown.
     fn samples(
         &self,
         chunk: &Chunk,
@@ -216,7 +216,7 @@ impl Bytes<'_> {
         Ok(chunk.at..chunk.at + whole)
     }
 
-    /// Says what is left out behind the samples, which end there.
+    /// Notes what is ignored after the samples.
     fn note_behind(&self, end: u64) -> io::Result<Option<String>> {
         let behind = match self.tail(end + end % 2)? {
             Tail::Other => self.tail(end)?,
@@ -323,7 +323,7 @@ impl Bytes<'_> {
                 return Err(bad("is extensible and too short for its sub-format".to_owned()).into());
             };
             valid_bits = short(18)?.unwrap_or(bits);
-            // A GUID's first number is in the file's order, or as it always is.
+            // A GUID's first number is in the file's byte order, or in little-endian order.
             let tail = guid.get(2..).unwrap_or_default();
             if tail != GUID_TAIL && !self.big_endian {
                 return Err(bad("has a sub-format that is none of WAVE's own".to_owned()).into());

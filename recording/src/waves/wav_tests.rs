@@ -5,7 +5,7 @@ use super::*;
 const PCM: u16 = 1;
 const FLOAT: u16 = 3;
 
-/// How a file is made.
+/// Properties of a file.
 #[derive(Clone, Copy)]
 struct Made {
     mark: &'static [u8; 4],
@@ -13,7 +13,7 @@ struct Made {
     tag: u16,
     bytes: usize,
     valid: Option<u16>,
-    /// What stands before `data`, with its padding.
+    /// Content before `data`, with its padding.
     before: &'static [u8],
     data_size: Option<u32>,
     extra: usize,
@@ -152,7 +152,7 @@ fn big_endian_and_large_files_are_read() {
 }
 
 #[test]
-fn a_file_from_a_pipe_is_read_to_its_end_and_says_so() {
+fn a_file_from_a_pipe_is_read_to_its_end_and_reports_it() {
     for size in [u32::MAX, 0] {
         let made = Made { data_size: Some(size), ..Made::of(PCM, 2) };
         let waves = read(&made.file(&pcm(2))).unwrap();
@@ -171,15 +171,15 @@ fn a_chunk_of_odd_size_is_followed_by_a_byte_and_one_without_it_is_refused() {
 }
 
 #[test]
-fn an_odd_chunk_without_padding_is_told_by_the_data_that_follow_it() {
-    // The size of `data` begins with a letter, so that behind a padding byte stands `ata@`.
+fn an_odd_chunk_without_padding_is_recognised_by_the_data_that_follow_it() {
+    // The size of `data` begins with a letter, so that `ata@` follows a padding byte.
     let bare = Made { before: b"note\x03\0\0\0abc", ..Made::of(PCM, 2) };
     let fault = read(&bare.file(&[0; 32])).unwrap_err();
     assert!(fault.contains("`note`") && fault.contains("even"), "{fault}");
 }
 
 #[test]
-fn what_stands_behind_the_samples_is_no_sample_and_said_where_it_is_no_metadata() {
+fn what_stands_behind_the_samples_is_no_sample_and_reported_where_it_is_no_metadata() {
     let with_tail = |made: Made, tail: &[u8]| read(&[made.file(&pcm(2)).as_slice(), tail].concat());
     let list = b"LIST\x06\0\0\0INFO\x07\x08";
     let says = |waves: &Waves, what: &str| waves.notes.iter().any(|note| note.contains(what));
@@ -195,7 +195,7 @@ fn what_stands_behind_the_samples_is_no_sample_and_said_where_it_is_no_metadata(
 }
 
 #[test]
-fn what_is_cut_off_is_said_and_what_is_compressed_is_refused_by_name() {
+fn what_is_cut_off_is_reported_and_what_is_compressed_is_refused_with_the_reason() {
     let made = Made { data_size: Some(100), ..Made::of(PCM, 2) };
     let waves = read(&made.file(&pcm(2))).unwrap();
     assert_eq!(waves.records[0].len(), 3);

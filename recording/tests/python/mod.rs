@@ -1,11 +1,11 @@
-//! A Python environment of its own for a peer, with packages from the registry.
+//! A separate Python environment with packages from the registry.
 
 use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// A folder for what tests make.
+/// A folder for files of tests.
 pub(crate) fn scratch() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/tmp")
 }
@@ -26,8 +26,9 @@ pub(crate) fn answer(python: &Path, script: &str, lines: String) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
-/// The interpreter of the environment `name` with these packages; in words, what this machine lacks. Tests that run at the same time share it: one installs, the
-/// others wait, and nothing is installed again, since that would take files away from an interpreter that runs.
+/// The interpreter of the environment `name` with these packages, or what this machine lacks.
+/// Concurrent tests share it: one installs, the others wait, and nothing is installed again,
+/// because that would remove files of a running interpreter.
 pub(crate) fn environment(name: &str, packages: &[&str]) -> Result<PathBuf, String> {
     let home = scratch().join(name);
     let python = home.join("bin/python");

@@ -1,6 +1,7 @@
-//! Schemas beside readers: one file of each format with one thing changed, thousands of times.
+//! Comparison of schemas and readers: files of each format with one change, thousands of them.
 //!
-//! What a schema refuses, the reader refuses. What the reader refuses for an unknown key, a missing key, a type or a range of one number, the schema refuses.
+//! Files refused by a schema are refused by the reader. Unknown keys, missing keys, types and
+//! ranges of single numbers refused by the reader are refused by the schema.
 
 use recording::bridge::{EgmConfig, Ethernet, RsiConfig};
 use recording::cell::CellConfig;
@@ -35,14 +36,14 @@ fn ethernet() -> Ethernet {
     Ethernet::parse("rsi-ethernet.xml", &read(&root().join("deploy/rsi-ethernet.xml"))).unwrap()
 }
 
-/// A fault that lies in one key alone.
+/// A fault of a single key.
 fn is_of_one_key(fault: &Fault) -> bool {
     let starts = |text: &str, words: &[&str]| words.iter().any(|word| text.starts_with(word));
     let message = ["is an unknown key", "is missing", "is of type", "has the unit", "has no unit"];
     let number =
         ["a number from", "a number of", "a number above", "a number below", "a whole number from"];
     let parameter = ["0 or more", "above 0", "between "];
-    // How many joints there are is said by the whole file.
+    // The number of joints depends on the whole file.
     if fault.key.ends_with(".joint") && fault.expected == "a whole number from 1 to 3" {
         return false;
     }
@@ -57,7 +58,7 @@ fn a_schema_and_its_reader_refuse_the_same_changes_of_a_file() {
     for known in known() {
         let bounds = mutations::bounds(&known.schema);
         let of_format = samples.iter().filter(|sample| sample.format == known.format);
-        // A preset says no more than the example of the reference, at greater length.
+        // A preset is a longer version of the example in the reference.
         let is_short =
             |value: &Value| value["joint"].as_array().is_none_or(|joints| joints.len() < 4);
         let goods: Vec<&Value> =
@@ -114,7 +115,7 @@ fn every_kind_of_effect_that_the_schema_lists_is_known_to_the_reader() {
     assert!(forms.len() > 60, "{}", forms.len());
 }
 
-/// All keys of a form, each with a number of its range.
+/// All keys of a form, each with a number in its range.
 fn effect(form: &Value) -> Value {
     let properties = form["properties"].as_object().unwrap();
     let keys = properties.iter().filter(|(key, _)| *key != "sigma");
@@ -142,7 +143,7 @@ fn example(schema: &Value) -> Value {
     }
 }
 
-/// Keys whose unit is one of a sliding joint, while the form for a revolute one has others.
+/// Whether the keys are those of a prismatic joint, and the form for a revolute one has others.
 fn is_for_prismatic(form: &Value) -> bool {
     form["title"].as_str().is_some_and(|title| title.ends_with("(prismatic joint)"))
 }

@@ -1,6 +1,7 @@
-//! The JSON Schemas of files: every file and every example in the tree fits its own, and a schema refuses what its reader refuses.
+//! The JSON Schemas of files: every file and every example in the tree is valid, and a schema
+//! refuses nothing that its reader accepts.
 //!
-//! The validator is the crate `jsonschema`, written by others.
+//! The validator is the crate `jsonschema`.
 #![expect(
     clippy::unwrap_used,
     clippy::panic,
@@ -18,7 +19,7 @@ use std::sync::OnceLock;
 use jsonschema::{ValidationError, Validator};
 use serde_json::Value;
 
-/// A schema and the name of the format that its files give themselves.
+/// A schema and the name of its format in files.
 struct Known {
     format: String,
     schema: Value,

@@ -1,20 +1,22 @@
-//! A value of a file with one thing changed: a key that nobody knows, a key that is gone, a value of another type, a number at and beyond each bound.
+//! Changes of a value in a file: an unknown key, a missing key, a value of another type, a number
+//! at and beyond each bound.
 
 use serde_json::{Map, Number, Value, json};
 
-/// Like no key of ours, so that no reader takes it for a misspelt one.
+/// Unlike any key of our formats, so that no reader takes it for a misspelling.
 const UNKNOWN_KEY: &str = "qqqqqqqqqqqq";
 const UNKNOWN: &str = "with an unknown key";
 
-/// A changed file, and what was changed.
+/// A changed file, and the change.
 pub(super) struct Mutant {
     pub(super) change: String,
-    /// The key whose value was changed, or that is new or gone.
+    /// The key that was changed, added or removed.
     pub(super) key: String,
     pub(super) value: Value,
 }
 
-/// Every single change of a value; `numbers` are put in the place of each number, so that every bound of a schema is tried on both sides.
+/// Every single change of a value; `numbers` replace each number, so that every bound of a schema
+/// is tested on both sides.
 pub(super) fn of(good: &Value, numbers: &[f64]) -> Vec<Mutant> {
     let mut found = Vec::new();
     for pointer in pointers(good) {
@@ -37,7 +39,7 @@ pub(super) fn of(good: &Value, numbers: &[f64]) -> Vec<Mutant> {
     found
 }
 
-/// The last key on the way that is no place in a list.
+/// The last key of the path that is not a list index.
 fn key_of(pointer: &str) -> &str {
     pointer.rsplit('/').find(|part| part.parse::<usize>().is_err()).unwrap_or_default()
 }
@@ -62,7 +64,7 @@ fn changes(at: &Value, numbers: &[f64]) -> Vec<(String, Value)> {
     }
 }
 
-/// A whole number where a whole number stands.
+/// An integer in place of an integer.
 fn same_kind(old: &Number, new: f64) -> Option<Number> {
     if old.is_f64() {
         return Number::from_f64(new);
@@ -70,14 +72,14 @@ fn same_kind(old: &Number, new: f64) -> Option<Number> {
     (new.fract() == 0.0 && new.abs() < 1e15).then(|| Number::from(new as i64))
 }
 
-/// Where every value stands, the whole first.
+/// Paths to every value, the whole first.
 fn pointers(value: &Value) -> Vec<String> {
     let mut found = vec![String::new()];
     let mut below = |key: &str, value: &Value| {
         found.extend(pointers(value).into_iter().map(|rest| format!("/{key}{rest}")));
     };
     match value {
-        // Keys of our files hold neither `/` nor `~`.
+        // Keys of our files contain neither `/` nor `~`.
         Value::Object(table) => table.iter().for_each(|(key, value)| below(key, value)),
         Value::Array(list) => list.iter().enumerate().for_each(|(at, v)| below(&at.to_string(), v)),
         _ => {}

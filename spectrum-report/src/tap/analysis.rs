@@ -10,23 +10,23 @@ use super::Settings;
 use super::input::{Content, Hits, Source};
 use crate::error::Error;
 
-/// Modes of an impact test, with what they come from.
+/// Modes of an impact test, with their sources.
 pub struct Analysis {
-    /// The hits, where records were given.
+    /// The hits, if records were given.
     pub test: Option<Test>,
     /// The response functions: one of all hits, or those given.
     pub functions: Vec<Function>,
     /// Their modes in one list.
     pub modes: Vec<Merged>,
-    /// Modes were looked for between these frequencies, Hz.
+    /// Modes were searched between these frequencies, Hz.
     pub band_hz: [f64; 2],
-    /// What is to be looked at, in words.
+    /// Warnings, as text.
     pub warnings: Vec<String>,
     pub(super) files: Vec<String>,
     pub(super) settings: Settings,
 }
 
-/// The hits and what was made of them.
+/// The hits and their evaluation.
 pub struct Test {
     /// The records.
     pub hits: Hits,
@@ -135,7 +135,7 @@ impl Analysis {
         said
     }
 
-    /// What is to be said of one mode.
+    /// Warnings about one mode.
     fn doubts(&self, mode: &Merged) -> Vec<String> {
         let mut said = Vec::new();
         let at = format!("mode at {} Hz", fixed(mode.frequency_hz, 1));
@@ -215,7 +215,7 @@ impl Function {
         self.modes = found;
     }
 
-    /// Modes that it may hide, in words.
+    /// Modes that it may hide, as text.
     fn hidden(&self, misfit: f64) -> Vec<String> {
         let (bin_hz, record_s) = (self.bin_hz(), 1.0 / self.bin_hz());
         let longer = |s: f64| match self.between_hits_s {

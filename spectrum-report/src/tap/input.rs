@@ -12,26 +12,28 @@ use crate::error::Error;
 /// How the files of an impact test are read.
 #[derive(Clone, Debug, Default)]
 pub struct Channels {
-    /// Columns of force and response, by name or by number from 1. Default: as their units tell.
+    /// Columns of force and response, by name or by number from 1. Default: determined from their
+    /// units.
     pub columns: Option<[String; 2]>,
-    /// What the response is, where its unit does not tell; its values are then SI.
+    /// The quantity of the response, if its unit does not determine it; its values are then SI.
     pub response: Option<Response>,
-    /// Force of one unit of the file, N; not 0. Default: as its unit tells.
+    /// Force of one unit of the file, N; not 0. Default: determined from its unit.
     pub force_scale: Option<f64>,
-    /// Response of one unit of the file, SI; not 0, with `response`. Default: as its unit tells.
+    /// Response of one unit of the file, SI; not 0, with `response`. Default: determined from its
+    /// unit.
     pub response_scale: Option<f64>,
-    /// Samples per second, where no column tells the time, Hz; above 0.
+    /// Samples per second, if no column contains the time, Hz; above 0.
     pub rate_hz: Option<f64>,
     /// Whether files are tables of a response function: frequency in Hz, real part, imaginary part; with `response`.
     pub are_functions: bool,
 }
 
-/// What the files of an impact test hold.
+/// Content of the files of an impact test.
 #[derive(Debug)]
 pub struct Source {
     /// Names of the files, without folders.
     pub files: Vec<String>,
-    /// Remarks on the files, in words.
+    /// Remarks on the files, as text.
     pub notes: Vec<String>,
     pub(super) content: Content,
 }
@@ -54,7 +56,7 @@ pub struct Hits {
     pub records: Vec<HitRecord>,
     /// Column names of force and response, of the first record.
     pub columns: [String; 2],
-    /// What was taken for granted.
+    /// Assumptions.
     pub notes: Vec<String>,
 }
 
@@ -74,13 +76,13 @@ pub struct HitRecord {
 /// A response function that was measured elsewhere.
 #[derive(Debug)]
 pub struct MeasuredFunction {
-    /// Name of the file, with what was measured where it says so.
+    /// Name of the file, with the quantity if it states one.
     pub name: String,
     /// Its values.
     pub frf: Frf,
 }
 
-/// A file that holds nothing that can be used.
+/// A file without usable content.
 #[derive(Debug, thiserror::Error)]
 #[error("{file}: {what}")]
 struct Unfit {
@@ -91,7 +93,8 @@ struct Unfit {
 /// Reads records of hits, or response functions.
 ///
 /// # Errors
-/// [`Error::File`] where a file cannot be read; [`Error::Input`] where force or response cannot be told, or files do not belong together.
+/// [`Error::File`] if a file cannot be read; [`Error::Input`] if force or response cannot be
+/// identified, or files do not belong together.
 pub fn read(paths: &[impl AsRef<Path>], asked: &Channels) -> Result<Source, Error> {
     let mut hits: Option<Hits> = None;
     let (mut functions, mut notes, mut files) = (Vec::new(), Vec::new(), Vec::new());
@@ -128,7 +131,7 @@ pub fn read(paths: &[impl AsRef<Path>], asked: &Channels) -> Result<Source, Erro
 
 fn options(asked: &Channels) -> Options {
     if asked.are_functions {
-        // A table of frequencies stands over no time: any rate lets its rows through as they are.
+        // A table of frequencies has no time: any rate leaves its rows unchanged.
         let columns = ["1", "2", "3"].map(str::to_owned).to_vec();
         return Options { columns, rate_hz: Some(1.0), ..Options::default() };
     }
@@ -178,7 +181,7 @@ fn take(
 
 type ForceAndResponse = ([Wave; 2], Response, Vec<String>);
 
-/// Force and response of a record in SI, by the columns asked for or by their units.
+/// Force and response of a record in SI, by the requested columns or by their units.
 fn channels(asked: &Channels, record: &Record) -> Result<ForceAndResponse, String> {
     let all = || record.channels.iter().map(|w| w.name.clone()).collect::<Vec<_>>().join(", ");
     let one = |what: &str, is: &dyn Fn(&Wave) -> bool| {

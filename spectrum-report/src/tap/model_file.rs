@@ -10,7 +10,7 @@ use crate::error::Error;
 
 /// A model with the measured modes, ready to be written.
 pub struct Renewed {
-    /// Where it goes.
+    /// Path of the file.
     pub path: PathBuf,
     /// The model file; it loads.
     pub text: String,

@@ -21,7 +21,7 @@ const SEEN: f64 = 0.01;
 const FUNCTIONS_MAX: usize = 8;
 
 impl Analysis {
-    /// The page. `renewed`: the model with the modes, where one is asked for.
+    /// The page. `renewed`: the model with the modes, if requested.
     #[must_use]
     pub fn page(&self, renewed: Option<&Renewed>) -> Page {
         render(self, renewed)
@@ -268,7 +268,7 @@ fn sizes(analysis: &Analysis, shown: usize) -> Plot {
 fn phases(analysis: &Analysis, shown: usize) -> Plot {
     let plot =
         Plot::new("Phase", frequency(analysis), Axis::new("Phase", "°").range(-180.0, 180.0));
-    // A phase that passes 180° starts anew at the other end.
+    // A phase beyond 180° continues at the other end.
     let phase = |one: &Function| {
         let points = one.within(analysis.band_hz).map(|(_, f, h)| (f, h.arg().to_degrees()));
         let mut before = None;
@@ -315,7 +315,7 @@ fn signs(analysis: &Analysis, shown: usize) -> Multiples {
     }
 }
 
-/// The coherence of each function with its bound; none where none is known.
+/// The coherence of each function with its limit; `None` if unknown.
 fn coherence(analysis: &Analysis, shown: usize) -> Option<Plot> {
     let coherences =
         analysis.functions.iter().filter_map(|one| Some((one, one.frf.coherence.as_ref()?)));
@@ -402,7 +402,7 @@ fn responses(test: &Test) -> Plot {
     })
 }
 
-/// Samples after which nothing of a response would be seen in a drawing.
+/// Number of samples after which nothing of a response is visible in a drawing.
 fn rung_down(test: &Test) -> usize {
     let last = |response: &Vec<f64>| {
         let largest = response.iter().fold(0.0_f64, |top, x| top.max(x.abs()));

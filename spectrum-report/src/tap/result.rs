@@ -12,7 +12,7 @@ use super::analysis::{Analysis, Function, Test};
 use super::model_file::Renewed;
 use crate::error::Error;
 
-/// What an impact test gives: `trued.tap/1` (docs/reference/results.md).
+/// Result of an impact test: `trued.tap/1` (docs/reference/results.md).
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz is the unit's name")]
@@ -126,7 +126,7 @@ struct ModelReport {
 }
 
 impl Analysis {
-    /// The result as an object. `renewed`: the model with the modes, where one is asked for.
+    /// The result as an object. `renewed`: the model with the modes, if requested.
     #[must_use]
     pub fn report(&self, renewed: Option<&Renewed>) -> Report {
         let direction = self.settings.direction;

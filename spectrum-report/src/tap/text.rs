@@ -1,4 +1,4 @@
-//! An impact test in lines of text.
+//! Result of an impact test as text.
 
 use report::{TextTable, count, fixed, significant};
 use spectrum::modal::{FittedMode, Merged};
@@ -7,7 +7,8 @@ use super::analysis::{Analysis, Test};
 use super::model_file::Renewed;
 
 impl Analysis {
-    /// The result in lines of text; its table is at most `width_max` characters wide. `renewed`: the model with the modes, where one is asked for.
+    /// The result as text; its table is at most `width_max` characters wide. `renewed`: the model
+    /// with the modes, if requested.
     #[must_use]
     pub fn text(&self, renewed: Option<&Renewed>, width_max: Option<usize>) -> String {
         let mut text = self.test.as_ref().map(hits).unwrap_or_default();
@@ -89,7 +90,7 @@ pub(super) fn decimals(sigma: f64) -> usize {
     if digits.is_finite() { digits.clamp(0.0, 4.0) as usize } else { 1 }
 }
 
-/// How far a mode is to be trusted, in a word.
+/// Reliability of a mode, in one word.
 pub(super) fn verdict(analysis: &Analysis, mode: &Merged) -> &'static str {
     match (analysis.is_verified(mode), mode.by_signs) {
         (true, _) => "verified",

@@ -1,5 +1,6 @@
-//! What the watch costs: share of a core, and a hop beside plain transforms. By the thread's own processor time, so that
-//! what else the machine does counts only through its caches.
+//! Computing time of the vibration monitor: share of a core, and a hop compared with plain
+//! transforms. Measured by the thread's own processor time, so that other load on the machine
+//! counts only through its caches.
 
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;

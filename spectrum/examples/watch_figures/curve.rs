@@ -1,4 +1,4 @@
-//! The curve of detection against false alarms: the watch's threshold moved from far too low to too high.
+//! The curve of detection against false alarms, over the monitor's threshold.
 
 use crate::detection::trials;
 use crate::rig::{CHANNELS, Colour, Rig};
@@ -7,7 +7,7 @@ use spectrum::{ConfigError, State};
 const THRESHOLDS: [f64; 9] = [0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3];
 const AMPLITUDES: [f64; 4] = [0.5, 0.7, 1.0, 1.4];
 const TRIALS: usize = 200;
-/// A tone said later than this counts as missed, ms.
+/// A tone reported later than this counts as missed, ms.
 const WITHIN_MS: f64 = 500.0;
 const RATE_HZ: f64 = 1000.0;
 

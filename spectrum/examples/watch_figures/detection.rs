@@ -1,4 +1,4 @@
-//! How soon a tone in noise is said.
+//! Time until a tone in noise is reported.
 
 use crate::rig::{Colour, Rig, json, quantile};
 use spectrum::{ConfigError, State};
@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 const TRIALS: usize = 200;
 
-/// When tones were said, ms after their start; infinite where they were not.
+/// Times of the reports, ms after the start of each tone; infinite if not reported.
 pub(crate) struct Times {
     pub(crate) warn_ms: Vec<f64>,
     pub(crate) alarm_ms: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Hours of noise in which nothing rings: every verdict is a false one.
+//! Hours of noise without vibration: every verdict is a false alarm.
 
 use crate::rig::{CHANNELS, Colour, Rig};
 use spectrum::{ConfigError, State};
@@ -8,7 +8,7 @@ const COLOURS: [(&str, Colour); 3] = [
     ("red_30_Hz", Colour::Red(30.0)),
     ("resonant_67_Hz_damping_0.03", Colour::Resonant(67.0, 0.03)),
 ];
-/// Starts that are tried, and how long each lasts.
+/// Number of starts, and duration of each.
 const STARTS: u64 = 500;
 const START_S: f64 = 5.0;
 
@@ -42,7 +42,7 @@ pub(crate) fn starts_table(seed: u64) -> Result<String, ConfigError> {
     Ok(format!("[\n    {}]", rows?.join(",\n    ")))
 }
 
-/// The first seconds after a start, when the floor is known from few frames.
+/// The first seconds after a start, when the floor is estimated from few frames.
 fn starts(name: &str, colour: Colour, seed: u64) -> Result<String, ConfigError> {
     let (mut warned, mut alarmed) = (0, 0);
     for start in 0..STARTS {

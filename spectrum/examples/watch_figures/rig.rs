@@ -1,4 +1,4 @@
-//! A force sensor with noise, in front of a watch.
+//! A simulated force sensor with noise, connected to a monitor.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -99,8 +99,8 @@ impl Rig {
         }
     }
 
-    /// Runs for some seconds; `signal(channel, t_s)` is added, t from the start of this run.
-    /// Hands on every verdict with the time, since this run began, when it came out.
+    /// Runs for some seconds; `signal(channel, t_s)` is added, t from the start of this run. Passes
+    /// every verdict on, with its time since the start of this run.
     pub(crate) fn run(
         &mut self,
         seconds: f64,
@@ -140,14 +140,14 @@ impl Rig {
     }
 }
 
-/// The value below which a part `q` of the sorted values lies; infinite for those never reached.
+/// The `q` quantile of the sorted values; infinite for those never reached.
 pub(crate) fn quantile(values: &mut [f64], q: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let last = values.len().saturating_sub(1);
     values.get((q * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
-/// A number as JSON: what was not reached is null.
+/// A number as JSON: null if it was not reached.
 pub(crate) fn json(value: f64) -> String {
     if value.is_finite() { format!("{value:.2}") } else { "null".into() }
 }

@@ -1,4 +1,4 @@
-//! What must not alarm: entries, exits, shocks, ramps, changes of speed.
+//! Events that must not raise an alarm: entries, exits, shocks, ramps, changes of speed.
 
 use crate::rig::{Colour, Rig};
 use spectrum::{ConfigError, State};
@@ -86,8 +86,7 @@ fn count(rate_hz: f64, seed: u64, kind: fn(&mut Rig) -> Signal) -> Result<Count,
     Ok(count)
 }
 
-/// The spindle goes from one speed to another; its lines move along, and the speed is told every
-/// 20 ms.
+/// The spindle changes its speed; its lines move along, and the speed is reported every 20 ms.
 fn speed_changes(rate_hz: f64, seed: u64) -> Result<(Count, usize), ConfigError> {
     let mut rig = Rig::new(rate_hz, 1.0, Colour::White, seed)?;
     let mut rpm = 28_000.0;

@@ -37,13 +37,13 @@ pub(super) struct Pole {
     pub(super) residue_sigma: f64,
 }
 
-/// What a fit found.
+/// Result of a fit.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
     pub(super) poles: Vec<Pole>,
-    /// Root mean square of what is left over that of the band.
+    /// Root mean square residual relative to that of the band.
     pub(super) residual: f64,
-    /// Where within the band the largest rest stands, Hz.
+    /// Frequency of the largest residual within the band, Hz.
     pub(super) worst_hz: f64,
 }
 
@@ -54,7 +54,7 @@ struct Unknowns {
 }
 
 impl Band {
-    /// The points between two frequencies; `None` where they are too few to tell anything.
+    /// The points between two frequencies; `None` if there are too few.
     pub(super) fn of(
         frequency_hz: &[f64],
         response: &[Complex<f64>],
@@ -73,13 +73,13 @@ impl Band {
         usable.then_some(Self { points, centre_hz, half_hz, size })
     }
 
-    /// Fits one pole from nothing, beside a polynomial of this degree.
+    /// Fits one pole without a start value, with a polynomial of this degree.
     pub(super) fn one_pole(&self, degree: usize) -> Option<Fit> {
         let start = self.levy(degree)?;
         self.refined(vec![start], degree)
     }
 
-    /// Fits as many poles as there are starts (Hz), beside a polynomial of this degree.
+    /// Fits one pole per start value (Hz), with a polynomial of this degree.
     pub(super) fn poles_from(&self, starts_hz: &[Complex<f64>], degree: usize) -> Option<Fit> {
         let own = |p: &Complex<f64>| (p - self.centre_hz) / self.half_hz;
         self.refined(starts_hz.iter().map(own).collect(), degree)

@@ -1,13 +1,15 @@
-//! Linear least squares in complex numbers, with what is needed for uncertainties. No physics.
+//! Complex linear least squares with covariance.
 //!
-//! By orthogonal columns (modified Gram-Schmidt, done twice), which keeps the digits that normal equations would lose.
+//! By orthogonalisation of the columns (modified Gram-Schmidt, twice), which keeps the digits that
+//! normal equations would lose.
 
 use realfft::num_complex::Complex;
 
-/// A column that keeps less than this of its length beside those before it adds nothing.
+/// A column that keeps less than this share of its length after orthogonalisation is linearly
+/// dependent.
 const DEPENDENT: f64 = 1e-11;
 
-/// The unknowns of least squares, and how noise of unit variance per (complex) row would scatter them.
+/// The solution, and its covariance for noise of unit variance per (complex) row.
 #[derive(Clone, Debug)]
 pub(super) struct Solution {
     pub(super) unknowns: Vec<Complex<f64>>,
@@ -15,7 +17,7 @@ pub(super) struct Solution {
     pub(super) variance: Vec<f64>,
 }
 
-/// Solves `Σ columns[k] x[k] = right`; `None` where the columns depend on each other or hold what is no number.
+/// Solves `Σ columns[k] x[k] = right`; `None` if the columns are linearly dependent or contain NaN.
 pub(super) fn solve(columns: &[Vec<Complex<f64>>], right: &[Complex<f64>]) -> Option<Solution> {
     let n = columns.len();
     let mut q: Vec<Vec<Complex<f64>>> = Vec::with_capacity(n);

@@ -1,4 +1,4 @@
-//! One list of modes out of several response functions of one structure.
+//! Merges the modes of several response functions of one structure into one list.
 
 use super::FittedMode;
 
@@ -10,7 +10,8 @@ const SAME: (f64, f64) = (0.01, 3.0);
 pub struct Merged {
     /// Natural frequency, Hz: the mean, weighed by the uncertainties.
     pub frequency_hz: f64,
-    /// Standard uncertainty of it, Hz: not below what the functions differ by, nor below the best of them.
+    /// Its standard uncertainty, Hz: at least the scatter between the functions, and that of the
+    /// best of them.
     pub frequency_sigma_hz: f64,
     /// Damping ratio, likewise.
     pub damping: f64,
@@ -55,9 +56,9 @@ fn one(seen: Vec<(usize, FittedMode)>) -> Merged {
     Merged { frequency_hz, frequency_sigma_hz, damping, damping_sigma, by_signs, seen }
 }
 
-/// The weighted mean of values with standard uncertainties, and its own. What the values differ by beyond their
-/// uncertainties is added to each (random effects; Laird and others 1986); and the mean is not known better than the best of
-/// them, as what misfits in one function misfits in the others too.
+/// The weighted mean of values with standard uncertainties, and its own. Scatter beyond the
+/// uncertainties is added to each (random effects; Laird and others 1986); and the mean is not more
+/// accurate than the best of them, because a misfit is common to the functions.
 fn mean(values: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
     let weighted = |between: f64| {
         let weight = |sigma: f64| (sigma * sigma + between).max(f64::MIN_POSITIVE.sqrt()).recip();

@@ -1,15 +1,15 @@
-//! Peaks, the signs that they are modes, and their width. No fit.
+//! Peaks of a receptance, the criteria for modes, and their width. No fit.
 
 use super::Measured;
 use crate::floor::middle;
 use realfft::num_complex::Complex;
 
-/// A peak of the imaginary part stands at least so many times over its surroundings.
+/// Least ratio of a peak of the imaginary part to its surroundings.
 const PROMINENCE: f64 = 2.0;
-/// Surroundings reach so many half widths, and so many bins at least.
+/// Extent of the surroundings: half widths, and at least this many bins.
 const SURROUNDINGS: usize = 8;
 const BINS_LEAST: usize = 12;
-/// Peaks that are looked at, the most prominent first.
+/// Limit on the number of peaks, the most prominent first.
 const PEAKS_MAX: usize = 64;
 
 /// A peak of the imaginary part.
@@ -18,7 +18,8 @@ pub(super) struct Peak {
     pub(super) frequency_hz: f64,
     /// Half the width at half of the power, Hz, at least one bin.
     pub(super) half_width_hz: f64,
-    /// The real part changes sign beside it: with the peak and the coherence the third sign.
+    /// Whether the real part changes sign at the peak: with the peak and the coherence the third
+    /// sign.
     pub(super) changes_sign: bool,
     /// The imaginary part over that of the surroundings.
     pub(super) prominence: f64,
@@ -32,14 +33,14 @@ impl Peak {
         Complex::new(self.frequency_hz, self.half_width_hz)
     }
 
-    /// Whether a mode at this frequency makes this peak.
+    /// Whether a mode at this frequency causes this peak.
     pub(super) fn is_at(&self, frequency_hz: f64) -> bool {
         (frequency_hz - self.frequency_hz).abs() <= 1.5 * self.half_width_hz
     }
 }
 
-/// Peaks of the imaginary part within a band where the coherence is high enough; first those beside which the real part
-/// changes sign, of those and of the others the most prominent first.
+/// Peaks of the imaginary part within a band with sufficient coherence; first those with a sign
+/// change of the real part, each group by prominence.
 pub(super) fn coherent(
     measured: &Measured<'_>,
     band_hz: [f64; 2],
@@ -74,7 +75,7 @@ pub(super) fn coherent(
     found
 }
 
-/// The median size of the imaginary part beside a peak.
+/// The median size of the imaginary part around a peak.
 fn surroundings(receptance: &[Complex<f64>], peak: usize, width: usize) -> f64 {
     let reach = (SURROUNDINGS * width).max(BINS_LEAST);
     let (low, high) = (peak.saturating_sub(reach).max(1), (peak + reach + 1).min(receptance.len()));
@@ -106,8 +107,8 @@ pub(super) fn nearest(frequency_hz: &[f64], wanted_hz: f64) -> usize {
     if above > 0 && off(above - 1) < off(above) { above - 1 } else { above }
 }
 
-/// The full width of the peak near a bin at half of its power, by straight lines between the bins; `None` where the
-/// response rises again before it has fallen so far.
+/// The full width of the peak near a bin at half of its power, by linear interpolation between the
+/// bins; `None` if the response rises again before.
 pub(super) fn half_power_hz(
     frequency_hz: &[f64],
     receptance: &[Complex<f64>],

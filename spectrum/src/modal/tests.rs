@@ -1,4 +1,4 @@
-//! Modes whose poles are known exactly, alone and beside each other, without and with noise.
+//! Modes with exactly known poles, single and close to each other, without and with noise.
 
 use super::*;
 use proptest::prelude::*;
@@ -82,7 +82,7 @@ fn the_windows_decay_is_taken_out_exactly() {
 }
 
 #[test]
-fn the_robots_close_modes_are_told_apart_by_the_fit_where_one_peak_shows() {
+fn the_robots_close_modes_are_distinguished_by_the_fit_of_a_single_peak() {
     let known = [(67.0, 0.03, 30.0), (72.0, 0.03, 35.0)];
     let f = grid(800, 0.25);
     let h = receptance(&f, &known, 0.0);

@@ -1,23 +1,26 @@
 //! Peaks that look like modes and that no fit explains, with the record length that would resolve them.
 //!
-//! A fit needs [`BINS_LEAST`](super::BINS_LEAST) bins to either side of a mode. So many bins between two peaks let each
-//! be fitted by itself, which takes a record of that number over their distance; a peak without a neighbour may hide two
-//! modes, for which twice the record is named. Only peaks with all three signs count, outside the bands of fitted modes:
-//! within them [`FittedMode::residual`] gives the misfit.
+//! A fit needs [`BINS_LEAST`](super::BINS_LEAST) bins to either side of a mode. With that many bins
+//! between two peaks each can be fitted by itself, which requires a record length of that number
+//! over their distance; a peak without a neighbour may contain two modes, for which twice the
+//! record length is stated. Only peaks with all three signs are reported, outside the bands of
+//! fitted modes: within them [`FittedMode::residual`] gives the misfit.
 
 use super::{BINS_LEAST, FittedMode, Measured, REACH, peaks};
 use realfft::num_complex::Complex;
 
-/// Peaks of noise rarely stand so many times over their surroundings (white noise of one hit: four in a thousand bins).
+/// Peaks of noise rarely exceed their surroundings by this factor (white noise of one hit: four in
+/// a thousand bins).
 const PROMINENCE: f64 = 6.0;
-/// A peak below this part of the strongest, as accelerance, is not reported: noise, and ringing that hits before left, ripple
-/// a receptance beside its modes, where the accelerance of two modes of 2 % damping is 0.05 of their peaks.
+/// Peaks below this share of the strongest, as accelerance, are not reported: noise, and vibration
+/// left by previous hits, cause ripples of a receptance near its modes, where the accelerance of
+/// two modes of 2 % damping is 0.05 of their peaks.
 const SIZE: f64 = 0.2;
 
 /// A peak that is not a fitted mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unresolved {
-    /// Where it stands, Hz.
+    /// Its frequency, Hz.
     pub frequency_hz: f64,
     /// The nearest other peak within its band, Hz.
     pub beside_hz: Option<f64>,
@@ -25,7 +28,7 @@ pub struct Unresolved {
     pub record_s: f64,
 }
 
-/// The coherent peaks of a band beside the modes that were fitted to it, lowest first.
+/// The coherent peaks of a band that were not fitted as modes, lowest first.
 #[must_use]
 pub fn unresolved(
     measured: &Measured<'_>,

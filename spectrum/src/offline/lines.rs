@@ -1,23 +1,24 @@
-//! The lines of an averaged spectrum: narrow peaks that stand over their surroundings.
+//! The lines of an averaged spectrum: narrow peaks above their surroundings.
 //!
-//! A peak counts where its power is over the medians beside it by more than noise of as many averages would
-//! reach once in a million bins (chi-squared, Wilson and Hilferty's approximation). Frequency: parabola through the
-//! logarithms; amplitude: power within the window's main lobe. Holds for Hann-windowed spectra of signals that last.
+//! A peak counts if the ratio of its power to the medians around it exceeds the value that noise
+//! with as many averages reaches once in a million bins (chi-squared, Wilson and Hilferty's
+//! approximation). Frequency: parabola through the logarithms; amplitude: power within the window's
+//! main lobe. Valid for Hann-windowed spectra of stationary signals.
 
 use crate::welch::{SegmentPower, Segments, Spectrum, SpectrumError};
 
-/// Bins on each side whose medians make the floor.
+/// Bins on each side for the median of the floor.
 const AROUND: usize = 24;
-/// Bins on each side that hold a tone's power under a Hann window.
+/// Bins on each side that contain a tone's power under a Hann window.
 const LOBE: usize = 3;
 /// However many averages there are, a peak below twice its surroundings is no line.
 const LEAST_RATIO: f64 = 2.0;
 /// Normal quantile of one in a million.
 const ONE_IN_A_MILLION: f64 = 4.753;
-/// The lowest bins hold what is left of a trend.
+/// The lowest bins contain the remainder of a trend.
 const FIRST_BIN: usize = 2;
-/// A weaker peak with less than this part of a stronger one's power, over the square of their distance in bins, was
-/// spilt by it: a tone that does not last the whole segment leaks so.
+/// A peak with less than this share of a stronger one's power, over the square of their distance in
+/// bins, is leakage of it: from a tone that does not last the whole segment.
 const SPILT: f64 = 0.05;
 
 /// A line of a spectrum.
@@ -25,7 +26,8 @@ const SPILT: f64 = 0.05;
 pub struct Line {
     /// Frequency, cycles per unit of the spectrum.
     pub frequency: f64,
-    /// Amplitude (not rms) of a tone with this power; over a record that holds it for a part only, less than it had.
+    /// Amplitude (not rms) of a tone with this power; smaller than the actual one if it lasts only
+    /// for part of the record.
     pub amplitude: f64,
     /// Power over floor.
     pub ratio: f64,
@@ -36,11 +38,11 @@ pub struct Line {
 pub struct Averaged {
     /// The mean of the segments.
     pub mean: Spectrum,
-    /// At each bin, sum and sum of squares over the segments of the power beside it.
+    /// For each bin, sum and sum of squares over the segments of the power around it.
     beside: Vec<[f64; 2]>,
 }
 
-/// An [`Averaged`] in the making, from runs of samples that come in parts.
+/// Accumulates an [`Averaged`] from runs of samples that come in parts.
 pub struct Averaging {
     plan: Segments,
     run: Option<SegmentPower>,
@@ -67,10 +69,10 @@ impl Averaging {
         }
     }
 
-    /// Begins a run of so many samples. One that is shorter than a segment is left out.
+    /// Begins a run with a number of samples. One that is shorter than a segment is ignored.
     ///
     /// # Errors
-    /// Segments that cannot be.
+    /// Invalid segments.
     pub fn begin(&mut self, samples: usize) -> Result<(), SpectrumError> {
         self.longest = self.longest.max(samples);
         let is_long = samples >= self.plan.length;
@@ -114,8 +116,8 @@ struct Sums {
 }
 
 impl Sums {
-    /// Adds the power beside each bin, and its square. Sums of 21 bins are made of sums of 16, 4 and 1, not as differences of
-    /// running sums: beside a strong line those would cancel.
+    /// Adds the power around each bin, and its square. Sums of 21 bins are composed of sums of 16,
+    /// 4 and 1, not differences of running sums, which would cancel near a strong line.
     fn beside(&mut self, power: &[f64], to: &mut [[f64; 2]]) {
         self.of[0].clear();
         self.of[0].extend_from_slice(power);
@@ -142,16 +144,16 @@ impl Sums {
     }
 }
 
-/// The bins at which a line may stand.
+/// The bins in which a line may be found.
 fn candidates(bins: usize) -> std::ops::Range<usize> {
     FIRST_BIN + LOBE + 2..bins.saturating_sub(LOBE + 2)
 }
 
 impl Averaged {
-    /// Averages all segments of all runs; runs that are shorter than a segment are left out.
+    /// Averages all segments of all runs; runs that are shorter than a segment are ignored.
     ///
     /// # Errors
-    /// Segments that cannot be, or no run as long as one.
+    /// Invalid segments, or no run as long as one.
     pub fn of<'a>(
         runs: impl IntoIterator<Item = &'a [f64]>,
         plan: &Segments,
@@ -191,15 +193,16 @@ impl Averaged {
         lines
     }
 
-    /// How many of the segments the noise beside a bin comes from: where a part of the recording is louder, few count.
+    /// Effective number of segments for the noise around a bin: low if part of the recording is
+    /// louder.
     fn averages_at(&self, at: usize) -> f64 {
         let [sum, squares] = self.beside[at];
         if squares > 0.0 { sum * sum / squares } else { 1.0 }
     }
 }
 
-/// The strongest peak within `reach` of a frequency, whether or not it stands over its surroundings; `None` outside the
-/// spectrum.
+/// The strongest peak within `reach` of a frequency, whether or not it exceeds its surroundings;
+/// `None` outside the spectrum.
 #[must_use]
 pub fn line_near(spectrum: &Spectrum, frequency: f64, reach: f64) -> Option<Line> {
     let power = &spectrum.power;
@@ -216,7 +219,7 @@ pub fn line_near(spectrum: &Spectrum, frequency: f64, reach: f64) -> Option<Line
     Some(measured(power, at, step, floor))
 }
 
-/// The line whose peak stands at a bin.
+/// The line with its peak at a bin.
 fn measured(power: &[f64], at: usize, step: f64, floor: f64) -> Line {
     let lobe = &power[at - LOBE..at + LOBE + 1];
     let over = lobe.iter().map(|p| (p - floor).max(0.0)).sum::<f64>() * step;
@@ -227,8 +230,8 @@ fn measured(power: &[f64], at: usize, step: f64, floor: f64) -> Line {
     }
 }
 
-/// The floor at a bin: the geometric mean of the medians on both sides, equally wide, so that a slope does not count;
-/// the larger of them where they rest on few bins.
+/// The floor at a bin: the geometric mean of the medians on both sides, equally wide, so that a
+/// slope has no effect; the larger of them if they are based on few bins.
 fn floor(power: &[f64], at: usize) -> f64 {
     let reach = reach(power.len(), at);
     let [left, right] =
@@ -240,14 +243,14 @@ fn floor(power: &[f64], at: usize) -> f64 {
     if reach < AROUND / 2 { left.max(right) } else { (left * right).sqrt() }
 }
 
-/// Bins on each side that tell of the noise beside a bin.
+/// Number of bins on each side for the noise around a bin.
 fn reach(bins: usize, at: usize) -> usize {
     AROUND.min(at - FIRST_BIN).min(bins - 1 - at)
 }
 
-/// Power over median that noise reaches once in a million bins, for so many averages.
+/// Ratio of power to median that noise reaches once in a million bins, for a number of averages.
 ///
-/// Half-overlapping Hann segments are worth 0.9 of as many that share nothing beyond the first.
+/// Half-overlapping Hann segments count as 0.9 of as many independent ones, beyond the first.
 fn least_ratio(averages: f64) -> f64 {
     let freedom = 2.0 * (1.0 + 0.9 * (averages.max(1.0) - 1.0));
     let spread = 2.0 / (9.0 * freedom);
@@ -255,7 +258,7 @@ fn least_ratio(averages: f64) -> f64 {
     quantile(ONE_IN_A_MILLION) / quantile(0.0)
 }
 
-/// Where the peak stands between the bins, in bins.
+/// Position of the peak between the bins, in bins.
 fn offset(power: &[f64], at: usize) -> f64 {
     let log = |i: usize| power.get(i).map_or(f64::MIN_POSITIVE, |p| p.max(1e-300)).ln();
     let (left, mid, right) = (log(at - 1), log(at), log(at + 1));

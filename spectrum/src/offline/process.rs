@@ -5,15 +5,17 @@
 const RISES: f64 = 0.4;
 /// And is over below this part.
 const FALLS: f64 = 0.2;
-/// After a pause of so many turns the spindle had stood.
+/// After a pause of this many turns the spindle had stopped.
 const STOOD: f64 = 3.5;
-/// Speed is told over so many pulses as span this time: single turns are counted in whole samples.
+/// Speed is averaged over the pulses within this time: single turns are resolved in whole samples
+/// only.
 const SPEED_S: f64 = 0.2;
 /// Positions are averaged over this time before their distances are added: a tracker's noise would lengthen the path.
 const PATH_S: f64 = 0.1;
 
-/// Spindle speed at each sample, rev/min, from one pulse per revolution, up or down; a pulse that was missed is made up
-/// for. 0 before the third pulse, and where none has come for twice the time of a turn. Empty where there are no pulses.
+/// Spindle speed at each sample, rev/min, from one pulse per revolution, up or down; missed pulses
+/// are bridged. 0 before the third pulse, and without a pulse for twice the time of a turn. Empty
+/// without pulses.
 #[must_use]
 pub fn speed_of_pulses(tacho: &[f64], rate_hz: f64) -> Vec<f64> {
     let rises = rises(tacho);
@@ -37,7 +39,7 @@ pub fn speed_of_pulses(tacho: &[f64], rate_hz: f64) -> Vec<f64> {
         let rpm = 60.0 * rate_hz * count / window.iter().sum::<usize>().max(1) as f64;
         let at = rises[last + 1];
         let until = (at + (2.0 * middle) as usize).min(tacho.len());
-        // What the next pulse says replaces it from then on.
+        // The next pulse replaces it from then on.
         speed[at..until].fill(rpm);
     }
     speed
@@ -79,8 +81,8 @@ fn median(turns: &[usize]) -> f64 {
 
 /// Length of the path up to each sample, mm, from positions in mm.
 ///
-/// Means over 0.1 s are joined by straight lines; positions that were not taken (NaN) are bridged. Empty where fewer than
-/// two such means exist.
+/// Means over 0.1 s are joined by straight lines; missing positions (NaN) are bridged. Empty if
+/// there are fewer than two such means.
 #[must_use]
 pub fn path_mm(position_mm: &[[f64; 3]], rate_hz: f64) -> Vec<f64> {
     let per_mean = ((PATH_S * rate_hz).round() as usize).max(1);
@@ -111,7 +113,7 @@ pub fn path_mm(position_mm: &[[f64; 3]], rate_hz: f64) -> Vec<f64> {
             knot += 1;
         }
         let ((from, a), (to, b)) = (knots[knot], knots[knot + 1]);
-        // Before the first mean and after the last, the feed goes on.
+        // Before the first mean and after the last, the feed is extrapolated.
         a + (b - a) * (sample as f64 - from) / (to - from)
     };
     (0..position_mm.len()).map(at).collect()

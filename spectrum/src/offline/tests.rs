@@ -105,21 +105,21 @@ fn a_sensor_of_one_axis_is_heard_without_a_fault() {
         let both: [&[f64]; 2] = [&quiet, &x];
         let channels = &both[2 - count..];
         let piece = Piece { start_s: 10.0, channels };
-        let heard = hear(&mut watch, rate_hz, &[piece], |_, _| ProcessState::default());
-        assert!(heard.findings.is_empty() && !heard.still_learning, "{:?}", heard.findings);
+        let result = run_monitor(&mut watch, rate_hz, &[piece], |_, _| ProcessState::default());
+        assert!(result.findings.is_empty() && !result.still_learning, "{:?}", result.findings);
         let alarm =
-            heard.events.iter().find(|e| e.verdict.state == State::Alarm).expect("an alarm");
+            result.events.iter().find(|e| e.verdict.state == State::Alarm).expect("an alarm");
         assert!((13.0..13.3).contains(&alarm.t_s), "{alarm:?}");
         assert_eq!(
             (alarm.verdict.axis.channel(), alarm.verdict.class),
             (count - 1, Class::Chatter)
         );
-        assert!(heard.events.iter().all(|e| e.t_s > 12.9), "{:?}", heard.events);
+        assert!(result.events.iter().all(|e| e.t_s > 12.9), "{:?}", result.events);
     }
 }
 
 #[test]
-fn a_hole_between_pieces_starts_the_windows_anew_and_times_stay_true() {
+fn a_hole_between_pieces_restarts_the_windows_and_times_stay_true() {
     let rate_hz = 1000.0;
     let first = noise(5000, 1.0, 6);
     let mut second = noise(5000, 1.0, 7);
@@ -130,10 +130,10 @@ fn a_hole_between_pieces_starts_the_windows_anew_and_times_stay_true() {
         .expect("a good configuration");
     let (a, b): ([&[f64]; 1], [&[f64]; 1]) = ([&first], [&second]);
     let pieces = [Piece { start_s: 0.0, channels: &a }, Piece { start_s: 1.0, channels: &b }];
-    let heard = hear(&mut watch, rate_hz, &pieces, |_, _| ProcessState::default());
-    let first = heard.events.first().expect("the tone is heard");
+    let result = run_monitor(&mut watch, rate_hz, &pieces, |_, _| ProcessState::default());
+    let first = result.events.first().expect("the tone is result");
     assert!((3.0..3.2).contains(&first.t_s), "time that starts anew is the piece's own: {first:?}");
-    assert!(heard.findings.is_empty(), "{:?}", heard.findings);
+    assert!(result.findings.is_empty(), "{:?}", result.findings);
 }
 
 #[test]
@@ -146,14 +146,14 @@ fn samples_that_were_not_taken_and_a_stuck_channel_are_found_with_their_time() {
         .expect("a good configuration");
     let channels: [&[f64]; 1] = [&x];
     let piece = Piece { start_s: 0.0, channels: &channels };
-    let heard = hear(&mut watch, rate_hz, &[piece], |_, _| ProcessState::default());
-    let of = |fault| heard.findings.iter().find(|f| f.fault == fault).expect("it is found");
+    let result = run_monitor(&mut watch, rate_hz, &[piece], |_, _| ProcessState::default());
+    let of = |fault| result.findings.iter().find(|f| f.fault == fault).expect("it is found");
     assert!((of(Fault::NotFinite).from_s - 3.0).abs() < 0.01);
     assert!((of(Fault::Stuck).from_s - 4.1).abs() < 0.05 && of(Fault::Stuck).to_s > 5.9);
 }
 
 #[test]
-fn a_line_that_was_always_there_is_judged_by_where_it_stands() {
+fn a_permanent_line_is_judged_by_its_frequency() {
     let config =
         WatchConfig { rate_hz: 1000.0, modes: vec![Mode::at_hz(67.0)], ..WatchConfig::default() };
     let mut watch = Watch::new(config).expect("a good configuration");
@@ -162,11 +162,11 @@ fn a_line_that_was_always_there_is_judged_by_where_it_stands() {
         teeth: 2,
         ..ProcessState::default()
     });
-    // The speed counts once samples have come.
+    // The speed applies once samples have arrived.
     let quiet = noise(2000, 1.0, 9);
     let channels: [&[f64]; 3] = [&quiet, &quiet, &quiet];
     let state = ProcessState { spindle_rpm: 28_000.0, teeth: 2, ..ProcessState::default() };
-    hear(&mut watch, 1000.0, &[Piece { start_s: 0.0, channels: &channels }], |_, _| state);
+    run_monitor(&mut watch, 1000.0, &[Piece { start_s: 0.0, channels: &channels }], |_, _| state);
     let at = |hz: f64| {
         let standing =
             Standing { process: state, spindle_rpm: [28_000.0; 2], uncertainty_hz: 0.05 };

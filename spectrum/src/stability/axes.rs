@@ -1,4 +1,4 @@
-//! The axes of a cut in the frame in which modes are given: along the feed, across it, up out of the work.
+//! The axes of a cut in the frame of the modes: along the feed, across it, up out of the work.
 
 use super::StabilityError;
 use nalgebra::{Matrix3, Vector3};
@@ -14,7 +14,8 @@ pub struct CutAxes {
 }
 
 impl CutAxes {
-    /// Of the direction of feed and the upward direction, each of any length but 0; of the feed, what is across `up` counts.
+    /// From the direction of feed and the upward direction, each of any length but 0; only the
+    /// component of the feed perpendicular to `up` is used.
     ///
     /// # Errors
     /// [`StabilityError::Axes`]: they are parallel, 0 or not finite.

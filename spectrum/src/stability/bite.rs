@@ -1,4 +1,5 @@
-//! How the teeth's force follows the tool's displacement: W, force per depth and displacement, as exact means over spans of angle.
+//! Dependence of the teeth's force on the tool's displacement: W, force per depth and displacement,
+//! as exact means over ranges of angle.
 //!
 //! A tooth at φ adds `f nᵀ` (header of `stability.rs`), products of sines and cosines. A mean over a span has a closed form by their
 //! antiderivative; a mean over a helical tooth's lag too, by the antiderivative of that. Cut axes; N/m².
@@ -34,7 +35,7 @@ impl<'a> Bite<'a> {
         }
         let pitch_rad = TAU / f64::from(self.cutter.teeth);
         let [low, high] = self.window_rad();
-        // Teeth whose tips are in the window at some time of the span.
+        // Teeth whose tips are in the window at some time of the range.
         let first = ((low - from_rad - span_rad) / pitch_rad).ceil() as i64;
         let last = ((high - from_rad) / pitch_rad).floor() as i64;
         let one = |tooth: i64| self.of_tooth(from_rad + tooth as f64 * pitch_rad, span_rad);

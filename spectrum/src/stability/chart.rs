@@ -3,7 +3,7 @@
 use super::{Limit, Lobes, Stability, StabilityError};
 use std::f64::consts::TAU;
 
-/// The nearest stable speed is known to this part of itself.
+/// Relative accuracy of the nearest stable speed.
 const SPEED_TOLERANCE: f64 = 1e-3;
 
 /// The limits at a spindle speed; `None` where they are above the largest depth of the chart.
@@ -20,11 +20,11 @@ pub struct Point {
 /// The limits with the feed turned.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turned {
-    /// By how much, rad, counterclockwise seen from above.
+    /// The angle, rad, counterclockwise seen from above.
     pub angle_rad: f64,
     /// By semi-discretisation; `None` where it is above the largest depth.
     pub limit: Option<Limit>,
-    /// Of mode coupling without regeneration; `None` likewise.
+    /// Limit of mode coupling without regeneration; `None` likewise.
     pub mode_coupling: Option<Limit>,
 }
 
@@ -36,7 +36,7 @@ impl Point {
     }
 }
 
-/// The limits at so many spindle speeds, evenly from the first to the last, up to a depth.
+/// The limits at `count` spindle speeds, evenly from the first to the last, up to a depth.
 ///
 /// # Errors
 /// [`StabilityError::TooSlow`] at the first speed.
@@ -63,7 +63,8 @@ fn point(
     Ok(Point { spindle_rpm, zeroth_order: lobes.limit(spindle_rpm), limit })
 }
 
-/// The spindle speed nearest to a given one at which a depth (below the chart's largest) is below the limit, within a chart; `None` where there is none.
+/// The spindle speed nearest to a given one at which a depth (below the chart's largest) is below
+/// the limit, within a chart; `None` if there is none.
 ///
 /// # Errors
 /// [`StabilityError::TooSlow`].
@@ -84,7 +85,7 @@ pub fn nearest_speed_rpm(
     let far = |point: &&Point| (point.spindle_rpm - spindle_rpm).abs();
     let stable = chart.iter().filter(|point| point.holds(depth_m));
     let Some(found) = stable.min_by(|a, b| far(a).total_cmp(&far(b))) else { return Ok(None) };
-    // Between it and its unstable neighbour on the way to the given speed, or that speed itself.
+    // Between it and its unstable neighbour towards the given speed, or that speed itself.
     let towards = |rpm: &f64| (rpm - found.spindle_rpm) * (spindle_rpm - found.spindle_rpm) > 0.0;
     let others = chart.iter().map(|point| point.spindle_rpm).chain([spindle_rpm]).filter(towards);
     let near = |rpm: &f64| (rpm - found.spindle_rpm).abs();
@@ -97,7 +98,8 @@ pub fn nearest_speed_rpm(
     Ok(Some(stable))
 }
 
-/// The limits at a spindle speed with the feed turned by so many equal angles over a whole turn, the first of them 0.
+/// The limits at a spindle speed with the feed rotated by `count` equal angles over a whole turn,
+/// starting at 0.
 ///
 /// # Errors
 /// [`StabilityError::TooSlow`].

@@ -20,7 +20,8 @@ use std::f64::consts::TAU;
 
 /// Frequencies from a twentieth of the lowest mode to the top, evenly over their logarithm.
 const SWEPT: u32 = 1500;
-/// About each mode, frequencies to so many half widths (ζ times the frequency) to either side, so many for each half width.
+/// Frequencies around each mode: number of half widths (ζ times the frequency) to either side, and
+/// frequencies per half width.
 const WIDTHS: i32 = 30;
 const PER_WIDTH: i32 = 12;
 /// Halvings that refine a crossing between two frequencies.
@@ -75,7 +76,8 @@ impl Lobes {
         let mut best = Limit { depth_m: self.depth_max_m, frequency_hz: f64::NAN };
         for (low, high, branch) in self.spans() {
             let (a, b) = (low.eigenvalues[branch], high.eigenvalues[branch]);
-            // No deeper than what is known already: a = 1/(2 Re λ), with room for the curve between the two.
+            // Not deeper than the lowest known limit: a = 1/(2 Re λ), with a margin for the curve
+            // between the two.
             if a.re <= 0.0 || b.re <= 0.0 || 2.2 * a.re.max(b.re) * best.depth_m < 1.0 {
                 continue;
             }

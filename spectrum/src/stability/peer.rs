@@ -1,7 +1,9 @@
-//! An independent peer for the tests: the delay equation integrated tooth by tooth in time (Runge-Kutta of fourth order).
+//! An independent implementation for the tests: the delay equation integrated tooth by tooth in
+//! time (fourth-order Runge-Kutta).
 //!
-//! Shares no code with what it judges: forces as vectors of single teeth, velocities in m/s, the delayed motion by cubic Hermite interpolation
-//! through stored positions and velocities. Steps end where a tooth enters or leaves. Straight teeth in one plane.
+//! Shares no code with the tested one: forces as vectors of single teeth, velocities in m/s, the
+//! delayed motion by cubic Hermite interpolation through stored positions and velocities. Steps end
+//! where a tooth enters or leaves. Straight teeth in one plane.
 
 use super::{Cutter, FlexibleMode};
 use std::f64::consts::{PI, TAU};
@@ -59,7 +61,7 @@ impl<'a> Peer<'a> {
         Self { modes, cutter, spindle_rad_s, depth_m, ticks }
     }
 
-    /// Force on the tool at an angle, from how far it stands off where it was a passing ago.
+    /// Force on the tool at an angle, from its displacement since one tooth period before.
     fn force(&self, tick: &Tick, angle: f64, off: Plane) -> Plane {
         let [tangential, radial, _] = self.cutter.chip_n_m2;
         let mut force = [0.0; 2];
@@ -91,8 +93,9 @@ impl<'a> Peer<'a> {
         [[sum(0, 0), sum(1, 0)], [sum(0, 1), sum(1, 1)]]
     }
 
-    /// Logarithm of the growth from one passing to the next. After so many passings one multiplier is left, or a conjugate pair: then the motion over
-    /// the last three obeys `y'' = a y' + b y`, and the multipliers are the roots of `z² = a z + b`.
+    /// Logarithm of the growth per tooth period. After enough periods one multiplier remains, or a
+    /// conjugate pair: then the motion over the last three obeys `y'' = a y' + b y`, and the
+    /// multipliers are the roots of `z² = a z + b`.
     pub(super) fn growth(&self, passings: usize) -> f64 {
         let mut state: Vec<Plane> = self.modes.iter().map(|_| [1e-6, 0.0]).collect();
         let mut all = vec![vec![[[0.0; 2]; 2]; self.ticks.len() + 1]];
@@ -116,7 +119,7 @@ impl<'a> Peer<'a> {
         };
         let determinant = dot(1, 1) * dot(0, 0) - dot(0, 1) * dot(0, 1);
         if determinant < 1e-9 * dot(1, 1) * dot(0, 0) {
-            // One real multiplier is left.
+            // One real multiplier remains.
             return (dot(2, 1) / dot(1, 1)).abs().ln();
         }
         let a = (dot(2, 1) * dot(0, 0) - dot(2, 0) * dot(0, 1)) / determinant;

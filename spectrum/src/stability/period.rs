@@ -18,14 +18,15 @@ const STEPS_PER_WAVE: f64 = 60.0;
 const STEP_RAD: f64 = 0.04;
 /// A span of angle below this part of the pitch is none.
 const NOTHING: f64 = 1e-9;
-/// Passings before Arnoldi's method, and its vectors: so many, and one more for each wave of the highest mode in a passing.
+/// Tooth periods before Arnoldi's method, and number of its vectors: this many, and one more for
+/// each wave of the highest mode per period.
 const PASSINGS: usize = 10;
 const VECTORS: usize = 12;
-/// Terms of a matrix series, at most, and what the last may be.
+/// Limit on the terms of a matrix series, and size of the last one.
 const TERMS: usize = 120;
 const LAST_TERM: f64 = 1e-12;
 
-/// The eigenvalue of largest modulus of the map from tooth to tooth; infinite where the numbers overflow.
+/// The eigenvalue of largest modulus of the map from tooth to tooth; infinite on overflow.
 pub(super) fn multiplier(
     swings: &[Swing],
     cutter: &Cutter,
@@ -178,7 +179,8 @@ impl Passing {
     }
 }
 
-/// Repeatable numbers from −1 to 1 that share no pattern with any vibration (fractional parts of multiples of the golden section).
+/// Repeatable numbers from −1 to 1 without a pattern in common with any vibration (fractional parts
+/// of multiples of the golden section).
 fn scattered(k: usize) -> f64 {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     2.0 * ((k + 1) as f64 * GOLDEN).fract() - 1.0

@@ -1,4 +1,4 @@
-//! Limits beside closed forms, beside an independent integration in time, and beside each other.
+//! Limits compared with closed forms, with an independent integration in time, and with each other.
 
 use super::peer::Peer;
 use super::*;
@@ -30,7 +30,8 @@ fn two_teeth(immersion: f64) -> Cutter {
     }
 }
 
-/// A mode along the feed and one across it, close in frequency (numbers as they are quoted for Altintas and Budak's example; not checked against the print).
+/// A mode along the feed and one across it, close in frequency (values as quoted for Altintas and
+/// Budak's example; not checked against the original).
 fn two_modes() -> [FlexibleMode; 2] {
     let mode = |frequency_hz, damping_ratio, stiffness_n_per_m, direction| FlexibleMode {
         frequency_hz,
@@ -49,7 +50,8 @@ fn stability(modes: &[FlexibleMode], cutter: Cutter) -> Stability {
     Stability::new(modes, cutter, CutAxes::new(X, Z).unwrap()).unwrap()
 }
 
-/// Asserts at each speed that the peer finds the cut stable 1 % below the limit and at some depths further down, and unstable 1 % above.
+/// Asserts at each speed that the independent integration finds the cut stable 1 % below the limit
+/// and at some lower depths, and unstable 1 % above.
 fn assert_as_the_peer(modes: &[FlexibleMode], cutter: Cutter, speeds_rpm: [f64; 2], count: usize) {
     let stability = stability(modes, cutter);
     let step = (speeds_rpm[1] - speeds_rpm[0]) / (count - 1) as f64;
@@ -293,7 +295,7 @@ fn the_direction_of_feed_decides_about_mode_coupling() {
     let (least, most) =
         depths.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), x| (a.min(*x), b.max(*x)));
     assert!(most > 3.0 * least, "{depths:?}");
-    // Forces in the plane do not tell which way along a line the tool is fed.
+    // Forces in the plane do not depend on the sense of the feed along a line.
     for k in 0..18 {
         let [a, b] = [&all[k], &all[k + 18]].map(|one| one.limit.map(|l| l.depth_m));
         assert!((a.unwrap_or(1.0) / b.unwrap_or(1.0) - 1.0).abs() < 2e-3, "{a:?} {b:?}");
@@ -325,7 +327,7 @@ fn the_nearest_stable_speed_is_stable_and_the_way_to_it_is_not() {
 }
 
 #[test]
-fn what_cannot_cut_is_refused() {
+fn an_impossible_cutter_is_refused() {
     let axes = CutAxes::new(X, Z).unwrap();
     assert_eq!(CutAxes::new(Z, Z), Err(StabilityError::Axes));
     assert_eq!(CutAxes::new([f64::NAN, 0.0, 0.0], Z), Err(StabilityError::Axes));

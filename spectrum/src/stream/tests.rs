@@ -1,4 +1,4 @@
-//! What a stream must notice: loss, repetition, restarts, wrong words, still channels.
+//! Faults of a stream: loss, repetition, restarts, wrong statements, still channels.
 
 use super::*;
 
@@ -6,7 +6,7 @@ fn stream() -> Stream {
     Stream::new(&WatchConfig { rate_hz: 1000.0, ..WatchConfig::default() })
 }
 
-/// A block as a sender with counts makes it: 10 samples of 3 channels, 1 kHz.
+/// A block of a sender with counts: 10 samples of 3 channels, 1 kHz.
 fn sent(session: u64, seq: u64) -> Block<'static> {
     let samples_before = Some(10 * seq);
     Block { session, samples_before, ..block(seq, seq * 10_000_000, &[0.0; 30]) }
@@ -76,7 +76,7 @@ fn one_silent_channel_among_noisy_ones_is_dead() {
 }
 
 #[test]
-fn another_session_begins_anew_and_is_no_gap() {
+fn another_session_restarts_the_counts_without_a_gap() {
     let mut stream = stream();
     for seq in 500..700 {
         take(&mut stream, &sent(1, seq));
@@ -92,7 +92,7 @@ fn another_session_begins_anew_and_is_no_gap() {
 }
 
 #[test]
-fn a_sender_that_begins_anew_all_the_time_is_named() {
+fn a_sender_that_restarts_all_the_time_is_named() {
     let mut stream = stream();
     for session in 1..20 {
         take(&mut stream, &sent(session, 1));
@@ -112,7 +112,7 @@ fn blocks_that_come_twice_or_late_are_refused_and_cost_nothing() {
 }
 
 #[test]
-fn a_sender_that_counts_anew_without_saying_so_is_not_refused_for_ever() {
+fn a_sender_that_restarts_its_count_silently_is_not_refused_for_ever() {
     let mut stream = stream();
     for seq in 500..520 {
         take(&mut stream, &sent(7, seq));

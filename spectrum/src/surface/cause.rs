@@ -1,21 +1,21 @@
-//! What of the machine may have written a line into the surface.
+//! Possible causes of a line of a surface in the machine.
 //!
-//! What turns with the joints has a constant number of cycles per mm; what turns with the spindle or rings has a
-//! constant number per second, which the feed turns into cycles per mm. A short profile cannot tell near ones apart:
-//! all that fit are said, nearest first.
+//! Joint rotations have a constant number of cycles per mm; spindle rotations and vibrations a
+//! constant number per second, which the feed converts into cycles per mm. A short profile does not
+//! resolve similar ones: all that fit are listed, nearest first.
 
 use super::Line;
 use crate::config::{Mode, Wheel};
 use crate::spatial::match_wheels;
 
-/// How the surface was machined, as far as it is known.
+/// Process of the surface, as far as known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Machining {
     /// Speed of the tool along the profile, mm/s.
     pub feed_mm_s: Option<f64>,
     /// Spindle speed, rev/min.
     pub spindle_rpm: Option<f64>,
-    /// Teeth of the tool; 0: not known.
+    /// Teeth of the tool; 0 if unknown.
     pub teeth: u32,
     /// Known natural frequencies.
     pub modes: Vec<Mode>,
@@ -37,7 +37,7 @@ pub enum Cause {
 }
 
 impl Machining {
-    /// The line's frequency in time, Hz, where the feed is known.
+    /// The line's frequency in time, Hz, if the feed is known.
     #[must_use]
     pub fn frequency_hz(&self, line: &Line) -> Option<f64> {
         self.feed_mm_s.map(|feed| feed * line.cycles_per_mm)
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_is_told_by_spindle_tooth_wheel_and_mode_and_never_by_a_feed_that_is_not_known() {
+    fn a_line_is_attributed_to_spindle_tooth_gear_and_mode_and_never_with_an_unknown_feed() {
         let wheel = Wheel { joint: 1, shaft: 1, teeth: 10, cycles_per_mm: 0.454 };
         let machining = Machining {
             feed_mm_s: Some(10.0),
@@ -103,7 +103,7 @@ mod tests {
         let blind = Machining { feed_mm_s: None, ..machining.clone() };
         assert_eq!(blind.causes(&line(4.0), 50.0), []);
         assert_eq!(machining.frequency_hz(&line(4.0)), Some(40.0));
-        // A profile of 3 mm tells no finer than a sixth of a cycle per mm.
+        // A profile of 3 mm resolves no better than a sixth of a cycle per mm.
         let short = machining.causes(&line(6.55), 3.0);
         assert_eq!(short, [Cause::Mode(67.0)]);
     }

@@ -1,4 +1,4 @@
-//! Form and filter: the polynomial of least squares, the Gaussian low pass of ISO 16610-21.
+//! Form and filter: least-squares polynomial, Gaussian low-pass of ISO 16610-21.
 //!
 //! The kernel is `s(x) = exp(−π (x/(α λ_c))²) / (α λ_c)`, `α = sqrt(ln 2 / π)`, 50 % at the cut-off, cut at ±`λ_c`,
 //! where 7e-7 of its weight is left. At the ends it is renormalised over what there is (as ISO 16610-28 allows), so
@@ -11,7 +11,7 @@ use realfft::RealFftPlanner;
 /// The Gaussian filter's α = sqrt(ln 2 / π).
 pub const GAUSS_ALPHA: f64 = 0.469_718_639_349_825_66;
 
-/// The part of a wavelength's amplitude that the Gaussian low pass keeps: `exp(−π (α λ_c/λ)²)`.
+/// The share of a wavelength's amplitude that the Gaussian low-pass keeps: `exp(−π (α λ_c/λ)²)`.
 #[must_use]
 pub fn gaussian_transmission(wavelength_mm: f64, cut_off_mm: f64) -> f64 {
     let x = GAUSS_ALPHA * cut_off_mm / wavelength_mm;
@@ -38,7 +38,7 @@ pub fn gaussian(
         (-std::f64::consts::PI * x * x).exp()
     };
     let half: Vec<f64> = (0..=reach).map(weight).collect();
-    // Weight of the kernel's arm up to each point, its middle left out.
+    // Cumulative weight of the kernel's arm, without its middle.
     let arm: Vec<f64> = half
         .iter()
         .enumerate()
@@ -54,7 +54,8 @@ pub fn gaussian(
     Ok(sums.iter().enumerate().map(|(i, sum)| mean + sum / whole(i)).collect())
 }
 
-/// The sum over a symmetric kernel, `half` of it given from its middle, with nothing beyond the ends.
+/// Convolution with a symmetric kernel, `half` of it given from its middle, with zeros beyond the
+/// ends.
 fn convolved(values: impl Iterator<Item = f64>, n: usize, half: &[f64]) -> Vec<f64> {
     let padded = (n + half.len()).next_power_of_two();
     let mut planner = RealFftPlanner::new();
@@ -66,8 +67,8 @@ fn convolved(values: impl Iterator<Item = f64>, n: usize, half: &[f64]) -> Vec<f
         kernel[(padded - k) % padded] = *w;
     }
     let (mut a, mut b) = (forward.make_output_vec(), forward.make_output_vec());
-    // The lengths are the plans' own, so that they cannot refuse them; a real signal's first and last
-    // bins stay real in the product.
+    // The lengths are those of the plans, so that they cannot return an error; a real signal's
+    // first and last bins stay real in the product.
     let _ = forward.process(&mut signal, &mut a);
     let _ = forward.process(&mut kernel, &mut b);
     a.iter_mut().zip(&b).for_each(|(a, b)| *a *= b);

@@ -1,6 +1,7 @@
 //! Height parameters of a profile, whole, by segments, by sampling lengths; the mean width of its elements.
 //!
-//! ISO 21920-2 (before it ISO 4287): the same formulas give P, W and R parameters, by what they are fed.
+//! ISO 21920-2 (formerly ISO 4287): the same formulas give P, W and R parameters, depending on the
+//! profile.
 
 use super::{SurfaceError, check};
 
@@ -48,11 +49,11 @@ pub fn parameters(heights: &[f64]) -> Parameters {
     }
 }
 
-/// Parameters of each whole segment of a profile, as the thesis' tables 4.1 (2.5 mm, waviness) and
-/// 4.2 (0.25 mm, roughness) have them. A rest shorter than a segment is left out.
+/// Parameters of each whole segment of a profile, as in the thesis' tables 4.1 (2.5 mm, waviness)
+/// and 4.2 (0.25 mm, roughness). A remainder shorter than a segment is ignored.
 ///
 /// # Errors
-/// A segment length that cannot be, or longer than the profile.
+/// An invalid segment length, or one longer than the profile.
 pub fn by_segments(
     heights: &[f64],
     spacing_mm: f64,
@@ -69,8 +70,8 @@ pub fn by_segments(
     Ok(heights.chunks_exact(points).map(parameters).collect())
 }
 
-/// Rz: the mean total height of the sampling lengths in the profile's middle, and how many there were. Five are
-/// taken where there is room, as the standards have it; `None` where not even one fits.
+/// Rz: the mean total height of the sampling lengths in the profile's middle, and their number:
+/// five if they fit, as in the standards; `None` if not even one fits.
 #[must_use]
 pub fn section_height(roughness: &[f64], spacing_mm: f64, cut_off_mm: f64) -> Option<(f64, usize)> {
     let points = (cut_off_mm / spacing_mm).round() as usize;
@@ -84,9 +85,9 @@ pub fn section_height(roughness: &[f64], spacing_mm: f64, cut_off_mm: f64) -> Op
     Some((heights.sum::<f64>() / sections as f64, sections))
 }
 
-/// `RSm`: the mean width of a profile's elements (a peak and the valley beside it), mm, from one upward crossing of
-/// the mean line to the next. What does not reach `least_height` above and below the mean line is no element.
-/// `None` for fewer than two crossings.
+/// `RSm`: the mean width of a profile's elements (a peak and the adjacent valley), mm, from one
+/// upward crossing of the mean line to the next. An element must reach `least_height` above and
+/// below the mean line. `None` for fewer than two crossings.
 #[must_use]
 pub fn element_width_mm(heights: &[f64], spacing_mm: f64, least_height: f64) -> Option<f64> {
     let mean = heights.iter().sum::<f64>() / heights.len().max(1) as f64;

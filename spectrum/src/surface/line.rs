@@ -1,11 +1,11 @@
-//! Spectra of a profile over cycles per mm, and the lines that stand out of it.
+//! Spectra of a profile over cycles per mm, and their lines.
 
 use crate::offline::{self, Averaged};
 use crate::welch::{Scaling, Segments, Spectrum, SpectrumError, Taper, welch};
 
-/// Standard deviation of a line's place by the parabola alone, bins.
+/// Standard deviation of a line's position by the parabola alone, bins.
 const PARABOLA_BINS: f64 = 0.02;
-/// Chance that a long profile of noise alone shows any line.
+/// Probability that a long profile of noise alone shows any line.
 const FALSE_LINES: f64 = 0.05;
 /// What is weaker than this part of the strongest line is no matter.
 const WEAKEST: f64 = 0.01;
@@ -19,7 +19,7 @@ pub struct Line {
     pub sigma_cycles_per_mm: f64,
     /// Amplitude, in the profile's unit.
     pub amplitude: f64,
-    /// Power over the floor beside it.
+    /// Ratio of its power to the floor around it.
     pub over_floor: f64,
     /// Where it is a multiple of a stronger line: that line's place in the list, and which multiple.
     pub multiple_of: Option<(usize, u32)>,
@@ -54,8 +54,9 @@ pub fn power_spectrum(heights: &[f64], spacing_mm: f64) -> Result<Spectrum, Spec
     welch(heights, &plan)
 }
 
-/// The lines of a profile, strongest first: of its spectrum as a whole under a Hann window, since a profile is short
-/// and its feed marks last. Waves longer than about a seventh of the profile are not told from form.
+/// The lines of a profile, strongest first: of the spectrum of the whole profile under a Hann
+/// window, because a profile is short and its feed marks persist. Waves longer than about a seventh
+/// of the profile are not distinguished from form.
 ///
 /// # Errors
 /// A profile too short.

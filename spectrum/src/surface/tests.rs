@@ -1,4 +1,4 @@
-//! What the standards and plain sums say of profiles.
+//! Comparison of profiles with the standards and direct sums.
 
 use super::*;
 use crate::welch::{Detrend, detrended};

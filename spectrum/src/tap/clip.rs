@@ -1,4 +1,4 @@
-//! Whether a channel reached the end of its range: a flat top that no rounding explains.
+//! Detects clipping of a channel: a flat top that rounding does not explain.
 
 /// Fewest equal largest samples in a row.
 const RUN: usize = 3;

@@ -1,11 +1,11 @@
-//! Where the hammer struck, how, and whether it may be used.
+//! Detection and check of hits.
 
 use super::clip::runs;
 use super::{FoundHit, Refused, TapError, TapRecord};
 use crate::floor::middle;
 use std::ops::Range;
 
-/// A record holds a hit where its force exceeds its noise so many times.
+/// A record contains a hit if its force exceeds its noise by this factor.
 const OVER_NOISE: f64 = 20.0;
 /// A hit exceeds this part of the record's strongest.
 const TRIGGER: f64 = 0.1;
@@ -19,9 +19,9 @@ const CONTACT: f64 = 0.01;
 const BOUNCE_S: f64 = 0.1;
 /// Samples before the contact that belong to the block, at least.
 const BEFORE_LEAST: usize = 16;
-/// Quiet samples before a hit from which offsets are taken: at most for this long, s, and not from fewer than so many.
+/// Quiet samples before a hit for the offsets: at most this long, s, and at least this many.
 const QUIET: (f64, usize) = (0.1, 50);
-/// A hit with less than this part of what hits commonly have is cut short.
+/// A hit with less than this share of the common length is truncated.
 const SHORT: f64 = 0.5;
 
 /// A hit in the making.
@@ -53,7 +53,7 @@ pub(super) fn strikes(record: usize, force: &[f64], rate_hz: f64) -> Result<Vec<
     if largest_n <= OVER_NOISE * noise_n {
         return Err(TapError::NoHit { record: record + 1, largest_n, noise_n });
     }
-    // What is no number is no blow.
+    // NaN is not a blow.
     let blow = |i: usize| {
         let f = sign * (force[i] - offset_n);
         if f.is_finite() { f } else { 0.0 }
@@ -108,7 +108,7 @@ pub(super) fn strikes(record: usize, force: &[f64], rate_hz: f64) -> Result<Vec<
     Ok(found)
 }
 
-/// Samples of every block: as asked, else what the hits have in common, those apart that are cut short.
+/// Samples per block: as requested, otherwise the common length of the hits, except truncated ones.
 pub(super) fn block_length(strikes: &[Strike], asked: Option<usize>) -> usize {
     let mut rooms: Vec<f64> = strikes.iter().map(|strike| strike.room as f64).collect();
     let least = SHORT * middle(&mut rooms);
@@ -168,10 +168,10 @@ impl Strike {
         rises(&mut (peak + 1..block.len())).or_else(|| rises(&mut (0..peak).rev()))
     }
 
-    /// Force and response of its block, offsets taken out.
+    /// Force and response of its block, without offsets.
     pub(super) fn cut(&self, length: usize, record: &TapRecord<'_>) -> (Vec<f64>, Vec<f64>) {
         let block = self.start..self.start + length;
-        // Not the samples beside the contact, where filters already answer to it.
+        // Not the samples next to the contact, where filters already respond to it.
         let quiet_end = self.contact.start.saturating_sub(self.contact.len());
         let quiet = &record.response[quiet_end.saturating_sub(self.quiet)..quiet_end];
         let enough = quiet.len() >= QUIET.1 && quiet.iter().all(|x| x.is_finite());

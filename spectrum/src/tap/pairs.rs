@@ -1,4 +1,4 @@
-//! Two close modes under hits that follow each other before the structure has rung down.
+//! Two close modes under hits that follow each other before the structure has stopped vibrating.
 
 use super::Tap;
 use super::tests::{Known, acceleration, blows, config, found, one, with_noise};
@@ -87,13 +87,13 @@ fn peaks_that_no_fit_explains_are_reported_with_the_record_that_resolves_them() 
     let tap = six_hits(&[(67.0, 0.01, 40.0), (73.0, 0.01, 45.0)], 0.8, 0.005, 1);
     let modes = found(&tap, [10.0, 200.0]);
     assert!(peaks_left(&tap, &modes).is_empty(), "{modes:#?}");
-    // As if no fit had held.
+    // As if no fit were valid.
     let left = peaks_left(&tap, &[]);
     let [low, high] = left.as_slice() else { panic!("{left:#?}") };
     for (peak, (own_hz, beside_hz)) in [(low, (67.0, 73.0)), (high, (73.0, 67.0))] {
         assert!((peak.frequency_hz - own_hz).abs() < 1.3, "{peak:?}");
         assert!(peak.beside_hz.is_some_and(|hz| (hz - beside_hz).abs() < 1.3), "{peak:?}");
-        // Seven bins between them: found one by one from 1.2 s on.
+        // Seven bins between them: found separately from 1.2 s on.
         assert!((0.9..1.5).contains(&peak.record_s), "{peak:?}");
     }
 }

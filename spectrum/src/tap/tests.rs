@@ -111,7 +111,7 @@ fn every_hit_is_found_with_its_force_and_contact() {
 }
 
 #[test]
-fn bad_hits_are_refused_by_name_and_the_good_ones_stay() {
+fn bad_hits_are_refused_with_the_reason_and_the_good_ones_stay() {
     let at = [(0.5, 300.0), (2.5, 200.0), (4.5, 900.0), (6.5, 250.0), (8.5, 280.0), (10.2, 200.0)];
     let mut blow = at.to_vec();
     blow.push((2.538, 45.0));

@@ -1,4 +1,4 @@
-//! What the watch must say a line is.
+//! Classes of lines found by the monitor.
 
 use super::tests::{Rig, config, tone_y};
 use super::*;
@@ -157,7 +157,7 @@ fn a_line_that_arises_in_air_after_a_cut_never_alarms_as_chatter() {
 }
 
 #[test]
-fn a_line_that_follows_the_feed_is_a_gears_and_at_one_feed_both_are_said() {
+fn a_line_that_follows_the_feed_is_a_gears_and_at_one_feed_both_are_reported() {
     // Eleven teeth of a motor that turns 8.02° per mm: only at this feed of a robot that handles do they reach the band.
     let cycles_per_mm = 11.0 * 8.02 / 360.0;
     let gears = vec![Wheel { joint: 3, shaft: 1, teeth: 11, cycles_per_mm }];

@@ -1,4 +1,4 @@
-//! What the whole watch must find, and must leave alone.
+//! Signals that the whole monitor must report or ignore.
 
 use super::*;
 use crate::block::Axis;
@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use std::f64::consts::TAU;
 
-/// A sensor whose every channel has white noise of rms `sigma`, plus a signal.
+/// A sensor with white noise of rms `sigma` on every channel, plus a signal.
 pub(super) struct Rig {
     pub(super) watch: Watch,
     rate_hz: f64,
@@ -124,7 +124,7 @@ fn noise_alone_raises_nothing() {
 }
 
 #[test]
-fn a_line_that_stops_is_over_and_said_once() {
+fn a_line_that_stops_is_over_and_reported_once() {
     let mut rig = Rig::new(config(10_000.0), 1.0, 5);
     rig.run(3.0, tone_y(72.0, 5.0, 1.5));
     let said = rig.run(2.0, |_, _| 0.0);
@@ -154,7 +154,7 @@ fn a_second_of_air_is_enough_to_alarm_a_chatter_that_the_cut_brings_at_once() {
 }
 
 #[test]
-fn a_gap_starts_the_windows_anew_and_is_counted() {
+fn a_gap_restarts_the_windows_and_is_counted() {
     let mut rig = Rig::new(config(10_000.0), 1.0, 7);
     rig.run(2.0, |_, _| 0.0);
     rig.lose_a_block();

@@ -1,4 +1,5 @@
-//! The segments of a record: how they are cut and weighed, and their power one after another from samples that come in parts.
+//! The segments of a record: division and weighting, and their power one after another from samples
+//! that come in parts.
 
 use std::sync::Arc;
 
@@ -14,7 +15,7 @@ pub(super) struct Plan {
     pub(super) length: usize,
     /// From the begin of a segment to that of the next.
     pub(super) step: usize,
-    /// The factor that makes one-sided power of squares, of bins that have a mirror image.
+    /// Factor from squares to one-sided power, for bins with a mirror image.
     pub(super) scale: f64,
     detrend: Detrend,
     window: Vec<f64>,
@@ -89,7 +90,8 @@ pub(super) struct Buffers {
     scratch: Vec<Complex<f64>>,
 }
 
-/// The power of a record's segments, one after another, from samples that come in parts of any length.
+/// The power of a record's segments, one after another, from samples that come in parts of any
+/// length.
 pub struct SegmentPower {
     plan: Plan,
     buffers: Buffers,
@@ -101,10 +103,10 @@ pub struct SegmentPower {
 }
 
 impl SegmentPower {
-    /// Plans for a record of so many samples.
+    /// Plans for a record with a number of samples.
     ///
     /// # Errors
-    /// A record too short, segments that cannot be.
+    /// A record that is too short, or invalid segments.
     pub fn new(samples: usize, segments: &Segments) -> Result<Self, SpectrumError> {
         let plan = Plan::new(samples, segments)?;
         Ok(Self {
@@ -124,7 +126,8 @@ impl SegmentPower {
         (0..self.power.len()).map(|bin| bin as f64 * self.rate / length).collect()
     }
 
-    /// Takes the next samples; `each` is given time (or place) of the middle of every segment that they complete, and its power.
+    /// Adds the next samples; passes the time (or position) of the middle of every completed
+    /// segment, and its power, to `each`.
     pub fn push(&mut self, mut samples: &[f64], mut each: impl FnMut(f64, &[f64])) {
         while let Some((part, rest)) = samples.split_at_checked(self.plan.length - self.held.len())
         {

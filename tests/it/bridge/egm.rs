@@ -1,4 +1,4 @@
-//! EGM: what the application sees, what the robot is told, and what happens when somebody is away.
+//! EGM: targets seen by the application and by the robot, and behaviour when one side is absent.
 
 use super::{LIMIT, WIDE, corrected, count, daemon, ended, peer, peers, place, scratch};
 use crate::TRUED;
@@ -18,7 +18,7 @@ const POSE: [f64; 6] = [10.0, 15.0, -10.0, 15.0, 45.0, 5.0];
 const RATE_RAD_S: f64 = 0.01;
 const SLOW: &str = "[envelope]\nrate_mrad_s = 10.0\n";
 const CYCLES: &str = "[cycle]\nperiod_ms = 4.0\nstale_ms = 200.0\n";
-/// Cycles until what was ramped in at the start is over.
+/// Cycles until the initial ramp is over.
 const BEGINNING: usize = 100;
 const JUDGED: usize = 1000;
 /// What the model's correction is to be, as the peer decodes it.
@@ -59,7 +59,8 @@ impl Cell {
         correction
     }
 
-    /// The same until there is a correction and it has come to rest: on a busy machine a late answer is blended in, which takes longer.
+    /// The same until there is a correction and it is constant: on a busy machine a late answer is
+    /// blended in, which takes longer.
     fn settle(&mut self, gauge: &mut Gauge) -> [f64; 6] {
         let mut before = self.stand(100, gauge);
         for _ in 0..50 {
@@ -77,11 +78,12 @@ fn largest(correction: &[f64; 6]) -> f64 {
     correction.iter().fold(0.0, |most, c| f64::max(most, c.abs()))
 }
 
-/// How often it is tried to have every answer by its own correction: a busy machine lets the daemon be late.
+/// Number of attempts to have every answer with its own correction: on a busy machine the daemon
+/// may be late.
 const ROUNDS: usize = 3;
 
 #[test]
-fn an_application_that_nobody_here_wrote_sees_its_targets_corrected_by_the_model() {
+fn an_independent_application_sees_its_targets_corrected_by_the_model() {
     let what = "ABBRobotEGM behind the EGM bridge";
     let Some(python) = peers(what) else { return };
     if (0..ROUNDS).all(|_| followed(python) > 0) {
@@ -90,12 +92,14 @@ fn an_application_that_nobody_here_wrote_sees_its_targets_corrected_by_the_model
     }
 }
 
-/// One run of the application; how many of the judged answers were not the model's, as the daemon was late.
+/// One run of the application; returns how many of the evaluated answers were not the model's,
+/// because the daemon was late.
 fn followed(python: &Path) -> usize {
     let place = place(&format!("{WIDE}{CYCLES}"));
     let _daemon = daemon(&place);
     let free = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    // The machine is shared: the daemon is waited for, so that what is judged is the correction, not this hour's load.
+    // The machine is shared: the bridge waits for the daemon, so that the correction is tested, not
+    // the load of the machine.
     let config = config("off", "joints", Some(free), "[timing]\nanswer_within_ms = 100.0\n");
     let (mut bridge, at) = bridge(TRUED, &[], "egm", &place, &config);
     assert!(bridge.says("joined the daemon", LIMIT), "{:#?}", bridge.lines());
@@ -129,12 +133,13 @@ fn followed(python: &Path) -> usize {
     println!("{missed} missed, {uneven} of {} cycles late on this machine", BEGINNING + JUDGED);
     assert_eq!(missed, 0, "{:#?}", bridge.lines());
     let others = judge(&place, &application.lines(), &counted);
-    // After a late cycle the daemon's limiter may take a cycle to come to the model's correction.
+    // After a late cycle the daemon's limiter may need a cycle to return to the model's correction.
     assert!(others <= 10 * uneven, "{others} off in {uneven} late cycles");
     others
 }
 
-/// How many of the targets that the peer sent, corrected by `trued correct`, are not what the peer's own decoder saw of the robot.
+/// Number of the peer's targets which, corrected by `trued correct`, differ from the robot motion
+/// seen by the peer's own decoder.
 fn judge(place: &Place, said: &[String], counted: &[String]) -> usize {
     let numbers = |line: &String| {
         let numbers = line.strip_prefix("cycle ")?.split(' ').map(|number| number.parse().unwrap());
@@ -235,7 +240,7 @@ fn an_application_that_falls_silent_leaves_the_robot_alone_and_comes_back_withou
 }
 
 #[test]
-fn across_a_path_the_robot_is_told_y_and_z_at_its_slower_rate() {
+fn across_a_path_the_robot_receives_y_and_z_at_its_slower_rate() {
     let place = place(&format!("{WIDE}[cycle]\nperiod_ms = 48.0\nstale_ms = 1000.0\n"));
     let _daemon = daemon(&place);
     let (mut bridge, at) = bridge(TRUED, &[], "egm", &place, &config("off", "path", None, ""));
@@ -263,12 +268,14 @@ fn across_a_path_the_robot_is_told_y_and_z_at_its_slower_rate() {
     let last = told.last().unwrap().path_corr.as_ref().unwrap().pos.as_ref().unwrap();
     println!("{} path corrections, the last y {:.3} z {:.3} mm", told.len(), last.y, last.z);
     assert_eq!(last.x, 0.0);
-    // The arm sags by some tenths of a mm, and the tool looks forward and down: there is something across the path.
+    // The arm sags by some tenths of a mm, and the tool points forward and down: there is a
+    // component across the path.
     assert!((0.01..5.0).contains(&last.y.hypot(last.z)), "{last:?}");
     bridge.end();
 }
 
-/// A seven-axis arm whose gears and zeros are off; the third of its axes travels among EGM's external ones.
+/// A seven-axis arm with errors of gears and zeros; the third of its axes is sent as an external
+/// axis in EGM.
 const SEVEN: &str = "fr3";
 const SEVEN_POSE: [f64; 7] = [10.0, 15.0, -10.0, -100.0, 20.0, 95.0, 5.0];
 const SEVEN_ERRORS: &str = "[[effect]]\nkind = \"joint_offset\"\njoint = 3\noffset_mrad = 2.0\n\
@@ -320,7 +327,7 @@ fn a_daemon_that_is_late_costs_no_cycle_and_no_step() {
     let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
     let stood = cell.stand(400, &mut gauge);
     assert!(largest(&stood) > 0.05, "{stood:?}");
-    // For a moment, and for so long that the correction is out.
+    // For a moment, and for long enough that the correction has ramped to zero.
     for (cycles, is_out) in [(2, false), (400, true)] {
         cell.daemon.signal(rustix::process::Signal::STOP);
         let late = cell.stand(cycles, &mut gauge);

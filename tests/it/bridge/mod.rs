@@ -1,4 +1,5 @@
-//! The bridges as processes, with the real daemon, against peers that nobody here wrote (`ABBRobotEGM`, RSIPI) and a virtual cell.
+//! The bridges as processes, with the real daemon, against independent peers (`ABBRobotEGM`, RSIPI)
+//! and a virtual cell.
 
 mod egm;
 mod retrofit;
@@ -18,7 +19,8 @@ const LIMIT: Duration = Duration::from_secs(20);
 /// The peers, as tested.
 const PEERS: [&str; 2] = ["ABBRobotEGM==1.0.7", "RSIPI==0.3.0"];
 
-/// Bounds so wide that what is wanted goes out at once: what is judged is the model, not the ramp.
+/// Limits so wide that the requested correction is applied at once: the model is tested, not the
+/// ramp.
 const WIDE: &str = "[envelope]\nangle_mrad = 200.0\nrate_mrad_s = 5000.0\njerk_mrad_s3 = 1e7\n";
 
 fn scratch() -> &'static Path {
@@ -41,7 +43,7 @@ fn peer(name: &str) -> PathBuf {
     root().join("tests/peers").join(name)
 }
 
-/// A place whose cell has these tables and no others.
+/// A place whose cell has these tables only.
 fn place(tables: &str) -> Place {
     let place = Place::new("full", "");
     let model = place.file("model.toml");
@@ -59,23 +61,23 @@ fn daemon(place: &Place) -> Process {
     daemon
 }
 
-/// Ends a bridge and waits for its last words.
+/// Ends a bridge and waits for its last output.
 fn ended(bridge: &mut Process) -> Vec<String> {
     assert!(bridge.end().success(), "{:#?}", bridge.lines());
     assert!(bridge.says("answers to the robot: ", LIMIT), "{:#?}", bridge.lines());
-    // The words come at once, their last line last.
+    // The output arrives at once, its last line last.
     std::thread::sleep(Duration::from_millis(200));
     bridge.lines()
 }
 
-/// What a bridge has counted, told at its end.
+/// A count of a bridge, printed at its end.
 fn count(lines: &[String], what: &str) -> u64 {
     let told =
         lines.iter().find_map(|line| line.strip_prefix(what)?.strip_prefix(": ")?.parse().ok());
     told.unwrap_or(0)
 }
 
-/// What `trued correct` makes of these joints, degrees, 4 ms apart.
+/// Result of `trued correct` for these joints, degrees, 4 ms apart.
 fn corrected(place: &Place, path: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let joints = path[0].len();
     let names: Vec<String> = (1..=joints).map(|i| format!("q{i}_deg")).collect();

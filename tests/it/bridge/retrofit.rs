@@ -1,12 +1,13 @@
-//! The whole way: application → bridge → daemon → bridge → a virtual EGM robot that mills.
+//! The whole chain: application → bridge → daemon → bridge → a virtual EGM robot that mills.
 
 use super::{count, scratch};
 use crate::TRUED;
 use tests::clients::skipped;
 use tests::retrofit::run;
 
-/// How often it is tried, and the share of answers by their own target's correction below which a miss is this machine's: where this machine lets the daemon be
-/// late, the correction ramps out and in, and the robot errs as without it.
+/// Number of attempts, and the share of answers with their own target's correction below which a
+/// failure is attributed to this machine: if the daemon is late, the correction ramps out and in,
+/// and the robot has its uncorrected error.
 const ROUNDS: usize = 3;
 const OWN_SHARE: f64 = 0.98;
 
@@ -27,7 +28,7 @@ fn a_retrofitted_cell_mills_nearer_to_its_path() {
         );
         assert_eq!(done.missed, 0, "{:#?}", done.counted);
         assert!(of("force samples") > 500.0, "{:#?}", done.counted);
-        // Busy or not, a correction that comes and goes never leaves the robot much worse off than none.
+        // Busy or not, an intermittent correction never makes the error much larger than without one.
         assert!(with.1 < 1.2 * without.1, "{with:?} after {without:?}: {:#?}", done.counted);
         if with.0 < 0.25 * without.0 && with.1 < 0.6 * without.1 {
             return;

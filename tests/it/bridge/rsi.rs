@@ -1,4 +1,4 @@
-//! RSI: a controller that judges every answer.
+//! RSI: a controller that checks every answer.
 
 use super::{LIMIT, WIDE, corrected, count, daemon, ended, peer, peers, place};
 use crate::TRUED;
@@ -10,10 +10,12 @@ use tests::place::Place;
 const CYCLES: &str = "10000";
 /// What a correction may move by from one telegram to the next, deg: the envelope's rate for the longest step of a ramp, 0.1 s.
 const STEP_DEG: f64 = 0.06;
-/// The answers' resolution, and that of the emulator's telegrams (0.01 deg) by what the correction changes over it.
+/// Resolution of the answers, and of the emulator's telegrams (0.01 deg) times the change of the
+/// correction.
 const RESOLUTION_DEG: f64 = 2e-4;
 
-/// A site's configuration: one port, the setpoints out, axis corrections in, and an output that somebody else owns.
+/// A site's configuration: one port, the setpoints out, axis corrections in, and an output with
+/// another owner.
 fn ethernet(port: u16) -> String {
     ethernet_of(port, &["A1", "A2", "A3", "A4", "A5", "A6"].map(|axis| format!("AKorr.{axis}")), 1)
 }
@@ -40,7 +42,8 @@ const BRIDGE: &str = "schema = \"trued.bridge-rsi/1\"\ncell = \"cell.toml\"\nabs
     ethernet = \"ethernet.xml\"\n[robot]\naddress = \"127.0.0.1\"\n[setpoint]\nholds_correction = true\n\
     [correction]\nkind = \"axes\"\nsums = \"absolute\"\n[others]\nDiO = 5\n";
 
-/// The emulator tells its axes to two decimals, too few to tell in which sense a slow one moves: the model does without play.
+/// The emulator sends its axes with two decimals, too few to determine the direction of slow ones:
+/// the model has no backlash.
 fn without_play(place: &Place) {
     let model = std::fs::read_to_string(place.file("model.toml")).unwrap();
     let has_play =
@@ -52,8 +55,8 @@ fn without_play(place: &Place) {
 }
 
 #[test]
-fn a_controller_that_nobody_here_wrote_finds_no_fault_in_ten_thousand_answers_and_no_jump_when_some_are_late()
- {
+fn an_independent_controller_finds_no_fault_in_ten_thousand_answers_and_no_jump_when_some_are_late()
+{
     let Some(python) = peers("RSIPI's controller before the RSI bridge") else { return };
     let place =
         place("[envelope]\nrate_mrad_s = 10.0\n[cycle]\nperiod_ms = 0.5\nstale_ms = 200.0\n");
@@ -92,7 +95,7 @@ fn a_controller_that_nobody_here_wrote_finds_no_fault_in_ten_thousand_answers_an
 }
 
 #[test]
-fn a_bridge_that_is_told_to_end_says_what_it_has_seen() {
+fn a_bridge_prints_its_counts_when_it_ends() {
     let place = place(WIDE.trim_end());
     place.write("ethernet.xml", &ethernet(0x1000));
     let text = BRIDGE.replace("[setpoint]", "listen = \"127.0.0.1:0\"\n[setpoint]");

@@ -1,4 +1,5 @@
-//! RSI: relative corrections, corrections of the pose, at run time. The controller is a few lines that add up what it is sent.
+//! RSI: relative corrections, and pose corrections, at run time. The simulated controller
+//! accumulates the values it receives.
 
 use super::rsi::ethernet_of;
 use super::{LIMIT, WIDE, corrected, count, daemon, ended, place};
@@ -14,10 +15,10 @@ use tests::process::Process;
 
 const POSE: [f64; 6] = [10.0, 15.0, -10.0, 15.0, 45.0, 5.0];
 const CYCLE: Duration = Duration::from_millis(4);
-/// Slow, so that the correction is on its way for hundreds of cycles.
+/// Slow, so that the correction ramps for hundreds of cycles.
 const SLOW: &str = "[envelope]\nrate_mrad_s = 2.0\n";
 const CYCLES: &str = "[cycle]\nperiod_ms = 4.0\nstale_ms = 200.0\n";
-/// What an answer is written to, deg or mm, with room for a few.
+/// Resolution of an answer, deg or mm, with a margin.
 const WRITTEN: f64 = 5e-6;
 
 struct Controller {
@@ -31,7 +32,7 @@ struct Controller {
 }
 
 impl Controller {
-    /// A cell with a bridge that sends these numbers, in this way.
+    /// A cell with a bridge that sends these values in this way.
     fn start(envelope: &str, names: &[String; 6], hold_on: u8, correction: &str) -> Self {
         let place = place(&format!("{envelope}{CYCLES}"));
         place.write("ethernet.xml", &ethernet_of(0x1000, names, hold_on));
@@ -46,7 +47,7 @@ impl Controller {
         Self { place, _daemon: daemon, bridge, at, socket: socket(), ipoc: 1000, late: 0 }
     }
 
-    /// One telegram of a robot at rest, and the six numbers of its answer.
+    /// One telegram of a robot at rest, and the six values of its answer.
     fn cycle(&mut self) -> [f64; 6] {
         let axes: String =
             POSE.iter().enumerate().map(|(i, q)| format!(" A{}=\"{q}\"", i + 1)).collect();
@@ -66,7 +67,7 @@ impl Controller {
         numbers.try_into().unwrap()
     }
 
-    /// The joints that the model asks for, deg.
+    /// The joints requested by the model, deg.
     fn wanted(&self) -> [f64; 6] {
         let wanted = corrected(&self.place, &vec![POSE.to_vec(); 2000]).pop().unwrap();
         wanted.try_into().unwrap()
@@ -79,12 +80,13 @@ fn relative_corrections_add_up_to_the_models_though_some_come_late() {
     let mut controller = Controller::start(SLOW, &names, 0, "kind = \"axes\"\nsums = \"relative\"");
     let (mut sum, mut largest, mut lost) = ([0.0; 6], 0.0_f64, 0.0_f64);
     let (mut cycle, mut at_rest) = (0, 0);
-    // A machine that is busy elsewhere keeps the daemon waiting: the correction ramps out and in again, and arrives later.
+    // On a busy machine the daemon is late: the correction ramps out and in again, and arrives
+    // later.
     while (cycle < 300 || at_rest < 100) && cycle < 5000 {
         let more = controller.cycle();
         at_rest = if more == [0.0; 6] { at_rest + 1 } else { 0 };
         largest = more.iter().fold(largest, |most, more| most.max(more.abs()));
-        // Late answers: the controller uses none of their numbers, and counts them in its next telegram.
+        // Late answers: the controller does not use them, and counts them in its next telegram.
         if cycle % 25 == 24 && cycle < 200 {
             controller.late += 1;
             lost = more.iter().fold(lost, |most, more| most.max(more.abs()));

@@ -1,4 +1,4 @@
-//! What the C library exports is what its header says, and no misuse of it is more than an error.
+//! The C library exports exactly what its header declares, and misuse of it only causes errors.
 
 use super::{TABLES, beside, built, lockstep, scratch};
 use std::collections::BTreeSet;

@@ -1,6 +1,7 @@
-//! A robot's loop in each language, with faults of its own and of the daemon at random, judged from outside by what it would have sent.
+//! A robot's loop in each language, with random faults of its own and of the daemon, checked from
+//! outside by the targets that it would have sent.
 //!
-//! `TRUED_LOOP_CYCLES` asks for so many cycles per language where the short form is not enough.
+//! `TRUED_LOOP_CYCLES` sets the number of cycles per language.
 
 use super::{LIMIT, built, python};
 use crate::TRUED;
@@ -38,7 +39,7 @@ fn configure(place: &Place, envelope: [f64; 3], mode: &str) {
     place.write("cell.toml", &text);
 }
 
-/// The daemon, and what happens to it while a loop runs.
+/// The daemon, and its faults while a loop runs.
 struct Struck<'a> {
     place: &'a Place,
     daemon: Process,
@@ -91,7 +92,7 @@ impl<'a> Struck<'a> {
         }
     }
 
-    /// 1 where the daemon did what was asked.
+    /// 1 if the daemon carried out the request.
     fn asks(&self, what: impl FnOnce(&mut Monitor) -> Result<Response, AskError>) -> u32 {
         let mut monitor = Monitor::connect_to(&self.place.cell(), REQUEST).ok();
         let answer = monitor.as_mut().and_then(|monitor| what(monitor).ok());
@@ -99,7 +100,7 @@ impl<'a> Struck<'a> {
     }
 }
 
-/// A loop in one language, under faults; what of it was judged.
+/// A loop in one language, under faults; returns its evaluation.
 fn run(program: &Path, script: Option<PathBuf>, seed: u64) -> Judged {
     let asked = std::env::var("TRUED_LOOP_CYCLES").ok();
     let cycles = asked.map_or(CYCLES, |cycles| cycles.parse().expect("a number of cycles"));

@@ -1,4 +1,4 @@
-//! Each language's example corrects 10 000 targets, and says the figures of Rust's to the bit.
+//! Each language's example corrects 10 000 targets, with the same bits as Rust's.
 
 use super::{EVERY_CALL, TABLES, beside, compiled, lockstep, python, scratch};
 use std::collections::BTreeMap;
@@ -8,7 +8,8 @@ use tests::clients::{Prefix, figures, has, run, skipped};
 
 const TARGETS: &str = "10000";
 
-/// What an example says, but for the times; each gets a daemon of its own, as a correction goes on from where it stands.
+/// Output of an example, without times; each uses a separate daemon, because a correction continues
+/// from its present value.
 fn said_by(program: &Path, targets: &str, arguments: &[&Path]) -> BTreeMap<String, String> {
     let (place, mut daemon) = lockstep(TABLES);
     let mut command = Command::new(program);

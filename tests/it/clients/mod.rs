@@ -21,10 +21,10 @@ const EVERY_CALL: &str = env!("CARGO_BIN_EXE_every-call");
 const OUTAGE: &str = env!("CARGO_BIN_EXE_outage");
 const LIMIT: Duration = Duration::from_secs(20);
 
-/// What the examples' cell has beside its robot.
+/// Tables of the examples' cell besides its robot.
 const TABLES: &str = "[force]\nrate_Hz = 10000.0\nchannels = 3\n[vibration]\nenabled = true\n[cycle]\nperiod_ms = 0.1\n[recorder]\ndir = \"recordings\"\n";
 
-/// Where the build keeps what tests leave for each other.
+/// Folder of the build for files shared by tests.
 fn scratch() -> &'static Path {
     Path::new(env!("CARGO_TARGET_TMPDIR"))
 }
@@ -34,7 +34,7 @@ fn lockstep(tables: &str) -> (Place, Process) {
     started("full", tables, &["--lockstep"])
 }
 
-/// A daemon that stands ready.
+/// A daemon that is ready.
 fn started(mode: &str, tables: &str, arguments: &[&str]) -> (Place, Process) {
     let place = Place::new(mode, tables);
     let config = place.file("cell.toml");
@@ -51,18 +51,18 @@ fn beside(place: &Place, program: &Path) -> Command {
     command
 }
 
-/// One program per language for which this machine has what it takes.
+/// One program per language supported by this machine.
 fn compiled(prefix: &Prefix, source: &str) -> Vec<(Language, PathBuf)> {
     let all = [Language::C, Language::Cpp].into_iter();
     all.filter_map(|language| Some((language, built(prefix, language, source)?))).collect()
 }
 
-/// A program in that language; none where this machine lacks what it takes.
+/// A program in that language; `None` if this machine lacks the tools.
 fn built(prefix: &Prefix, language: Language, source: &str) -> Option<PathBuf> {
     can_build(language, source).then(|| prefix.build(language, source))
 }
 
-/// Whether this machine has what a program in that language takes; else that it is missing is said and counted.
+/// Whether this machine has the tools for a language; otherwise this is reported and counted.
 fn can_build(language: Language, source: &str) -> bool {
     let needs = ["pkg-config", language.compiler()];
     if let Some(missing) = needs.iter().find(|program| !has(program)) {

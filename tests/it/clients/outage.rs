@@ -1,5 +1,5 @@
-//! A daemon that is not there, dies, comes back, is of another version, or another user's: each its own error in every
-//! language, and the library joins again by itself.
+//! A daemon that is missing, dies, restarts, has another version, or belongs to another user: each
+//! has its own error in every language, and the library reconnects by itself.
 
 use super::{LIMIT, OUTAGE, compiled, python};
 use crate::TRUED;
@@ -13,14 +13,14 @@ use tests::clients::Prefix;
 use tests::place::{CELL, Place};
 use tests::process::Process;
 
-/// A program that prints each change of what it is told.
+/// A program that prints each change of its state.
 struct Told {
     name: String,
     process: Process,
     heard: usize,
 }
 
-/// What a busy machine says in between, and that it is over.
+/// Events of a busy machine in between, and their end.
 const BUSY: [&str; 2] = ["daemon_silent", "message_lost"];
 
 impl Told {
@@ -55,7 +55,7 @@ fn named(line: &str) -> String {
     said.trim_start_matches("trued_").trim_start_matches("error_").to_owned()
 }
 
-/// The example in every language for which this machine has what it takes.
+/// The example in every language supported by this machine.
 fn everyone(prefix: &Prefix) -> Vec<(String, PathBuf, Vec<PathBuf>)> {
     let mut all = vec![("Rust".to_owned(), PathBuf::from(OUTAGE), Vec::new())];
     for (language, program) in compiled(prefix, "outage") {
@@ -94,7 +94,8 @@ fn as_another_version(current: &Path) {
     fs::rename(&fresh, current).unwrap();
 }
 
-/// As another user's directory looks: of another owner, or, where that takes rights, of a mode that no daemon gives it.
+/// Like another user's directory: with another owner, or, where that requires privileges, with a
+/// mode that no daemon gives it.
 fn as_another_users(dir: &Path) {
     let nobody = 65534;
     let owner = fs::metadata(dir).unwrap().uid();

@@ -1,6 +1,7 @@
-//! The Python package: installed by `pip` into an environment of its own, as a user would.
+//! The Python package: installed by `pip` into a separate environment, as by a user.
 //!
-//! Needs `python3` with `venv`, and the package registry for what builds it; where that cannot be had, it is SKIPPED.
+//! Needs `python3` with `venv`, and the package registry for the build tools; otherwise the test is
+//! SKIPPED.
 
 use super::{TABLES, lockstep, scratch, started};
 use std::path::{Path, PathBuf};
@@ -9,7 +10,7 @@ use std::sync::OnceLock;
 use tests::clients::{figures, root, run, skipped};
 use tests::python::{environment, pip, tried};
 
-/// What is needed beside `trued` itself: to build it, to run it, to check its types.
+/// Packages needed besides `trued` itself: to build it, to run it, to check its types.
 const TOOLS: [&str; 4] = ["maturin>=1.16,<2", "numpy>=1.23", "mypy", "typing_extensions"];
 
 /// An example of the package.
@@ -17,7 +18,7 @@ pub(super) fn example(name: &str) -> PathBuf {
     root().join("client/python/examples").join(name)
 }
 
-/// A Python that has the package, built from this tree; none where this machine lacks what it takes.
+/// A Python with the package, built from this tree; `None` if this machine lacks the tools.
 pub(super) fn interpreter(what: &str) -> Option<&'static Path> {
     static MADE: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     match MADE.get_or_init(make) {
@@ -37,7 +38,8 @@ fn make() -> Result<PathBuf, String> {
     let mut fetch = Command::new(cargo);
     fetch.args(["fetch", "--quiet", "--locked", "--manifest-path"]).arg(crates);
     tried(&mut fetch, "the crates of the package cannot be had")?;
-    // From here on nothing is lacking: a failure is the package's. The profile is that of these tests.
+    // From here on nothing is missing: a failure is the package's. The profile is that of these
+    // tests.
     let bin = home.join("bin").display().to_string();
     let path = format!("{bin}:{}", std::env::var("PATH").unwrap_or_default());
     run(pip(&python)

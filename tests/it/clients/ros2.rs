@@ -1,5 +1,5 @@
-//! The controller for `ros2_control`, against headers that declare what it uses of ROS 2 and against the real daemon. Whether ROS 2's own
-//! headers agree is not tested here: there is none.
+//! The controller for `ros2_control`, against stub headers of ROS 2 and against the real daemon.
+//! Agreement with ROS 2's own headers is not tested.
 
 use super::{LIMIT, beside, can_build, scratch, started};
 use std::process::Stdio;
@@ -41,7 +41,7 @@ fn a_chained_controller_passes_corrected_positions_on_and_ramps_out_when_the_dae
     assert_eq!(figure("faults"), 0.0, "{lines}");
     assert!((1e-4..=ENVELOPE).contains(&figure("largest")), "{lines}");
 
-    // Without a daemon it does not start, and says why.
+    // Without a daemon it does not start, and reports why.
     let alone = beside(&place, &program).stdin(Stdio::null()).output().unwrap();
     assert!(!alone.status.success() && figures(&alone).is_empty());
     assert!(String::from_utf8_lossy(&alone.stderr).contains("daemon"), "{alone:?}");

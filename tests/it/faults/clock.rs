@@ -1,5 +1,6 @@
-//! Clocks that are set: the one that stamps the commands. The daemon's own is `CLOCK_MONOTONIC`, which nobody sets; the wall clock
-//! names files and epochs only (`daemon/src/retention.rs` holds what follows of that).
+//! Changes of the clock that stamps the commands. The daemon uses `CLOCK_MONOTONIC`, which cannot
+//! be set; the wall clock is used for names of files and epochs only (tested in
+//! `daemon/src/retention.rs`).
 
 use super::{PROGRAMS, wait_for};
 use std::time::{Duration, Instant};
@@ -23,7 +24,7 @@ fn a_clock_that_is_set_costs_at_most_the_second_that_it_went_back_and_no_step() 
     assert!(cell.tick_until(JAM, corrects));
     for set_ns in [HOUR_NS, -HOUR_NS, -300_000_000, 300_000_000, -2 * HOUR_NS / 3600] {
         cell.clock_set_ns += set_ns;
-        // The command under way when the clock was set.
+        // The command in transit when the clock was set.
         cell.tick();
         let start = Instant::now();
         let taken =

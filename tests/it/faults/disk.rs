@@ -1,4 +1,4 @@
-//! A disk that is full, or does not answer: the black box suffers, the robot does not.
+//! A disk that is full, or does not respond: it affects the recording, not the robot.
 
 use super::wait_for;
 use crate::{PROGRAMS, TRUED};
@@ -30,7 +30,8 @@ fn until(monitor: &mut Monitor, what: &str, holds: impl Fn(&Status) -> bool) -> 
     start.elapsed()
 }
 
-/// A daemon in a mount namespace of its own, whose black boxes go to a disk of that size; none where the system refuses one.
+/// A daemon in a separate mount namespace, whose recordings are written to a disk of that size;
+/// `None` if the system refuses one.
 fn on_a_small_disk(place: &Place, kilobytes: u32) -> Option<Process> {
     on_a_disk(place, &format!("size={kilobytes}k"))
 }
@@ -64,12 +65,13 @@ fn boxes(disk: &Path) -> Vec<PathBuf> {
 #[test]
 fn a_full_disk_costs_records_that_are_counted_and_is_written_again_when_there_is_room() {
     let place = Place::new("full", &recorder("box"));
-    // A repair copies: beside the megabyte that is cut off and its copy there is room for the file that is being written.
+    // A repair copies: besides the truncated megabyte and its copy there is space for the file that
+    // is being written.
     let Some(daemon) = on_a_small_disk(&place, 4096) else {
         let why = "no mount namespace of its own may be made";
         return skipped(scratch(), "a full disk", why);
     };
-    // The daemon's own view of the disk.
+    // The disk as seen by the daemon.
     let disk = format!("/proc/{}/root{}", daemon.id(), place.file("box").display());
     let disk = PathBuf::from(disk);
     let mut pair = Pair::with(PROGRAMS, place, daemon);
@@ -92,7 +94,7 @@ fn a_full_disk_costs_records_that_are_counted_and_is_written_again_when_there_is
     fs::remove_file(disk.join("filler")).unwrap();
     let time = until(&mut monitor, "it records again", |status| status.recorder == RECORDING);
     println!("recording again {time:?} after there was room");
-    // Those that the full disk cut off are whole again, by the daemon that goes on.
+    // Files truncated by the full disk are repaired by the running daemon.
     let current = boxes(&disk).pop().unwrap();
     let is_whole =
         |path: &PathBuf| *path == current || recording::blackbox::is_closed(path).unwrap();
@@ -136,13 +138,13 @@ fn a_read_only_folder_costs_records_that_are_counted_and_is_written_when_it_may_
     pair.end();
 }
 
-/// Its writes hang; none where nobody may trace.
+/// Its writes block; `None` if tracing is not permitted.
 fn hung(daemon: &Process, seconds: u64) -> Option<Hang> {
     Hang::start(daemon, "recorder", Duration::from_secs(seconds))
 }
 
 #[test]
-fn a_recorder_that_hangs_is_told_and_holds_up_nobody() {
+fn a_recorder_that_hangs_is_reported_and_blocks_nothing() {
     let mut pair = super::at_work();
     let Some(hang) = hung(&pair.daemon, 4) else {
         return skipped(scratch(), "a recorder that hangs", "no `strace` that may trace");
@@ -161,7 +163,7 @@ fn a_recorder_that_hangs_is_told_and_holds_up_nobody() {
 }
 
 #[test]
-fn a_daemon_whose_recorder_hangs_ends_all_the_same_and_says_so() {
+fn a_daemon_whose_recorder_hangs_ends_all_the_same_and_reports_it() {
     let mut pair = super::at_work();
     let Some(hang) = hung(&pair.daemon, 60) else {
         return skipped(scratch(), "an end while the disk hangs", "no `strace` that may trace");
@@ -177,7 +179,8 @@ fn a_daemon_whose_recorder_hangs_ends_all_the_same_and_says_so() {
     pair.unbroken();
 }
 
-/// In a mount namespace whose shared memory has 20 MB: a daemon, then a cell once that memory is full, then room again.
+/// In a mount namespace with 20 MB of shared memory: a daemon, then a cell once that memory is
+/// full, then free memory again.
 const FILLED: &str = "mount -t tmpfs -o size=20m tmpfs /dev/shm || exit 9
 export TRUED_RUNTIME_DIR=/dev/shm
 \"$1\" run --config \"$3\" &
@@ -195,7 +198,7 @@ wait $daemon; echo daemon $?
 kill -9 $cell";
 
 #[test]
-fn full_shared_memory_refuses_whoever_comes_and_ends_nobody() {
+fn full_shared_memory_refuses_new_clients_and_ends_no_process() {
     let place = Place::new("full", "");
     // Seen from within, the place is hidden by the small memory.
     let config = scratch().join(format!("full-{}.toml", std::process::id()));

@@ -1,4 +1,4 @@
-//! Files in shared memory that somebody removes, changes, leaves behind or owns.
+//! Files in shared memory that are removed, changed, left behind or owned by another user.
 
 use super::{at_work, wait_for};
 use crate::{PROGRAMS, TRUED};
@@ -15,7 +15,7 @@ use tests::place::Place;
 use tests::process::Process;
 
 const SYSTEM_FAILED: Option<i32> = Some(3);
-/// A user who is not this one.
+/// Another user.
 const SOMEBODY: u32 = 65_534;
 
 /// The cell's memory.
@@ -40,7 +40,7 @@ fn is_root(what: &str) -> bool {
 }
 
 #[test]
-fn files_removed_or_changed_under_a_running_daemon_are_made_anew() {
+fn files_removed_or_changed_under_a_running_daemon_are_created_again() {
     let mut pair = at_work();
     let dir = pair.place.cell().dir().to_path_buf();
     let tears: [(&str, &dyn Fn()); 6] = [
@@ -84,7 +84,7 @@ fn memory_removed_while_a_new_epoch_is_joined_leaves_no_cell_unanswered() {
     let mut pair = at_work();
     for round in 0..8 {
         fs::remove_file(pair.place.cell().dir().join("current")).unwrap();
-        // While ports are made at both ends: each then has memory of its own under one name.
+        // While ports are created at both ends: each then has separate memory under one name.
         let torn = Instant::now();
         while torn.elapsed() < Duration::from_millis(60 + 10 * round) {
             memory(&pair.place).iter().for_each(|path| drop(fs::remove_file(path)));
@@ -112,7 +112,7 @@ fn a_daemon_whose_cell_another_one_took_ends_and_leaves_it_alone() {
 }
 
 #[test]
-fn what_a_crash_left_half_made_does_not_hold_up_the_next_start() {
+fn incomplete_remains_of_a_crash_do_not_delay_the_next_start() {
     let mut pair = at_work();
     pair.daemon.kill();
     pair.cell.kill();
@@ -134,7 +134,7 @@ fn what_a_crash_left_half_made_does_not_hold_up_the_next_start() {
 }
 
 #[test]
-fn a_cell_that_others_own_is_refused_and_said() {
+fn a_cell_of_another_user_is_refused_and_reported() {
     let place = Place::new("full", "");
     let dir = place.cell().dir().to_path_buf();
     fs::create_dir(&dir).unwrap();
@@ -163,7 +163,7 @@ fn memory_that_somebody_else_left_is_no_obstacle() {
     for path in [place.root().to_path_buf(), place.file("")] {
         chown(path, Some(Uid::from_raw(SOMEBODY)), Some(Gid::from_raw(SOMEBODY))).unwrap();
     }
-    // In a folder whose sticky bit keeps others from removing it.
+    // In a folder whose sticky bit prevents others from removing it.
     let left = format!("/dev/shm/{}0000000000000001.left", place.cell().shared_memory_prefix());
     fs::write(&left, "").unwrap();
     let run_as = |program: &str, args: &[&str]| {

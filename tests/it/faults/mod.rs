@@ -1,8 +1,10 @@
-//! What a fault does to a running cell, each fault to real processes: `docs/faults.md` states the outcomes, its table names these tests.
+//! Faults of a running cell, each applied to real processes: `docs/faults.md` states the outcomes,
+//! its table names these tests.
 //!
-//! After each: no published target broke a bound, the robot's loop is answered again, nothing is left in shared memory, what was
-//! recorded can be read. `TRUED_SEED` repeats a run. What must be back within a second is given ten here, as the machine may be
-//! busy; how long it took is printed, and `cargo xtask soak` holds it to the second.
+//! After each: no published target broke a limit, the robot's loop is answered again, nothing is
+//! left in shared memory, and recordings are readable. `TRUED_SEED` repeats a run. Recovery has to
+//! take at most a second; here ten are allowed, because the machine may be busy; the time is
+//! printed, and `cargo xtask soak` checks the second.
 
 mod clock;
 mod disk;
@@ -26,7 +28,7 @@ fn at_work() -> Pair<'static> {
     pair
 }
 
-/// Chance whose seed is printed.
+/// Random numbers whose seed is printed.
 fn chance() -> Chance {
     let asked = std::env::var("TRUED_SEED").ok().and_then(|n| n.parse().ok());
     let seed = asked.unwrap_or_else(monotonic_ns);
@@ -34,7 +36,7 @@ fn chance() -> Chance {
     Chance::new(seed)
 }
 
-/// Waits until that holds.
+/// Waits until the condition holds.
 pub(crate) fn wait_for(limit: Duration, mut holds: impl FnMut() -> bool) -> bool {
     let start = Instant::now();
     while !holds() {

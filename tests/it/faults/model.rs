@@ -1,4 +1,4 @@
-//! Model files that somebody writes while they are read, and paths that are no files.
+//! Model files that are written while they are read, and paths that are not files.
 
 use super::at_work;
 use std::fs::{self, File};
@@ -14,7 +14,7 @@ use trued_client::{Answer, Monitor};
 fn a_model_that_is_being_written_is_never_taken_by_half() {
     let mut pair = at_work();
     let whole = fs::read_to_string(pair.place.file("model.toml")).unwrap();
-    // Half of it is a model too, of fewer effects: nothing in the text tells.
+    // Half of it is a valid model too, with fewer effects.
     let cut = whole[..whole.len() * 3 / 4].rfind("[[effect]]").expect("effects");
     let half = recording::model::RobotModel::parse("half", &whole[..cut]);
     assert!(half.is_ok(), "the test's own premise: {half:?}");

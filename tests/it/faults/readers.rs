@@ -1,4 +1,4 @@
-//! Those who look on: too many of them, and those of another user.
+//! Monitors: too many of them, and those of another user.
 
 use super::at_work;
 use crate::PROGRAMS;
@@ -12,7 +12,7 @@ use tests::pair::{JAM, Who};
 use tests::process::Process;
 use trued_client::Monitor;
 
-/// Places for those who look on.
+/// Number of monitors.
 const MONITORS: usize = 16;
 
 #[test]

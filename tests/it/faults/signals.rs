@@ -1,4 +1,4 @@
-//! Processes that are stopped, or killed beside the robot's loop.
+//! Processes that are stopped, or killed while the robot's loop runs.
 
 use super::{at_work, chance};
 use crate::PROGRAMS;
@@ -27,7 +27,7 @@ fn all_back(pair: &mut Pair<'_>) -> Duration {
 }
 
 #[test]
-fn whoever_is_stopped_and_goes_on_is_served_again_and_nothing_steps() {
+fn a_process_that_is_stopped_and_continued_is_served_again_without_a_step() {
     let mut chance = chance();
     let mut pair = at_work();
     pair.complete();
@@ -46,12 +46,12 @@ fn whoever_is_stopped_and_goes_on_is_served_again_and_nothing_steps() {
 }
 
 #[test]
-fn a_reader_that_stops_reading_holds_up_nobody() {
+fn a_reader_that_stops_reading_blocks_nothing() {
     let mut pair = at_work();
     pair.complete();
     all_back(&mut pair);
     pair.of(Who::Monitor).signal(Signal::STOP);
-    // More statuses and verdicts than any buffer keeps.
+    // More statuses and verdicts than any buffer holds.
     for _ in 0..10 {
         std::thread::sleep(Duration::from_millis(100));
         pair.back();
@@ -104,12 +104,12 @@ fn a_killed_daemon_leaves_a_recording_up_to_its_last_half_second() {
     pair.end();
 }
 
-/// A pair whose daemon finds the pipe of its log full, its reader, and whoever goes on filling it.
+/// A pair whose daemon has a full log pipe, its reader, and the thread that fills it.
 fn with_a_full_log() -> (Pair<'static>, PipeReader, JoinHandle<std::io::Result<()>>) {
     let place = Place::new("full", &recorder("box"));
     let (reader, mut writer) = std::io::pipe().unwrap();
     let log = writer.try_clone().unwrap();
-    // More than any pipe holds: what does not fit waits in a thread of its own.
+    // More than any pipe holds: the excess waits in a separate thread.
     let filling = std::thread::spawn(move || writer.write_all(&[b'.'; 1 << 22]));
     std::thread::sleep(Duration::from_millis(100));
     let mut command = Command::new(PROGRAMS.trued);
@@ -119,7 +119,7 @@ fn with_a_full_log() -> (Pair<'static>, PipeReader, JoinHandle<std::io::Result<(
 }
 
 #[test]
-fn a_log_whose_reader_stalls_holds_up_nobody_and_is_read_when_it_is_back() {
+fn a_log_whose_reader_stalls_blocks_nothing_and_is_read_when_it_is_back() {
     let (mut pair, mut reader, filling) = with_a_full_log();
     pair.back();
     let mut monitor = trued_client::Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
@@ -149,7 +149,7 @@ fn a_daemon_whose_log_is_never_read_ends_all_the_same() {
 }
 
 #[test]
-fn a_daemon_whose_log_nobody_reads_any_more_goes_on() {
+fn a_daemon_whose_log_nobody_reads_any_more_continues() {
     let mut pair = at_work();
     pair.daemon.turn_away();
     let mut monitor = trued_client::Monitor::connect_to(&pair.place.cell(), JAM).unwrap();

@@ -1,4 +1,4 @@
-//! The table of `docs/faults.md` names tests that there are, and that are run.
+//! The table of `docs/faults.md` names existing tests that are run.
 
 use std::fs;
 use std::path::Path;
@@ -14,7 +14,8 @@ fn sources(folder: &Path, text: &mut String) {
     }
 }
 
-/// Whether that function is a test: `#[test]` stands above it, with nothing but further attributes and words between.
+/// Whether that function is a test: `#[test]` is above it, with only attributes and comments
+/// between.
 fn is_test(code: &str, name: &str) -> bool {
     let head = format!("fn {name}(");
     let mut above = code.lines().collect::<Vec<_>>().into_iter().rev();

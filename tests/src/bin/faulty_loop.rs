@@ -1,5 +1,5 @@
-//! A robot's loop in Rust with random faults: what it commands and would send to the robot is written to a file, one record per cycle,
-//! for the test that judges it.
+//! A robot's loop in Rust with random faults: its commands and the targets it would send to the
+//! robot are written to a file, one record per cycle, for the test that checks them.
 //!
 //! `faulty-loop CELL FILE CYCLES CALM SEED`: CYCLES cycles with random faults, then CALM cycles without.
 
@@ -13,7 +13,7 @@ use trued_client::{Client, NotSent, Setpoint, monotonic_ns};
 
 type Fault = Box<dyn std::error::Error>;
 
-/// By how much the clock that stamps commands is set, ns.
+/// Change of the clock that stamps commands, ns.
 const CLOCKS_NS: [u64; 5] = [0, 300_000_000, 600_000_000, 2_000_000_000, 3_600_000_000_000];
 const PATIENCE: Duration = Duration::from_micros(500);
 
@@ -113,7 +113,7 @@ fn main() -> Result<(), Fault> {
         std::thread::sleep(Duration::from_nanos(due_ns.saturating_sub(monotonic_ns())));
         let command = wrong.command();
         if !wrong.is_silent {
-            // Of the cycle, as a cell's own clock would stamp it.
+            // Time of the cycle, as stamped by a cell's own clock.
             let t_ns = due_ns + wrong.clock_ns;
             let sent = client.send(&Setpoint::new(&command).at_ns(t_ns));
             if matches!(sent, Ok(_) | Err(NotSent::Lost)) {

@@ -1,7 +1,9 @@
-//! A round trip through C and C++ beside one through Rust, by turns in one run: `cargo xtask languages`.
+//! Compares a round trip through C and C++ with one through Rust, alternately in one run: `cargo
+//! xtask languages`.
 //!
-//! The daemon spins on one core, the program on another. The lowest median of each language counts, as what others take of the machine comes
-//! on top. A language that this machine has no compiler for is SKIPPED, loudly. Exit code 1 above the bar.
+//! The daemon spins on one core, the program on another. The lowest median of each language counts,
+//! because other load only adds to it. A language without a compiler on this machine is SKIPPED,
+//! with a message. Exit code 1 above the limit.
 #![expect(clippy::print_stdout, reason = "its account is what it is for")]
 #![expect(clippy::expect_used, reason = "a comparison that cannot go on ends loudly")]
 
@@ -18,7 +20,7 @@ const BAR: f64 = 1.1;
 const ROUNDS: usize = 15;
 const TARGETS: &str = "20000";
 const LIMIT: Duration = Duration::from_secs(20);
-/// What the examples' cell has beside its robot.
+/// Tables of the examples' cell besides its robot.
 const TABLES: &str = "[force]\nrate_Hz = 10000.0\nchannels = 3\n[vibration]\nenabled = true\n[cycle]\nperiod_ms = 0.1\nwait = \"spin\"\n";
 
 fn main() -> ExitCode {
@@ -82,7 +84,8 @@ impl Cores {
     }
 }
 
-/// The middle of a program's round trips, µs, with a daemon of its own that spins: what is compared is the client's part.
+/// The median of a program's round trips, µs, with a separate spinning daemon: the client's part is
+/// compared.
 fn round_trip_us(trued: &Path, program: &PathBuf, cores: &Cores) -> f64 {
     let place = Place::new("full", TABLES);
     let config = place.file("cell.toml");

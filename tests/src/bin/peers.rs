@@ -1,8 +1,10 @@
-//! One correction beside Pinocchio's forward kinematics, Jacobian and gravity of the same arm, by turns in one run: `cargo xtask peers`.
+//! Compares one correction with Pinocchio's forward kinematics, Jacobian and gravity of the same
+//! arm, alternately in one run: `cargo xtask peers`.
 //!
-//! Pinocchio comes from the package registry (`libpinocchio`, `cmeel-eigen`), with its headers; a few lines of C++ ask it. What cannot be installed or
-//! built is SKIPPED, loudly. Both go through the same poses; where TCP or gravity of one of them differ, nothing is compared.
-//! The lowest of many batches counts, as what others take of the machine comes on top.
+//! Pinocchio comes from the package registry (`libpinocchio`, `cmeel-eigen`), with its headers; a
+//! small C++ program calls it. If it cannot be installed or built, the comparison is SKIPPED, with
+//! a message. Both use the same poses; if TCP or gravity differ, nothing is compared. The lowest of
+//! many batches counts, because other load only adds to it.
 #![expect(clippy::print_stdout, reason = "its account is what it is for")]
 
 use std::io::{BufRead, BufReader, Write};
@@ -12,10 +14,10 @@ use tests::clients::{root, skipped};
 use tests::python::{environment, tried};
 
 const PACKAGES: [&str; 2] = ["libpinocchio>=4.1", "cmeel-eigen>=3.4"];
-/// Corrections of a batch, and batches of each: short, so that many of them are interrupted by nobody.
+/// Corrections per batch, and batches of each: short, so that many of them are not interrupted.
 const BATCH: usize = 200;
 const BATCHES: usize = 3000;
-/// What the issue asks for: one correction over Pinocchio's three.
+/// Required ratio of one correction to Pinocchio's three functions.
 const BAR: f64 = 0.9;
 /// What TCP and gravity torques may differ by, m and Nm.
 const AGREES: f64 = 1e-9;
@@ -39,7 +41,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Pinocchio's half, built; in words, what this machine lacks.
+/// The built C++ program, or what this machine lacks.
 fn built(scratch: &Path) -> Result<PathBuf, String> {
     let python = environment(&scratch.join("pinocchio"), &PACKAGES)?;
     let asked = "import sysconfig; print(sysconfig.get_path('purelib'))";
@@ -49,7 +51,7 @@ fn built(scratch: &Path) -> Result<PathBuf, String> {
     let (include, lib) = (prefix.join("include"), prefix.join("lib"));
     let program = scratch.join("pinocchio-beside");
     let mut compiler = Command::new(std::env::var_os("CXX").unwrap_or_else(|| "c++".into()));
-    // As fast as it gets: for this very processor; the limits of its lists are those that its own wheels are built with.
+    // Optimised for this processor; the limits of its lists are those of its own wheels.
     compiler.args(["-std=c++17", "-O3", "-march=native", "-DNDEBUG", "-w"]);
     compiler.args(["-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_MPL_LIMIT_LIST_SIZE=40"]);
     compiler.arg("-DBOOST_MPL_LIMIT_VECTOR_SIZE=40");
@@ -102,7 +104,7 @@ impl Drop for Half {
     }
 }
 
-/// Compares by turns; tells whether the bar was held.
+/// Compares alternately; returns whether the limit is met.
 fn compared(pinocchio: &Path) -> Result<bool, String> {
     let program = ours()?;
     let arm = Command::new(&program).arg("arm").output().map_err(|e| e.to_string())?;
@@ -111,7 +113,7 @@ fn compared(pinocchio: &Path) -> Result<bool, String> {
     let mut theirs = Half::start(&mut Command::new(pinocchio))?;
     theirs.tell(&arm)?;
     let first: usize = arm.lines().next().and_then(|n| n.trim().parse().ok()).unwrap_or(0);
-    // Joints, tool, gravity: then the number of poses.
+    // Joints, tool, gravity, followed by the number of poses.
     let poses: usize = arm.lines().nth(first + 3).and_then(|n| n.trim().parse().ok()).unwrap_or(0);
     let apart = apart(&mut ours, &mut theirs, poses)?;
     println!("TCP and gravity of {poses} poses agree to {apart:.1e} m, Nm");
@@ -150,7 +152,7 @@ fn apart(ours: &mut Half, theirs: &mut Half, poses: usize) -> Result<f64, String
         if a.len() != b.len() {
             return Err(format!("{} numbers beside {}", a.len(), b.len()));
         }
-        // What is no number is nothing that agrees.
+        // NaN does not agree.
         let off = a.iter().zip(&b).map(|(a, b)| (a - b).abs());
         most = off.fold(most, |most, off| if off.is_nan() { f64::NAN } else { most.max(off) });
     }

@@ -1,7 +1,9 @@
-//! What random poses of each preset of six or seven axes get: `cargo run --release -p tests --bin poses [COUNT]`.
+//! Corrections of random poses of each preset with six or seven axes: `cargo run --release -p tests
+//! --bin poses [COUNT]`.
 //!
-//! Each preset's arm errs in its zeros, its joints' compliance and its tool, drawn anew every 100 poses, about 3 mm at the tool; the envelope is the default one.
-//! Exit 1 where more than 1 % of the poses get no correction, or more than a tenth of the mean error is left.
+//! Each preset's arm has random errors of its zeros, joint compliances and tool, redrawn every 100
+//! poses, about 3 mm at the tool; the envelope is the default one. Exit 1 if more than 1 % of the
+//! poses get no correction, or more than a tenth of the mean error remains.
 #![expect(clippy::print_stdout, reason = "its account is what it is for")]
 
 use std::collections::BTreeMap;
@@ -20,7 +22,7 @@ const POSES_PER_ROBOT: usize = 100;
 const ZERO: f64 = 2e-3;
 const COMPLIANCE: f64 = 1e-6;
 const TOOL: f64 = 1e-3;
-/// Shares that the issue asks for: poses without a correction, mean error left.
+/// Required shares: poses without a correction, remaining mean error.
 const UNCORRECTED: f64 = 0.01;
 const LEFT: f64 = 0.1;
 

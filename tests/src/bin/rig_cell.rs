@@ -1,8 +1,9 @@
-//! A cell in miniature, for tests that kill it: a robot's loop that says what it gets, or (`monitor`, `force`) one of the others
-//! that a cell has.
+//! A minimal cell, for tests that kill it: a robot's loop that prints what it receives, or
+//! (`monitor`, `force`) one of a cell's other processes.
 //!
-//! On standard output: `answered NS by PID`, events of the connection, `broken WORDS`; in the end `ticks N`.
-//! On standard input: `clock NS` sets the clock that stamps its commands to so much before the system's. Ends when that closes.
+//! Standard output: `answered NS by PID`, events of the connection, `broken WORDS`; at the end
+//! `ticks N`. Standard input: `clock NS` sets the clock that stamps its commands to this offset
+//! from the system's. It ends when the input closes.
 #![expect(clippy::print_stdout, reason = "a test listens")]
 
 use shm_schema::Cell;
@@ -44,7 +45,7 @@ fn main() {
     }
 }
 
-/// Tries until it is in; none where the end came before.
+/// Tries until it has joined; `None` if it has to end before.
 fn joined<T, E: Display>(over: &AtomicBool, mut join: impl FnMut() -> Result<T, E>) -> Option<T> {
     while !over.load(Relaxed) {
         match join() {
@@ -82,7 +83,7 @@ fn run(cell: &Cell, over: &AtomicBool, clock_ns: &AtomicI64) {
     println!("ticks {}", cell_loop.ticks);
 }
 
-/// Whoever looks on: a sign of life with each new status.
+/// A monitor: prints a line for each new status.
 fn look(cell: &Cell, over: &AtomicBool) {
     let Some(mut monitor) = joined(over, || Monitor::connect_to(cell, PATIENCE)) else { return };
     let mut seen_ns = 0;

@@ -1,8 +1,9 @@
-//! Faults at random over real processes, for as long as asked: `cargo xtask soak`.
+//! Random faults over real processes, for a given time: `cargo xtask soak`.
 //!
-//! Arguments: minutes, seed. After each fault the robot's loop must be answered within a second, with no bound broken; the daemon's
-//! memory is told as it goes, and must be flat. In the last two thirds nobody ends the daemon, so that one life is long.
-//! Exit code 1 where something was late, or memory grew.
+//! Arguments: minutes, seed. After each fault the robot's loop must be answered within a second,
+//! with no limit broken; the daemon's memory is printed, and must not grow. In the last two thirds
+//! the daemon is not ended, so that one process runs for long. Exit code 1 if something was late,
+//! or memory grew.
 #![expect(clippy::print_stdout, reason = "its account is what it is for")]
 #![expect(clippy::expect_used, reason = "a soak that cannot go on ends loudly")]
 
@@ -23,7 +24,7 @@ use tests::strikes::{DEADLY, FULL_DISK, KINDS, strike};
 const BAR: Duration = Duration::from_secs(1);
 /// Says that the mount namespace is there.
 const WITH_DISK: &str = "with-disk";
-/// Room of the black boxes' disk: two files, and what is written while one is ended.
+/// Size of the recordings' disk: two files, and what is written while one is closed.
 const DISK_MB: u32 = 32;
 
 /// What was seen of one kind of fault.
@@ -51,7 +52,8 @@ fn main() {
     std::process::exit(i32::from(!sound));
 }
 
-/// Goes on in a mount namespace of its own, where black boxes may have a small disk; returns only where that cannot be, with the reason.
+/// Continues in a separate mount namespace, where recordings may have a small disk; returns only if
+/// that is impossible, with the reason.
 fn with_a_disk(arguments: &[&str]) -> String {
     let mut unshare = vec!["unshare", "--mount"];
     if !rustix::process::geteuid().is_root() {
@@ -70,7 +72,7 @@ fn with_a_disk(arguments: &[&str]) -> String {
     command(&myself).args(arguments).exec().to_string()
 }
 
-/// The small disk of a place; gone, with the place, at the end.
+/// The small disk of a place, removed with it.
 struct Disk(PathBuf);
 
 impl Disk {
@@ -128,7 +130,7 @@ fn soak(programs: Programs<'_>, seconds: f64, seed: u64, has_disk: bool) -> bool
     told(&seen) & flat(&resident)
 }
 
-/// The account; whether nothing was late.
+/// Prints the results; returns whether nothing was late.
 fn told(seen: &BTreeMap<&str, Seen>) -> bool {
     println!("{:<24} {:>6} {:>12} {:>6}", "fault", "times", "worst, ms", "late");
     for (kind, Seen { times, worst, late }) in seen {

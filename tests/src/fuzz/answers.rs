@@ -1,6 +1,6 @@
 //! JSON input: a solver's answer to a challenge, and experiment requests of a diagnosis.
 //!
-//! Never: a file, a solver.
+//! No files, no solver.
 
 use challenge::answer::Answer;
 use challenge::bench::Judged;
@@ -13,7 +13,7 @@ use trued::asked::Asked;
 use super::files::NAME;
 use super::messages::MODEL;
 
-/// What an answer is held against: play at joint 3, shown well, and alike something else.
+/// The truth of an answer: clearly visible backlash at joint 3, similar to something else.
 fn truth(tier: Tier) -> Truth {
     let rivals = vec![("hysteresis", Some(3))];
     Truth {
@@ -32,7 +32,7 @@ fn truth(tier: Tier) -> Truth {
     }
 }
 
-/// An answer is scored whatever it says; every share is one.
+/// Any answer is scored; every share is valid.
 pub(super) fn answer(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     for domain in ["position", "torque", "force"] {
@@ -57,7 +57,7 @@ pub(super) fn answer(bytes: &[u8]) {
     }
 }
 
-/// What is asked for is a path that can be read, once it was measured.
+/// A requested experiment is a readable path, once it was measured.
 pub(super) fn request(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     let asked = match Asked::parse(&text) {

@@ -1,6 +1,6 @@
 //! Controller protocols and bridge configurations: accepted input is complete and written correctly.
 //!
-//! Never: a socket, a daemon; what a bridge does with a correction stands in its own tests.
+//! No sockets, no daemon; the handling of corrections is tested in the bridges' own tests.
 
 use bridge::egm::joints::Order;
 use bridge::egm::messages::{
@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 
 use super::files::{NAME, shown, text};
 
-/// What a bridge takes in one datagram, and may send in one.
+/// Largest datagram received or sent by a bridge.
 const DATAGRAM_MAX: usize = 16_384;
 /// No correction is as large, degrees or mm.
 const NUMBERS: [f64; NUMBERS_MAX] = [-999.999_999, 0.0, 0.000_001, -0.25, 1e5, 12.5];
@@ -30,7 +30,7 @@ fn own(config: &RsiConfig) -> &Group {
     }
 }
 
-/// A telegram: its numbers are numbers, and its clock comes back digit by digit.
+/// A telegram: its values are numbers, and its clock is echoed digit by digit.
 pub(super) fn rsi(bytes: &[u8]) {
     let Some(telegram) = Telegram::read(bytes) else { return };
     assert!(telegram.ipoc.parse::<u64>().is_ok(), "{}", telegram.ipoc);
@@ -43,7 +43,7 @@ pub(super) fn rsi(bytes: &[u8]) {
     answered(&RSI, &numbers, telegram.ipoc);
 }
 
-/// An answer fits, or is none; read as its receiver would, it says what was meant.
+/// An answer fits, or there is none; read like its receiver, it has the intended content.
 fn answered(config: &RsiConfig, numbers: &[f64; NUMBERS_MAX], ipoc: &str) {
     let own = own(config);
     let form = Form::new(&config.ethernet, own, config.feed.as_ref(), &config.others);
@@ -65,7 +65,7 @@ fn answered(config: &RsiConfig, numbers: &[f64; NUMBERS_MAX], ipoc: &str) {
     }
 }
 
-/// A datagram of EGM's; the first byte says which message it shall be.
+/// An EGM datagram; the first byte selects the message.
 pub(super) fn egm(bytes: &[u8]) {
     let Some((kind, datagram)) = bytes.split_first() else { return };
     match kind % 3 {
@@ -96,7 +96,8 @@ pub(super) fn egm(bytes: &[u8]) {
     }
 }
 
-/// Joints are numbers or none; changed in place they read as changed, and nothing else is.
+/// Joints are numbers or missing; changed in place they are read as changed, and nothing else
+/// changes.
 fn posture<E: std::fmt::Debug>(
     datagram: &[u8],
     posture: &Posture,
@@ -134,7 +135,7 @@ fn own_answer(header: Header) {
     assert_eq!((again.header, again.offset.map(|o| o.mm)), (header, Some([0.0, -1.5, 2.5])));
 }
 
-/// A bridge's configuration, and behind a form feed the controller's own.
+/// A bridge's configuration, followed by a form feed and the controller's own.
 pub(super) fn config(bytes: &[u8]) {
     let Some(text) = text(bytes) else { return };
     let Some((text, xml)) = text.split_once('\u{c}') else {

@@ -1,6 +1,6 @@
 //! Files: accepted input is complete and written back to the same bits.
 //!
-//! Never: a judgement of faults; any account of them will do, as long as it can be shown.
+//! The content of faults is not checked, as long as they can be displayed.
 
 use recording::blackbox;
 use recording::cell::CellConfig;
@@ -17,7 +17,7 @@ use std::path::Path;
 
 pub(super) const NAME: &str = "fuzzed";
 
-/// The text of these bytes, as every reader of a text file takes it.
+/// The text of these bytes, as for every reader of a text file.
 pub(super) fn text(bytes: &[u8]) -> Option<String> {
     shown(text_of(NAME, bytes.to_vec()))
 }
@@ -47,7 +47,7 @@ pub(super) fn model(bytes: &[u8]) {
     }
 }
 
-/// A model that was accepted stands in its file bit for bit.
+/// An accepted model is written to its file bit for bit.
 fn written_back(model: &RobotModel) {
     let written = model.file.to_toml();
     let again = again(RobotModel::parse(NAME, &written));
@@ -99,7 +99,7 @@ pub(super) fn recording(bytes: &[u8]) {
             continue;
         };
         sound(&recording);
-        // In the file's own units numbers may round; in SI they do not.
+        // In the file's own units values may be rounded; in SI they are not.
         recording.units = FileUnits::SI;
         let written = String::from_utf8_lossy(&recording.to_csv()).into_owned();
         let mut again = again(series::read_text(NAME, &written, None, None, need));
@@ -136,7 +136,7 @@ pub(super) fn black_box(bytes: &[u8]) {
     }
 }
 
-/// Whatever an instrument wrote: WAV, UFF and `LabVIEW` say so themselves, all else is a table.
+/// Instrument files: WAV, UFF and `LabVIEW` are recognised by content, others are tables.
 pub(super) fn waves(bytes: &[u8]) {
     let path = Path::new(NAME);
     for rate_hz in [None, Some(1000.0)] {

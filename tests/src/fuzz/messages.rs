@@ -1,6 +1,7 @@
-//! Shared memory: whatever another process wrote, no target violates a limit and no text fails.
+//! Shared memory: for any content written by another process, no target violates a limit and no
+//! text fails.
 //!
-//! Never: a port; these are the checks behind it.
+//! No ports; these are the checks after reception.
 
 use corrector::{Corrector, Mode, Settings, World, WrenchSample};
 use envelope::Limits;
@@ -93,7 +94,8 @@ pub(super) fn force(bytes: &[u8]) {
     let _ = (watch.health(), watch.lines());
 }
 
-/// Every other message as it may stand in memory, and the file that says which memory that is. The first byte says which.
+/// Every other message with arbitrary memory content, and the file that identifies the memory. The
+/// first byte selects it.
 pub(super) fn all_others(bytes: &[u8]) {
     let Some((kind, rest)) = bytes.split_first() else { return };
     match kind % 8 {

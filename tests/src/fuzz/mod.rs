@@ -1,7 +1,8 @@
 //! Properties that must hold for arbitrary bytes, one function per parser: `fn(&[u8])`.
 //!
-//! Shared by `tests/fuzz` (stable, bounded, in CI) and the programs in `fuzz/` (`cargo fuzz`). Promises: a function returns, whatever
-//! the bytes; where what was read breaks its contract, it panics and says how. Never: chance, a file, a clock.
+//! Shared by `tests/fuzz` (stable, bounded, in CI) and the programs in `fuzz/` (`cargo fuzz`). A
+//! function returns for any bytes; if the result violates a property, it panics with a description.
+//! Deterministic, without files and clocks.
 
 mod answers;
 mod bridges;
@@ -17,7 +18,7 @@ pub struct Target {
     pub run: fn(&[u8]),
     /// Other files of the tree that are examples of its input: folder and ending.
     pub examples: &'static [(&'static str, &'static str)],
-    /// How many inputs CI tries for every 100: what is slow gets fewer.
+    /// Relative number of inputs in CI, of 100: slow targets have fewer.
     pub share: u64,
 }
 
@@ -61,10 +62,10 @@ pub const ALL: &[Target] = &[
     Target { name: "request", run: answers::request, examples: &[], share: 20 },
 ];
 
-/// Runs the target of that name.
+/// Runs the target with that name.
 ///
 /// # Panics
-/// Where what must hold does not, or there is no such target.
+/// If a property is violated, or there is no such target.
 pub fn run(name: &str, bytes: &[u8]) {
     let target = ALL.iter().find(|target| target.name == name);
     (target.expect("a target of the house").run)(bytes);

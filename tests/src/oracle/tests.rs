@@ -26,7 +26,7 @@ fn sent(c: f64) -> [f64; JOINTS] {
     Q.map(|q| q + c)
 }
 
-/// A correction that keeps all bounds, from rest.
+/// A correction that keeps all limits, from rest.
 fn smooth(k: u64) -> f64 {
     2.5e-4 * (1.0 - (5.0 * k as f64 * 1e-3).cos()).powi(2)
 }
@@ -72,7 +72,7 @@ fn after_a_silence_the_correction_is_what_it_was() {
 }
 
 #[test]
-fn after_a_silence_the_correction_goes_on_from_rest() {
+fn after_a_silence_the_correction_continues_from_rest() {
     let after = |c: fn(u64) -> f64| {
         let mut oracle = oracle();
         (0..300).try_for_each(|k| oracle.take(k * MS, k * MS, &Q, &sent(smooth(k)))).unwrap();
@@ -121,7 +121,8 @@ fn jitter_excuses_what_it_makes_of_a_motion_and_no_step() {
     assert!(judged(1e-4).is_err());
 }
 
-/// Cycles of a cell whose clock jitters, that overrun, whose commands the daemon misses, whose answers come late or stay away: how often changes all the time.
+/// Cycles of a cell with clock jitter, overruns, missed commands, and late or missing answers, at
+/// varying rates.
 struct Cell {
     chance: Chance,
     due_ns: u64,

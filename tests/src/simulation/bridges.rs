@@ -1,8 +1,9 @@
-//! Both bridges in virtual time, between a controller and a daemon that fail at random. What reaches the robot is held against the
-//! oracle in every cycle.
+//! Both bridges in virtual time, between a controller and a daemon with random faults. The targets
+//! of the robot are checked by the oracle in every cycle.
 //!
-//! The bridges are the product's own, without sockets; so are the corrector and the client's output behind them. Datagrams of the
-//! controller are lost, late, repeated, reordered, replayed, cut off, foreign, and jitter by up to half a millisecond.
+//! The bridges are those of the product, without sockets; so are the corrector and the client's
+//! output behind them. Datagrams of the controller are lost, late, repeated, reordered, replayed,
+//! truncated, foreign, and jitter by up to half a millisecond.
 
 mod egm;
 mod rsi;
@@ -19,33 +20,33 @@ use recording::model::presets::preset;
 use shm_schema::{Command, Corrected, CorrectionStatus, FeedBounds, RobotState};
 use trued_client::{Output, Setpoint};
 
-/// Time between a controller's cycles, ns, and by how much each may be late.
+/// Time between a controller's cycles, ns, and the largest delay of each.
 const CYCLE_NS: u64 = 4_000_000;
 const JITTER_NS: u64 = 500_000;
 /// Cycles with faults, then without.
 const STORM: u64 = 1000;
 const CALM: u64 = 750;
-/// Bounds of the feed override that the daemon tells.
+/// Limits of the feed override sent by the daemon.
 const FEED: FeedBounds =
     FeedBounds { floor: 0.1, lost: 0.2, down_per_s: 2.0, up_per_s: 0.2, hold_s: 0.2 };
-/// What it asks for in turn, garbage among it, and for how many commands each.
+/// Its overrides in turn, including invalid ones, and the number of commands for each.
 const ASKED: [f64; 6] = [0.3, 1.0, f64::NAN, 0.1, 7.0, 0.7];
 const ASKED_COMMANDS: u64 = 60;
-/// So long after the last fault the daemon's own correction goes out.
+/// Number of cycles after the last fault within which the daemon's own correction must be sent.
 const BACK_AFTER: u64 = 250;
 
-/// What a run came to.
+/// Result of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
     /// Targets that reached the robot, each judged.
     pub sent: u64,
     /// Runs of the robot.
     pub runs: u64,
-    /// Storms of faults, each followed by a calm in which the daemon's own correction came back.
+    /// Storms of faults, each followed by a calm in which the daemon's own correction returned.
     pub storms: u64,
     /// The largest correction that went out, rad.
     pub largest: f64,
-    /// What broke, in words; a run ends with the first.
+    /// The violation, as text; a run ends with the first.
     pub broken: Option<String>,
 }
 
@@ -56,7 +57,7 @@ impl Summary {
     }
 }
 
-/// EGM until so many targets have reached the robot, or something broke.
+/// EGM until `targets` targets have reached the robot, or a violation.
 #[must_use]
 pub fn egm(seed: u64, targets: u64) -> Summary {
     run(egm::EgmCell::new(seed), targets)
@@ -81,7 +82,7 @@ trait Cell {
     fn summary(&mut self) -> &mut Summary;
 }
 
-/// Storms of faults, each followed by a calm in which the daemon's own correction has to come back.
+/// Storms of faults, each followed by a calm in which the daemon's own correction has to return.
 fn run(mut cell: impl Cell, targets: u64) -> Summary {
     while cell.summary().sent < targets && cell.summary().broken.is_none() {
         cell.daemon().fails = true;
@@ -130,7 +131,7 @@ struct VirtualDaemon {
     seq: u64,
     sent: Option<Command>,
     newest: Option<Corrected>,
-    /// An answer under way.
+    /// An answer in transit.
     late: Option<Corrected>,
     /// Until when there is no daemon, ns.
     away_until_ns: u64,
@@ -160,7 +161,7 @@ impl VirtualDaemon {
         }
     }
 
-    /// Whether the daemon's own correction for the newest target is what was sent, bit for bit.
+    /// Whether the target sent is the newest one with the daemon's own correction, bit for bit.
     fn is_exact(&self) -> bool {
         let (Some(newest), Some(sent)) = (self.newest, self.sent) else { return false };
         newest.command_seq == sent.seq && newest.correction == self.output.correction()
@@ -170,7 +171,7 @@ impl VirtualDaemon {
         (self.fails, self.away_until_ns) = (false, 0);
         self.corrector.set_mode(Mode::Full);
         self.corrector.set_bypass(false);
-        // With the nominal model there would be no correction to come back.
+        // With the nominal model there would be no correction.
         self.model = self.models[0];
         self.corrector.model_changed(&self.model);
     }

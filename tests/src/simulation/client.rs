@@ -5,7 +5,7 @@ use crate::chance::Chance;
 use shm_schema::{Command, Corrected, JOINTS_MAX, JointBounds};
 use trued_client::{Output, Setpoint, Source};
 
-/// How long after its command the robot's loop takes what there is, ns.
+/// Time after its command at which the robot's loop reads the answer, ns.
 pub(super) const READ_AFTER_NS: u64 = 300_000;
 
 /// What the loop sends to the robot in one tick.
@@ -32,7 +32,7 @@ pub(super) struct Client {
     sent: Option<Command>,
     newest: Option<Corrected>,
     clock_set_ns: i64,
-    /// What is added to the path's joints for a while, rad, and for so many ticks.
+    /// Temporary offset of the path's joints, rad, and its remaining ticks.
     odd: ([f64; JOINTS], u64),
 }
 
@@ -61,7 +61,7 @@ impl Client {
         self.newest = None;
     }
 
-    /// Another run; the correction goes on.
+    /// Starts another session; the correction continues.
     pub(super) fn start_anew(&mut self, session: u64) {
         (self.session, self.seq) = (session, 0);
     }
@@ -79,7 +79,7 @@ impl Client {
         self.clock_set_ns += if chance.below(2) == 0 { by_ns } else { -by_ns };
     }
 
-    /// The commands leave the model's limits for a while, jump, or are no numbers.
+    /// The commands leave the model's limits for a while, jump, or are not finite.
     pub(super) fn go_astray(&mut self, chance: &mut Chance) {
         let by = [1.0, 10.0, -7.0, 1e3, f64::NAN, f64::INFINITY][chance.below(6) as usize];
         let mut odd = [0.0; JOINTS];
@@ -87,7 +87,7 @@ impl Client {
         self.odd = (odd, 1 + chance.below(300));
     }
 
-    /// The command of this tick, as it goes to the daemon; none where it is no number.
+    /// The command of this tick, as sent to the daemon; `None` if it is not finite.
     pub(super) fn command(&mut self, now_ns: u64, calm: bool) -> Option<Command> {
         self.q_cmd = path(now_ns);
         let (odd, ticks) = &mut self.odd;
@@ -104,7 +104,7 @@ impl Client {
         Some(command)
     }
 
-    /// What goes to the robot, given what has come; nothing for a command that is no number.
+    /// The target for the robot, given the answer received; none for a command that is not finite.
     pub(super) fn send(&mut self, fresh: Option<Corrected>, now_ns: u64) -> Option<Sent> {
         self.newest = fresh.or(self.newest);
         let (newest, sent) = (self.newest.as_ref(), self.sent.as_ref());

@@ -1,9 +1,13 @@
-//! A cell that mills in virtual time: the daemon's own cycle, the client's own output, a robot that gives way, a cut whose depth varies 2:1, and a force sensor that fails on request.
-//! Every feed override that the robot is handed is held against floor and rates.
+//! A cell that mills in virtual time: the daemon's own cycle, the client's own output, a compliant
+//! robot, a cut whose depth varies 2:1, and a force sensor that fails on request. Every feed
+//! override of the robot is checked against floor and rates.
 //!
-//! Robot, cut and sensor are written here, without a line of the feed's estimate. The tool goes round the first axis, so that its speed is known. The force is `K depth speed`; the robot gives
-//! way by force over stiffness. 0.5 N/µm is the order that serial robots have; with 250 N at full depth and the programmed feed of 20 mm/s the deviation is 0.5 mm. The cutter of 10 mm
-//! radius enters another depth over its radius. An override takes effect after a dead time and the controller's smoothing, the force is a block's mean and comes late: 60 ms together.
+//! Robot, cut and sensor are independent of the feed's estimate. The tool moves around the first
+//! axis, so that its speed is known. The force is `K depth speed`; the robot is deflected by force
+//! over stiffness. 0.5 N/µm is typical of serial robots; with 250 N at full depth and the
+//! programmed feed of 20 mm/s the deviation is 0.5 mm. The cutter of 10 mm radius enters another
+//! depth over its radius. An override takes effect after a dead time and the controller's
+//! smoothing, the force is a block's mean and is delayed: 60 ms in total.
 
 use crate::cell_loop::{JOINTS, MIDDLE};
 use crate::chance::Chance;
@@ -31,13 +35,13 @@ use trued_client::{Output, Setpoint};
 const START_NS: u64 = 1 << 40;
 /// Time between commands, ns.
 pub const TICK_NS: u64 = 4_000_000;
-/// How long after its command the robot's loop takes what there is, ns.
+/// Time after its command at which the robot's loop reads the answer, ns.
 const READ_AFTER_NS: u64 = 300_000;
 /// Ticks between two states of the daemon: 40 ms.
 const STATUS_TICKS: usize = 10;
-/// How the robot gives way, N/m.
+/// Stiffness of the robot, N/m.
 pub const STIFFNESS_N_M: f64 = 0.5e6;
-/// The feed that the program asks for, m/s.
+/// Programmed feed, m/s.
 pub const PROGRAMMED_M_S: f64 = 0.02;
 /// The force at full depth and the programmed feed, N.
 pub const FULL_N: f64 = 250.0;
@@ -48,19 +52,19 @@ const RADIUS_M: f64 = 0.01;
 /// From the override to the controller's interpolation, and its smoothing, s.
 const DEAD_TICKS: usize = 5;
 const SMOOTHING_S: f64 = 0.025;
-/// The force comes so late, ticks.
+/// Delay of the force, ticks.
 const SENSOR_TICKS: usize = 3;
 /// Ripple of the force from one block to the next, share.
 const RIPPLE: f64 = 0.03;
 
-/// How the cell is told to cut.
+/// The simulated process.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Tables of the cell's file.
     pub tables: String,
     /// The mode at the start.
     pub mode: &'static str,
-    /// The controller's own override on top, a constant.
+    /// The controller's own additional override, constant.
     pub constant: f64,
     /// How long it may take, ticks.
     pub ticks: usize,
@@ -68,30 +72,30 @@ pub struct Plan {
     pub events: Vec<(usize, Event)>,
     /// Of the ripple.
     pub seed: u64,
-    /// Floor of the override that the oracle holds it to, and how fast it may fall and rise, per s.
+    /// Floor of the override for the oracle, and its rates of fall and rise, per s.
     pub bounds: [f64; 3],
-    /// The model has the robot's load compliance, else it is the nominal one.
+    /// The model has the robot's load compliance; otherwise it is the nominal one.
     pub is_full_model: bool,
 }
 
 /// What is done to the cell at a tick.
 #[derive(Clone, Copy, Debug)]
 pub enum Event {
-    /// What the sensor says from now on.
+    /// State of the sensor from now on.
     Sensor(Sensor),
     /// The mode of the correction.
     Mode(Mode),
-    /// The correction is taken out, or let in again.
+    /// The correction is bypassed, or released again.
     Bypass(bool),
     /// The model is loaded again.
     Reload,
-    /// The daemon dies, and another one is there after so many ticks.
+    /// The daemon dies, and another one starts after this many ticks.
     Restart(usize),
-    /// The program stops, or goes on.
+    /// The program stops, or continues.
     Stop(bool),
 }
 
-/// What the sensor says.
+/// State of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sensor {
     /// The force.
@@ -100,17 +104,17 @@ pub enum Sensor {
     Silent,
     /// The last force again and again, with its old time.
     Stale,
-    /// The force, of a channel that is stuck or of a stream whose clock is another.
+    /// The force, from a channel that is stuck or a stream with another clock.
     Faulty,
-    /// No number.
+    /// NaN.
     Nan,
-    /// More than any robot bears.
+    /// More than any robot can bear.
     Absurd,
     /// The force, with one block in ten that is ten times as large.
     Spiky,
 }
 
-/// What one tick came to.
+/// Result of one tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Tick {
     /// Where the tool is on its path, m.
@@ -121,7 +125,7 @@ pub struct Tick {
     pub off_m: f64,
     /// What the robot was handed.
     pub feed_override: f64,
-    /// What the daemon says.
+    /// State reported by the daemon.
     pub state: FeedState,
     /// Why.
     pub reason: FeedReason,
@@ -142,7 +146,7 @@ impl Run<Tick> {
         self.ticks.len() as f64 * TICK_NS as f64 * 1e-9
     }
 
-    /// Whether the tool came to the end of its path.
+    /// Whether the tool reached the end of its path.
     #[must_use]
     pub fn is_through(&self) -> bool {
         self.ticks.last().is_some_and(|tick| tick.at_m >= length_m())
@@ -206,7 +210,7 @@ struct Wire {
     sensor: Sensor,
     last_sample: Option<Measured>,
     before: Option<f64>,
-    /// A daemon dies, and is away for so many ticks.
+    /// Remaining ticks without a daemon.
     away_ticks: Option<usize>,
     run: Run<Tick>,
 }
@@ -285,7 +289,7 @@ impl Wire {
         }
     }
 
-    /// The first joint turns by the way over the tool's radius.
+    /// The first joint turns by the path length over the tool's radius.
     fn q(&self) -> Joints {
         let mut q = [0.0; JOINTS_MAX];
         q[..JOINTS].copy_from_slice(&MIDDLE);
@@ -299,7 +303,7 @@ impl Wire {
         status
     }
 
-    /// The robot's loop takes what there is and moves on.
+    /// The robot's loop reads the answer and moves.
     fn finish_tick(&mut self) {
         let Some(sent) = self.sent else { return };
         let status = self.status();

@@ -1,8 +1,10 @@
-//! A cell with an instrument in virtual time: the daemon's own cycle, the client's own output, a robot whose tool is not where the model says, and an instrument that
-//! is late, noisy, blind at times, and jumps. The oracle judges every target that the robot is sent.
+//! A cell with an instrument in virtual time: the daemon's own cycle, the client's own output, a
+//! robot whose tool deviates from the model, and an instrument that is late, noisy, sometimes
+//! blind, and jumps. The oracle checks every target of the robot.
 //!
-//! Robot and instrument are written here, without a line of the trim. The robot follows a target after its reaction; its tool stands where the model has it, plus an error that the model
-//! knows nothing of: 1 mm along base z, and what goes with joints 1 and 2.
+//! Robot and instrument are independent of the trim. The robot follows a target after its reaction
+//! time; its tool is at the model's position plus an error unknown to the model: 1 mm along base z,
+//! and a part that depends on joints 1 and 2.
 
 use crate::cell_loop::{JOINTS, MIDDLE, TICK_NS};
 use crate::chance::Chance;
@@ -29,7 +31,7 @@ use trued_client::{Output, Setpoint};
 
 /// When a run begins.
 const START_NS: u64 = 1 << 40;
-/// How long after its command the robot's loop takes what there is, ns.
+/// Time after its command at which the robot's loop reads the answer, ns.
 const READ_AFTER_NS: u64 = 300_000;
 
 /// The instrument and the robot, as they are.
@@ -49,14 +51,14 @@ pub struct Truth {
     pub dropouts: f64,
     /// Share of the measurements that are off by 1 mm.
     pub jumps: f64,
-    /// Joints swing by so much about their middle, rad, in [`Truth::period_s`].
+    /// Amplitude of the joints' oscillation about their middle, rad, with [`Truth::period_s`].
     pub swing_rad: f64,
     /// The time of a swing, s.
     pub period_s: f64,
 }
 
 impl Truth {
-    /// 20 ms late, 100 Hz, 0.02 mm of noise, 10 % dropouts, jumps of 1 mm; the robot stands.
+    /// 20 ms late, 100 Hz, 0.02 mm of noise, 10 % dropouts, jumps of 1 mm; the robot is at rest.
     #[must_use]
     pub const fn stated() -> Self {
         Self {
@@ -78,32 +80,32 @@ impl Truth {
 pub enum Event {
     /// The beam is broken, or free again.
     Blind(bool),
-    /// The instrument's coordinates move by so much along y, m.
+    /// The instrument's coordinates shift along y, m.
     Shift(f64),
     /// The mode of the correction.
     Mode(Mode),
-    /// The correction is taken out, or let in again.
+    /// The correction is bypassed, or released again.
     Bypass(bool),
-    /// Armed: the registration counts as looked after.
+    /// Armed: the registration counts as checked.
     Arm,
     /// The model is loaded again.
     Reload,
 }
 
-/// What one tick came to.
+/// Result of one tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Tick {
     /// From where the tool should be to where it is, base frame, m.
     pub off_m: DVec3,
-    /// What the trim does.
+    /// State of the trim.
     pub state: TrimState,
     /// Why.
     pub reason: TrimReason,
     /// The trim, base frame, m.
     pub trim_m: DVec3,
-    /// What it finds of the model's error, base frame, m.
+    /// Its estimate of the model's error, base frame, m.
     pub found_m: DVec3,
-    /// Measurements that came, and those that were refused.
+    /// Measurements received and refused.
     pub counts: [u64; 2],
 }
 
@@ -146,10 +148,10 @@ struct Wire {
     run: Run<Tick>,
 }
 
-/// Runs so many ticks of a cell with these tables of its configuration.
+/// Runs a number of ticks of a cell with these tables in its configuration.
 ///
 /// # Panics
-/// On a configuration that is none.
+/// On an invalid configuration.
 #[must_use]
 pub fn run(
     tables: &str,
@@ -215,7 +217,7 @@ impl Wire {
         q
     }
 
-    /// The robot's loop takes what there is, the tool moves, the instrument measures.
+    /// The robot's loop reads the answer, the tool moves, the instrument measures.
     fn finish_tick(&mut self) {
         let Some(sent) = self.sent else { return };
         let q_cmd = self.command_of(&sent);

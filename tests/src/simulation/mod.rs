@@ -1,7 +1,8 @@
 //! The daemon's own cycle and the client's own output in one thread, in virtual time, with faults drawn by seed.
 //!
-//! Nothing of the product is copied: [`Cycle`] runs as in the daemon, over a wire instead of shared memory, and
-//! [`Output`](trued_client::Output) as in the client. The same seed gives the same run, bit for bit. No thread, no real clock.
+//! The product's code is used: [`Cycle`] runs as in the daemon, over a simulated connection instead
+//! of shared memory, and [`Output`](trued_client::Output) as in the client. The same seed gives the
+//! same run, bit for bit. No threads, no real clock.
 
 pub mod bridges;
 mod client;
@@ -28,32 +29,32 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use wire::Wire;
 
-/// Ticks with faults, then without: after those everything must be as if nothing had been.
+/// Ticks with faults, then without: afterwards everything must be normal again.
 const STORM_TICKS: u64 = 1500;
 const CALM_TICKS: u64 = 1500;
 /// Largest number of restarts of the daemon in a storm.
 const RESTARTS_MAX: u64 = 3;
 
-/// What a run came to.
+/// Result of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// Targets that the daemon published, each held against the invariants.
+    /// Targets published by the daemon, each checked against the invariants.
     pub cycles: u64,
-    /// Ticks of the robot's loop, each with a target held against them too.
+    /// Ticks of the robot's loop, each with a target checked as well.
     pub ticks: u64,
-    /// Storms of faults, each followed by a calm in which all came back.
+    /// Storms of faults, each followed by a calm in which everything recovered.
     pub storms: u64,
-    /// How long after the last fault of each storm the daemon's own correction went out again, ms.
+    /// Time from the last fault of each storm until the daemon's own correction was sent again, ms.
     pub back_after_ms: Vec<u64>,
-    /// How often the daemon said what, and where the client's targets came from.
+    /// Counts of the daemon's statuses and reasons, and of the sources of the client's targets.
     pub said: BTreeMap<String, u64>,
-    /// All published numbers, folded: tells two runs apart.
+    /// Hash of all published numbers: distinguishes two runs.
     pub hash: u64,
-    /// What broke, in words; a run ends with the first.
+    /// The violation, as text; a run ends with the first.
     pub broken: Option<String>,
 }
 
-/// The correction's settings of one life of a daemon, with the usual limits, tighter or wider ones.
+/// The correction's settings of one run of a daemon, with the usual limits, tighter or wider ones.
 fn settings(mode: Mode, which: u64) -> Settings {
     let (angle, rate, jerk) =
         [(0.02, 0.05, 5.0), (0.001, 0.005, 0.5), (0.01, 0.1, 50.0)][which as usize % 3];
@@ -67,7 +68,7 @@ fn models() -> [Model; 2] {
     [full, Model::nominal(full.arm)]
 }
 
-/// Runs until so many targets were published, or something broke.
+/// Runs until `cycles` targets were published, or a violation.
 #[must_use]
 pub fn run(seed: u64, cycles: u64) -> Summary {
     let mut chance = Chance::new(seed);
@@ -76,7 +77,7 @@ pub fn run(seed: u64, cycles: u64) -> Summary {
     let mut wire = Wire::new(chance.bits(), &setup::bounds(&settings, &models[0].arm));
     let mut mode = Mode::Full;
     while wire.watch.summary.cycles < cycles && wire.watch.summary.broken.is_none() {
-        // Each life of the daemon but the last ends amid the storm.
+        // Each daemon but the last ends during the storm.
         let lives = chance.below(RESTARTS_MAX);
         for life in 0..=lives {
             let last = life == lives;

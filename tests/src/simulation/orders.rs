@@ -8,7 +8,7 @@ use daemon::sensor_inputs::Measured;
 use physics::Model;
 use std::sync::atomic::Ordering::Relaxed;
 
-/// A wrench is far from a number, or from now.
+/// An invalid wrench, or one with a wrong time.
 fn wrench(chance: &mut Chance) -> Measured {
     let wild = [f64::NAN, f64::INFINITY, -1e300, 1e-320, 1e9];
     let odd = chance.below(10) == 0;
@@ -33,7 +33,7 @@ pub(super) fn give(chance: &mut Chance, exchange: &Exchange, models: &[Model; 2]
             exchange.set_mode(mode);
         }
         6..12 if exchange.next_model.is_empty() => {
-            // As the supervisor does: only while there is room for the one that comes back.
+            // Like the supervisor: only while there is room for the returned model.
             while exchange.retired_models.pop().is_some() {}
             let epoch = 2 + chance.below(1000);
             let physics = models[chance.below(2) as usize];
@@ -45,13 +45,13 @@ pub(super) fn give(chance: &mut Chance, exchange: &Exchange, models: &[Model; 2]
     }
 }
 
-/// After a storm: nothing is bypassed, no wrench comes.
+/// After a storm: no bypass, no wrench.
 pub(super) fn calm(exchange: &Exchange) {
     exchange.bypassed.store(false, Relaxed);
     while exchange.newest_wrench.pop().is_some() {}
 }
 
-/// The recorder takes what there is, or sleeps over it for a long time.
+/// The recorder empties its ring, or sleeps for a long time.
 pub(super) fn drain(chance: &mut Chance, exchange: &Exchange, storms: bool, watch: &mut Watch) {
     let sleeps = if storms { 4000 } else { 20 };
     if chance.below(sleeps) == 0 {

@@ -1,11 +1,11 @@
-//! The record of a simulated run: its ticks, and the invariant that broke.
+//! The record of a simulated run: its ticks, and the violated invariant.
 
 /// A run.
 #[derive(Debug)]
 pub struct Run<T> {
     /// Every tick.
     pub ticks: Vec<T>,
-    /// What broke, in words.
+    /// The violation, as text.
     pub broken: Option<String>,
 }
 

@@ -12,7 +12,7 @@ use trued_client::Source;
 /// So many targets in a row must be as they should before a calm ends; where joints turn back, backlash is ramped.
 const SETTLED: u64 = 100;
 
-/// Whoever looks.
+/// The checks of a run.
 pub(super) struct Watch {
     /// The account.
     pub(super) summary: Summary,
@@ -23,7 +23,7 @@ pub(super) struct Watch {
     last_seq: u64,
     settled: u64,
     longest: u64,
-    /// Ticks of this calm so far in a row in which the daemon's own correction went out, bit for bit.
+    /// Number of consecutive ticks of this calm with the daemon's own correction, bit for bit.
     exact: u64,
     most_exact: u64,
     is_back: bool,
@@ -47,7 +47,7 @@ impl Watch {
         }
     }
 
-    /// Another daemon starts, in these bounds, which knows nothing of the one before.
+    /// Another daemon starts, with these limits and without history.
     pub(super) fn another_daemon(&mut self, bounds: &JointBounds) {
         self.daemon = Oracle::new(bounds, 0.0);
         (self.recorded, self.last_seq, self.published) = (0, 0, 0);
@@ -65,7 +65,7 @@ impl Watch {
         self.client.begin(&[]);
     }
 
-    /// The daemon ends: nothing of what it did was lost uncounted.
+    /// The daemon ends: its losses must all be counted.
     pub(super) fn end(&mut self, exchange: &Exchange, after_a_calm: bool) {
         if after_a_calm && (self.longest < SETTLED || self.most_exact < SETTLED) {
             let (said, sent) = (self.longest, self.most_exact);
@@ -108,7 +108,7 @@ impl Watch {
         self.settle(status, reason, calm, exchange);
     }
 
-    /// In a calm the daemon must come to do what it is there for.
+    /// In a calm the daemon must resume its normal operation.
     fn settle(
         &mut self,
         status: CorrectionStatus,
@@ -140,7 +140,8 @@ impl Watch {
         self.most_exact = self.most_exact.max(self.exact);
     }
 
-    /// So many ticks after the last fault the daemon's own correction first went out for long.
+    /// The daemon's own correction was sent again for the first time this many ticks after the last
+    /// fault.
     pub(super) fn calm(&mut self, ticks: u64) {
         if self.most_exact >= SETTLED && !self.is_back {
             self.is_back = true;

@@ -14,7 +14,7 @@ use shm_schema::{
 };
 use std::sync::Arc;
 
-/// A message takes this long, ns, unless something holds it up.
+/// Transit time of a message without faults, ns.
 const FLIGHT_NS: u64 = 2_000;
 /// A process that is stopped, or a thread that is not woken, is away for up to this long, ns.
 const AWAY_NS: u64 = 400_000_000;
@@ -24,7 +24,7 @@ const START_NS: u64 = 1 << 53;
 
 /// The wire.
 pub(super) struct Wire {
-    /// Whoever looks.
+    /// The checks.
     pub(super) watch: Watch,
     chance: Chance,
     hostile: Sender,
@@ -34,12 +34,12 @@ pub(super) struct Wire {
     now_ns: u64,
     tick_due_ns: u64,
     read_due_ns: Option<u64>,
-    /// Commands under way, with the time of their arrival.
+    /// Commands in transit, with the time of their arrival.
     to_daemon: Vec<(u64, Command)>,
     to_client: Vec<(u64, Corrected)>,
     /// As in shared memory: the newest wins.
     arrived: Option<Command>,
-    /// Ticks of this life that are left, with faults and without.
+    /// Remaining ticks of this daemon, with faults and without.
     stormy: u64,
     calm: u64,
     /// This life ends with a calm.
@@ -68,8 +68,8 @@ impl Wire {
         }
     }
 
-    /// Another daemon starts, in these bounds, for so many ticks with faults and without: of what was under way nothing
-    /// reaches it.
+    /// Another daemon starts, with these limits, for a number of ticks with faults and without;
+    /// messages in transit do not reach it.
     pub(super) fn begin(
         &mut self,
         exchange: Arc<Exchange>,
@@ -85,10 +85,10 @@ impl Wire {
         self.to_client.clear();
         self.arrived = None;
         self.client.rejoined();
-        // A status with the new daemon's bounds comes before its first answer.
+        // A status with the new daemon's limits arrives before its first answer.
         self.client.set_bounds(&bounds);
         self.watch.set_bounds(self.now_ns, &bounds);
-        // The client goes on alone for a while.
+        // The client runs alone for a while.
         let until_ns = self.now_ns + self.chance.below(AWAY_NS);
         self.pass(until_ns);
     }
@@ -187,7 +187,7 @@ impl Wire {
         }
     }
 
-    /// A command goes out, whole and once, or otherwise.
+    /// Sends a command, normally or with a fault.
     fn send(&mut self, command: Command) {
         let arrives_ns = self.now_ns + FLIGHT_NS;
         if !self.storms() {

@@ -110,7 +110,7 @@ fn a_link_that_leads_nowhere_is_refused_before_anything_is_computed() {
 }
 
 #[test]
-fn the_model_of_a_diagnosis_is_made_anew_until_somebody_edits_it() {
+fn the_model_of_a_diagnosis_is_created_again_until_somebody_edits_it() {
     let place = Place::new("edited");
     let (model, diagnosis) = (place.path("model.toml"), place.path("diagnosis.json"));
     let again = || written(Outputs::default().result(&model), &[(model.clone(), "new")]);

@@ -61,7 +61,7 @@ fn friction_holds_a_slide_that_nobody_moves() {
 }
 
 #[test]
-fn the_drives_spend_what_moves_and_what_rubs() {
+fn drive_energy_equals_kinetic_energy_plus_friction() {
     let rows = swing(1001, 0.1);
     let laws = [("coulomb_friction", "level", 60.0), ("viscous_friction", "coefficient", 200.0)];
     let seen = followed(&slider(&laws), &rows);

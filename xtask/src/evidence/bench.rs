@@ -1,7 +1,7 @@
 //! Runs a set: its recordings copied into a separate folder, the program as a child process, its results cached.
 //!
-//! Promises: an answer is that of this program, these words and these input bytes; a run beyond its time is ended and said to be late. Never: a write into
-//! the folder of data, a run that was not asked for.
+//! A result belongs to this program, these arguments and these input bytes; a run that exceeds its
+//! time limit is ended and reported. Nothing is written to the folder of data.
 
 use std::cell::{OnceCell, RefCell};
 use std::fmt::Write as _;
@@ -15,7 +15,7 @@ use sha2::{Digest, Sha256};
 
 use super::Asked;
 
-/// A drawing of the set, and what it shows.
+/// A drawing of the set, and its caption.
 pub(super) struct Figure {
     pub(super) caption: String,
     pub(super) drawing: Svg,
@@ -23,13 +23,13 @@ pub(super) struct Figure {
 
 /// What became of a run.
 pub(super) enum Answer {
-    /// Its files stand in this folder.
+    /// Done; folder of its files.
     Done(PathBuf),
-    /// Ended after so many seconds.
+    /// Ended after this many seconds.
     Late(f64),
-    /// Bad input or a failure, in the program's own words.
+    /// Invalid input or a failure, with the program's message.
     Refused(String),
-    /// Another set alone was asked for, and nothing is kept.
+    /// Another set was requested, and no result is stored.
     NotRun,
 }
 
@@ -89,7 +89,7 @@ impl Bench {
         fs::write(&path, bytes).map_err(|why| format!("{}: {why}", path.display()))
     }
 
-    /// What stands there, empty where nothing does.
+    /// Content of a file, empty if it does not exist.
     pub(super) fn read(&self, name: &str) -> String {
         fs::read_to_string(self.folder.join(name)).unwrap_or_default()
     }
@@ -107,7 +107,8 @@ impl Bench {
         self.figure.borrow_mut().take()
     }
 
-    /// Runs `trued WORDS` in the set's folder; `run` names it, `OUT` in the words is its own folder.
+    /// Runs `trued WORDS` in the set's folder; `run` is its name, `OUT` in the words is its output
+    /// folder.
     pub(super) fn ask(&self, run: &str, words: &[&str]) -> Result<Answer, String> {
         let out = self.folder.join(run);
         let kept = self.folder.join(format!("{run}.kept"));
@@ -124,7 +125,8 @@ impl Bench {
         }
         let place = run.to_owned();
         let words: Vec<String> = words.iter().map(|word| word.replace("OUT", &place)).collect();
-        // A command that writes single files finds its folder there; one that must find it empty does.
+        // A command that writes single files needs the folder; one that requires an empty folder
+        // gets it too.
         fs::create_dir_all(&out).map_err(|why| format!("{}: {why}", out.display()))?;
         let outcome = self.run(run, &words)?;
         fs::write(&kept, format!("{key}\n{outcome}")).map_err(|why| why.to_string())?;
@@ -143,11 +145,11 @@ impl Bench {
             return Ok(format!("late {}", self.limit_s));
         };
         let said = fs::read_to_string(&log).unwrap_or_default();
-        // 1 is an answer too: a check that found faults.
+        // Exit code 1 is a result too: a check that found faults.
         Ok(match status.code() {
             Some(0 | 1) => "done".to_owned(),
             _ => {
-                // The first fault of several stands under a line that counts them.
+                // The first of several faults is below a line with their number.
                 let why = said.lines().find_map(|line| line.strip_prefix("error: "));
                 let why = why.unwrap_or("without a word").trim_start_matches("error: ");
                 format!("refused {why}")
@@ -155,7 +157,8 @@ impl Bench {
         })
     }
 
-    /// The program, the words, and the bytes of every file here that a word names, with its mapping and its TOML.
+    /// The program, the arguments, and the bytes of every file named by an argument, with its
+    /// mapping and its TOML.
     fn key(&self, words: &[&str]) -> Result<String, String> {
         let mut hash = Sha256::new();
         if self.digest.get().is_none() {

@@ -1,6 +1,7 @@
 //! One case of a set: concealed effect, result, and its evaluation by rule.
 //!
-//! Promises: a bar that was missed, a reference that is better, a silence and a doubt are told for every case in the same words. Never: praise.
+//! A missed limit, a better reference, a missing answer and a doubt are reported for every case in
+//! the same words.
 
 use report::significant;
 
@@ -11,7 +12,7 @@ use super::said::{Found, Said};
 const LISTED: usize = 12;
 const REASONS: usize = 4;
 
-/// Something that was asked of a run.
+/// A requirement on a run.
 pub(super) struct Judged {
     pub(super) what: String,
     pub(super) measured: String,
@@ -25,13 +26,13 @@ pub(super) struct Errors {
     pub(super) after: f64,
     /// `%`, `N`, `mm`.
     pub(super) unit: &'static str,
-    /// Of what: root mean square, mean distance.
+    /// The quantity: root mean square, mean distance.
     pub(super) of: &'static str,
 }
 
 /// What the set's authors, or its note, reached.
 pub(super) struct Reference {
-    /// In the unit of the case's errors; none where it cannot be compared as a number.
+    /// In the unit of the case's errors; `None` if it is not comparable as a number.
     pub(super) value: Option<f64>,
     /// The figure with its source.
     pub(super) says: &'static str,
@@ -48,7 +49,7 @@ pub(super) struct Case {
     pub(super) command: String,
     /// The verdict, or why there is none.
     pub(super) verdict: String,
-    /// In few words, for the table above all.
+    /// Short form, for the summary table.
     pub(super) short: String,
     pub(super) said: Vec<String>,
     pub(super) rows: Vec<Row>,
@@ -56,7 +57,7 @@ pub(super) struct Case {
     pub(super) errors: Option<Errors>,
     pub(super) reference: Option<Reference>,
     pub(super) judged: Vec<Judged>,
-    /// Where it is worse, silent or in doubt, beside what is missed.
+    /// Where it is worse, in doubt or without an answer, besides missed limits.
     pub(super) short_of: Vec<String>,
     pub(super) was_run: bool,
 }
@@ -71,19 +72,19 @@ impl Judged {
         Self { what: what.into(), measured: measured.into(), bar: bar.into(), met }
     }
 
-    /// A number that may be at most so much.
+    /// An upper limit on a number.
     pub(super) fn at_most(what: &str, value: f64, bar: f64, unit: &str) -> Self {
         let told = |x: f64| format!("{} {unit}", significant(x, 3));
         Self::new(what, told(value), format!("at most {}", told(bar)), value <= bar)
     }
 
-    /// A number that is at least so much.
+    /// A lower limit on a number.
     pub(super) fn at_least(what: &str, value: f64, bar: f64, unit: &str) -> Self {
         let told = |x: f64| format!("{} {unit}", significant(x, 3));
         Self::new(what, told(value), format!("at least {}", told(bar)), value >= bar)
     }
 
-    /// An interval that is to hold a value.
+    /// An interval that has to contain a value.
     pub(super) fn holds(what: &str, found: Option<(f64, [f64; 2])>, truth: f64) -> Self {
         let (measured, met) = match found {
             Some((_, [low, high])) => (
@@ -97,7 +98,7 @@ impl Judged {
 }
 
 impl Case {
-    /// What a run of a command came to that is no diagnosis.
+    /// Result of a command other than a diagnosis.
     pub(super) fn plain(name: &str, concealed: &str, command: &[&str], answer: &Answer) -> Self {
         let verdict = why(answer);
         Self {
@@ -111,7 +112,7 @@ impl Case {
         }
     }
 
-    /// What a run of `trued diagnose` said, of one domain; else why it said nothing.
+    /// Result of `trued diagnose` in one domain; otherwise why there is none.
     pub(super) fn of(
         name: &str,
         concealed: &str,
@@ -197,7 +198,7 @@ impl Case {
         }
     }
 
-    /// Held-out errors by the diagnosis' own figures.
+    /// Held-out errors reported by the diagnosis.
     pub(super) fn rms(&mut self, said: &Said, unit: &'static str) {
         self.errors = Some(Errors {
             before: said.number("heldout_rms_before"),
@@ -207,14 +208,14 @@ impl Case {
         });
     }
 
-    /// Whether nothing that was asked is missed, and an answer came where one was asked for.
+    /// Whether all requirements are met, including that of an answer.
     pub(super) fn is_met(&self) -> bool {
         let is_answered =
             !(self.verdict.starts_with("no answer") || self.verdict.starts_with("refused"));
         is_answered && self.judged.iter().all(|one| one.met)
     }
 
-    /// All that falls short, in words.
+    /// All shortfalls, as text.
     pub(super) fn shortfalls(&self) -> Vec<String> {
         let mut all: Vec<String> = self
             .judged

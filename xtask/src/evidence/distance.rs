@@ -1,30 +1,31 @@
 //! Distances between measured points and points predicted by a model, on held-out rows.
 //!
-//! Promises: the measuring frame of each station is laid by least squares on the rows that train, never on those that are judged. Never: anything of a
-//! robot; where points sit on the tool comes from the program.
+//! The measuring frame of each station is fitted by least squares on the training rows, never on
+//! held-out ones. Independent of a robot; positions of points on the tool come from the program.
 
 use super::sheet::Sheet;
 
 type Point = [f64; 3];
 
-/// Rounds of least squares: a frame may be far off where the program knows of one station alone.
+/// Iterations of least squares: the initial frame may be far off if the program knows of one
+/// station only.
 const ROUNDS: usize = 60;
 
-/// A row's points: measured and foretold, m.
+/// A row's points: measured and predicted, m.
 struct Pair {
     station: String,
     is_held: bool,
     points: Vec<[Point; 2]>,
 }
 
-/// Columns of one point: measured, foretold, and the length of their unit, m.
+/// Columns of one point: measured, predicted, and the length of their unit, m.
 pub(super) struct Columns {
     pub(super) measured: [String; 3],
     pub(super) foretold: [String; 3],
     pub(super) metres: [f64; 2],
 }
 
-/// The mean distance on held rows, m; not a number where there is none.
+/// The mean distance on held-out rows, m; NaN without any.
 pub(super) fn mean(
     measured: &Sheet,
     foretold: &Sheet,
@@ -82,7 +83,8 @@ fn pairs(
     (0..rows).map(pair).collect()
 }
 
-/// A small turn and a shift that bring the foretold points nearest to the measured ones: turn, shift, middle.
+/// A small rotation and shift that bring the predicted points nearest to the measured ones:
+/// rotation, shift, centre.
 fn small_motion<'a>(points: impl Iterator<Item = &'a [Point; 2]> + Clone) -> [Point; 3] {
     let count = points.clone().count().max(1) as f64;
     let mut middle = [0.0; 3];
@@ -108,7 +110,7 @@ fn small_motion<'a>(points: impl Iterator<Item = &'a [Point; 2]> + Clone) -> [Po
     [[x[0], x[1], x[2]], [x[3], x[4], x[5]], middle]
 }
 
-/// Gauss with pivots; what is not told stays zero.
+/// Gauss elimination with pivoting; undetermined unknowns stay zero.
 fn solve(a: &mut [[f64; 7]; 6]) -> [f64; 6] {
     let largest = a.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
     for k in 0..6 {
@@ -160,7 +162,7 @@ fn norm(a: &Point) -> f64 {
 mod tests {
     use super::*;
 
-    /// Held rows are off by 1 mm and by a frame that the other rows tell.
+    /// Held-out rows are off by 1 mm and by a frame that the other rows determine.
     #[test]
     fn the_frame_is_laid_on_rows_that_train_and_the_distance_is_that_of_the_others() {
         let turn = [[0.02, -0.03, 0.05], [0.4, -0.2, 0.1], [0.0; 3]];

@@ -1,6 +1,6 @@
 //! The document: a summary table, then a section for each set.
 //!
-//! Never: a sentence about a run that was written before it.
+//! Every sentence about a run is generated from it.
 
 use std::fmt::Write as _;
 
@@ -18,10 +18,10 @@ part of this tree: their sources stand in each section and in [deploy/mappings](
 
 ";
 
-/// A set with what came of it.
+/// A set with its results.
 pub(super) struct Section {
     pub(super) set: &'static Set,
-    /// Files that are not there; then nothing was run.
+    /// Missing files; then nothing was run.
     pub(super) missing: Vec<String>,
     pub(super) cases: Vec<Case>,
     /// Of the plot, where there is one.

@@ -1,6 +1,6 @@
-//! Result of the program: one domain of its `diagnosis.json`, read back.
+//! One domain of the program's `diagnosis.json`, read back.
 //!
-//! Never: a number that does not stand there.
+//! It contains only numbers of that file.
 
 use std::path::Path;
 
@@ -48,18 +48,18 @@ impl Said {
         self.list("findings").iter().chain(self.list("minor")).map(Found)
     }
 
-    /// The finding of an effect; of any joint where none is given.
+    /// The finding of an effect; of any joint if none is given.
     pub(super) fn finding(&self, effect: &str, joint: Option<u64>) -> Option<Found<'_>> {
         self.findings()
             .find(|one| one.effect() == effect && (joint.is_none() || one.joint() == joint))
     }
 
-    /// A joint's proof, torques alone.
+    /// A joint's validation, torques only.
     pub(super) fn joint(&self, joint: u64) -> Option<&Value> {
         self.list("joints").iter().find(|one| one["joint"] == joint)
     }
 
-    /// Findings in few words: `coulomb friction 1, payload`.
+    /// Findings in short form: `coulomb friction 1, payload`.
     pub(super) fn names(&self, most: usize) -> String {
         let names: Vec<String> = self.findings().map(|one| one.name()).collect();
         match names.len() {
@@ -71,7 +71,7 @@ impl Said {
         }
     }
 
-    /// What remains, in the program's own words.
+    /// The unexplained residual, as described by the program.
     pub(super) fn unexplained(&self) -> Option<&str> {
         self.0["unexplained"]["says"].as_str()
     }
@@ -118,7 +118,7 @@ impl<'a> Found<'a> {
         format!("{}{joint}", self.effect().replace('_', " "))
     }
 
-    /// A parameter that is one number.
+    /// A parameter with one number.
     pub(super) fn value(&self, key: &str) -> Option<f64> {
         self.0["parameters"][key]["value"].as_f64()
     }
@@ -129,7 +129,7 @@ impl<'a> Found<'a> {
         Some((one["value"].as_f64()?, [one["ci95"][0].as_f64()?, one["ci95"][1].as_f64()?]))
     }
 
-    /// Whether it has one number, and zero is within its interval.
+    /// Whether it has one number, with zero in its interval.
     pub(super) fn may_be_nothing(&self) -> bool {
         let all = self.0["parameters"].as_object();
         let keys: Vec<&String> = all.into_iter().flat_map(serde_json::Map::keys).collect();

@@ -1,6 +1,6 @@
 //! The sets, in the order of the document: description, inputs of the program, and source of the reference values.
 //!
-//! Promises: what stands here are facts of the set and of its authors. Never: a statement about a run.
+//! Descriptions are facts about the set and from its authors; results of runs are not stated here.
 
 mod challenge;
 mod emps;
@@ -19,7 +19,7 @@ pub(super) struct Set {
     /// What it is, in a sentence.
     pub(super) what: &'static str,
     pub(super) source: &'static str,
-    /// What the model holds that the program is given.
+    /// The model given to the program.
     pub(super) given: &'static str,
     pub(super) needs: &'static [&'static str],
     /// Why it is not run at all.

@@ -1,6 +1,4 @@
-//! Recordings as texts: added columns, removed rows. Values are unchanged.
-//!
-//! Never: a number read and written again, but where a column of its own is made of it.
+//! Recordings as texts: added columns, removed rows. Existing values are copied as text.
 
 /// A table of comma-separated texts with a header.
 #[derive(Clone)]
@@ -23,7 +21,7 @@ impl Sheet {
         self.rows.len()
     }
 
-    /// A column as numbers; not a number where there is none.
+    /// A column as numbers; NaN for missing ones.
     pub(super) fn numbers(&self, name: &str) -> Vec<f64> {
         let at = self.head.iter().position(|head| head == name);
         let number =
@@ -44,7 +42,7 @@ impl Sheet {
         Self { head: self.head.clone(), rows: rows.map(|(_, row)| row.clone()).collect() }
     }
 
-    /// The column `name`, in the place of one that is there already.
+    /// The column `name`, replacing an existing one.
     pub(super) fn with(mut self, name: &str, value: impl Fn(usize) -> String) -> Self {
         let at = self.head.iter().position(|head| head == name).unwrap_or_else(|| {
             self.head.push(name.to_owned());

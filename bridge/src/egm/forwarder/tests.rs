@@ -171,7 +171,7 @@ fn an_application_that_says_nothing_leaves_the_robot_without_an_answer() {
 }
 
 #[test]
-fn what_is_no_joint_target_of_this_arm_passes_as_it_is_and_is_counted() {
+fn other_targets_are_forwarded_unchanged_and_counted() {
     let (mut forwarder, counts) = forwarder(Guidance::Joints);
     assert!(forwarder.of_robot(&feedback(1), at(ROBOT), 0));
     let others = [
@@ -201,7 +201,7 @@ fn a_speed_reference_alone_passes_as_it_is_and_is_no_corrected_target() {
 }
 
 #[test]
-fn a_controller_that_begins_anew_is_a_new_run() {
+fn a_controller_that_restarts_is_a_new_run() {
     let (mut forwarder, counts) = forwarder(Guidance::Joints);
     let numbers = [(100, 0), (101, 4), (0, 8), (1, 12), (2, 16), (3, 20), (4, 24)];
     // Numbers that fall back, accepted at the fifth; a silence; no silence if it continued to

@@ -98,7 +98,7 @@ fn since_the_fair_server_the_old_bound_tells_nothing() {
 }
 
 #[test]
-fn what_the_machine_does_not_say_is_unknown_and_never_good() {
+fn missing_information_is_unknown_and_never_passes() {
     let checks = examine(&Texts::default());
     assert!(checks.iter().all(|check| check.state != State::Pass), "{checks:#?}");
 }

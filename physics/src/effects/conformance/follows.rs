@@ -64,7 +64,7 @@ fn followed(
 }
 
 #[test]
-fn what_effects_tell_is_how_what_they_add_follows_the_arm() {
+fn slopes_of_effects_agree_with_differences() {
     let mut told = 0;
     for sample in samples() {
         // One joint after the other, then all at once.
@@ -99,7 +99,7 @@ fn what_effects_tell_is_how_what_they_add_follows_the_arm() {
 }
 
 #[test]
-fn what_a_deviation_does_to_the_tool_is_told_to_first_order() {
+fn the_effect_of_a_deviation_on_the_tool_is_correct_to_first_order() {
     let moving =
         |s: &&Sample| matches!(s.effect.spec().acts_on, ActsOn::JointPosition | ActsOn::Geometry);
     let mut told = 0;

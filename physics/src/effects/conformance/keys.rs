@@ -134,7 +134,7 @@ fn a_key_with_a_wrong_unit_is_no_key() {
 }
 
 #[test]
-fn a_hysteresis_is_told_by_its_unit() {
+fn the_unit_distinguishes_the_two_hystereses() {
     for (key, joint, modelled) in [
         ("amplitude_mrad", Revolute, true),
         ("amplitude_mm", Prismatic, true),

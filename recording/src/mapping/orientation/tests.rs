@@ -91,7 +91,7 @@ fn each_form_is_the_rotation_that_scipy_makes_of_it() {
 proptest! {
     #[test]
     fn angles_are_the_product_of_turns_about_single_axes(a in -180.0..180.0_f64, b in -180.0..180.0_f64, c in -180.0..180.0_f64) {
-        // Each turn written out; nothing here is shared with what is tested.
+        // Each rotation is written out, independently of the code under test.
         let x = |d: f64| { let (s, c) = d.to_radians().sin_cos(); [[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]] };
         let y = |d: f64| { let (s, c) = d.to_radians().sin_cos(); [[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]] };
         let z = |d: f64| { let (s, c) = d.to_radians().sin_cos(); [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]] };

@@ -34,7 +34,7 @@ fn dates_of_many_programs_are_the_same_instant() {
 }
 
 #[test]
-fn what_is_no_time_is_none() {
+fn invalid_times_are_not_read() {
     for (format, cell) in [
         ("iso", "2026-02-29"),
         ("iso", "2026-13-01"),

@@ -83,7 +83,7 @@ fn numbers_of_every_width_are_read_and_nulls_were_not_taken() {
 }
 
 #[test]
-fn a_missing_column_and_a_date_are_said_with_their_name() {
+fn a_missing_column_and_a_date_are_reported_with_their_name() {
     let said = |schema: &str| {
         let error = taken("faults", &written(schema, Compression::SNAPPY)).expect_err("faults");
         let FileError::Content(faults) = error else { unreachable!("a fault of content") };
@@ -97,7 +97,7 @@ fn a_missing_column_and_a_date_are_said_with_their_name() {
 }
 
 #[test]
-fn what_is_cut_off_is_said_to_be_damaged() {
+fn what_is_cut_off_is_reported_as_damaged() {
     let whole = written(SCHEMA, Compression::SNAPPY);
     for length in [0, 4, whole.len() / 2, whole.len() - 1] {
         let error = taken("cut", &whole[..length]).expect_err("damaged");

@@ -1,4 +1,5 @@
-//! A recording as a Parquet file: the columns of its CSV, as numbers where the CSV has numbers; what was not taken is null.
+//! Writes a recording as a Parquet file: the columns of its CSV, as numbers if the CSV has numbers;
+//! missing samples are null.
 //!
 //! Reading it back gives the same recording, to the bit for SI units. Compression: Snappy. The same recording gives the same bytes.
 
@@ -13,7 +14,7 @@ use parquet::schema::types::Type;
 
 use crate::series::Recording;
 
-/// The values of a column; none where nothing was taken.
+/// The values of a column; `None` for missing ones.
 enum Values {
     Number(Vec<Option<f64>>),
     Whole(Vec<Option<i64>>),
@@ -68,7 +69,7 @@ fn columns(recording: &Recording) -> Vec<Column> {
     columns
 }
 
-/// Cells of a foreign column as numbers, where each is the text that the number gives back; else as they are.
+/// Cells of a foreign column as numbers, if each is the text of its number; otherwise as texts.
 fn typed(cells: &[String], rows: usize) -> Values {
     let cell = |row: usize| cells.get(row).map_or("", String::as_str);
     let cells = || (0..rows).map(cell);

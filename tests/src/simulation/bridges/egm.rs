@@ -26,19 +26,20 @@ const STOPPED: i32 = 2;
 pub(super) struct EgmCell {
     forwarder: Forwarder<VirtualDaemon>,
     oracle: Oracle,
-    /// The oracle for which the run that began last went on from the one before, until it finds that it did not.
+    /// The oracle under the hypothesis that the last run continued the previous one, until that is
+    /// refuted.
     goes_on: Option<Oracle>,
     chance: Chance,
     summary: Summary,
     now_ns: u64,
-    /// Time that is at rest while the application does, ns.
+    /// Time at rest of the application, ns.
     standing_ns: u64,
     robot_number: u32,
     application_number: u32,
     /// Where the robot is, rad.
     stands: [f64; JOINTS],
     mci_state: i32,
-    /// The first target of a run is still to come.
+    /// Whether the first target of a run is still to come.
     begins: bool,
     /// Datagrams of either side, for replays.
     feedback: Vec<Vec<u8>>,
@@ -89,7 +90,7 @@ impl EgmCell {
         self.forwarder.of_robot(datagram, at(from), now_ns)
     }
 
-    /// A datagram of the application, and what becomes of it at the robot.
+    /// Handles a datagram of the application, and its effect on the robot.
     fn of_application(&mut self, original: &[u8], now_ns: u64) {
         self.forwarder.link().now_ns = now_ns;
         let mut datagram = original.to_vec();
@@ -110,7 +111,7 @@ impl EgmCell {
         if is_guided && std::mem::take(&mut self.begins) {
             self.begin(command, sent, &correction);
         }
-        // Also while the robot is not guided: what goes out then may be the first that it follows.
+        // Also while the robot is not guided: the target sent may be the first that it follows.
         self.judge(command, sent, now_ns);
         if is_guided {
             self.stands = *sent;
@@ -130,7 +131,7 @@ impl EgmCell {
 
     /// The first target that the robot follows in a run.
     fn begin(&mut self, command: &[f64; JOINTS], sent: &[f64; JOINTS], correction: &[f64; JOINTS]) {
-        // Hardly further from where the robot stands than the application's own target.
+        // Hardly further from the robot's position than the application's own target.
         let off = |q: &[f64; JOINTS]| -> f64 {
             q.iter().zip(self.stands).map(|(q, at)| (q - at) * (q - at)).sum::<f64>().sqrt()
         };
@@ -138,26 +139,28 @@ impl EgmCell {
             let words = format!("a run begins {:e} off, not {:e}", off(sent), off(command));
             self.summary.breaks(&words);
         }
-        // Either without a correction, or with the one that was sent last, which goes on; where that was zero too, only what follows tells
-        // which.
+        // Either without a correction, or with the last one, which continues; if that was zero too,
+        // later targets decide.
         if *correction == [0.0; JOINTS] {
             self.goes_on = Some(self.oracle.clone());
             self.oracle.begin(correction);
         }
     }
 
-    /// Nobody sends anything for a while; the robot waits, and so does the application.
+    /// No datagrams for a while; the robot waits, and so does the application.
     fn silence(&mut self) {
         let silence_ns = self.chance.below(2_500_000_000);
         self.now_ns += silence_ns;
         self.standing_ns += silence_ns;
-        // Whether the controller counted on or not: the same run up to a second, and beyond it where it counted on.
+        // Whether the controller counted on or not: the same run up to a second; beyond it only if it
+        // counted on.
         if silence_ns >= 900_000_000 || self.chance.below(2) == 0 {
             self.robot_number += 1 + self.chance.below(3000) as u32;
         }
     }
 
-    /// The controller restarts: at once or later, where the robot stands or elsewhere, with the application's targets from there.
+    /// The controller restarts: at once or later, at the robot's position or elsewhere, with the
+    /// application's targets from there.
     fn another_run(&mut self) {
         self.now_ns += self.chance.below(3_000_000_000);
         self.robot_number = self.chance.below(10) as u32;
@@ -215,7 +218,7 @@ impl Cell for EgmCell {
         let c = &mut self.chance;
         match c.below(200) {
             0 => self.silence(),
-            // Just after a restart of the numbering, another change of numbers cannot be told from lost datagrams.
+            // Just after a restart of the numbering, another change of numbers is indistinguishable from lost datagrams.
             1 if self.robot_number > 500 => self.another_run(),
             2 => self.stop(),
             3 if self.robot_number > 500 => self.robot_number += c.below(5000) as u32,

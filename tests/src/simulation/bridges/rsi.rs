@@ -1,4 +1,4 @@
-//! An RSI controller: it owns the clock, counts late answers, and adds up what it is sent.
+//! An RSI controller: it owns the clock, counts late answers, and accumulates the corrections.
 
 use super::{CYCLE_NS, Cell, FEED, Summary, VirtualDaemon, model, oracle};
 use crate::cell_loop::{JOINTS, path};
@@ -29,7 +29,7 @@ pub(super) struct RsiCell {
     standing_ns: u64,
     ipoc: u64,
     late: u64,
-    /// What the newest telegram that came said of it.
+    /// The count in the newest telegram received.
     told_late: u64,
     /// What the controller adds to the program's axes, rad.
     sum: [f64; JOINTS],
@@ -176,7 +176,7 @@ impl Cell for RsiCell {
         }
     }
 
-    /// One cycle of the controller: its answer comes in time, late, or not at all.
+    /// One cycle of the controller: its answer is in time, late, or lost.
     fn cycle(&mut self) {
         if self.summary.broken.is_some() {
             return;

@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn it_goes_on_half_a_second_after_the_change_and_counts_what_was_late_about_it() {
+    fn it_continues_half_a_second_after_the_change_and_counts_what_was_late_about_it() {
         let (say, heard) = channel();
         let mut standing = Standing::default();
         say.send(format!("again {}", serde_json::to_string(&told()).expect("plain")))

@@ -1,7 +1,7 @@
 //! Runs the daemon's vibration monitor on the recording and groups its verdicts by spectral line.
 
 use recording::model::RobotModel;
-use spectrum::offline::{Averaging, Event, Heard, Hearing, line_near};
+use spectrum::offline::{Averaging, Event, MonitorResult, MonitorRun, line_near};
 use spectrum::welch::{Detrend, SegmentPower, Segments, Spectrum};
 use spectrum::{Axis, Class, Mode, State, Verdict, Watch, WatchConfig, Wheel};
 
@@ -25,7 +25,7 @@ pub(super) struct Listened {
     /// The channels that it listened to.
     pub(super) group: Vec<usize>,
     pub(super) watch: Watch,
-    pub(super) heard: Heard,
+    pub(super) result: MonitorResult,
     /// The least amplitude that it tells, in the group's unit.
     pub(super) least: f64,
 }
@@ -76,8 +76,8 @@ pub(super) fn listen(
     let listened = |group: &Vec<usize>| listen_to(group, asked, subject, wheels, rms);
     let all = parallel::map(&subject.groups(), listened);
     let all = all.into_iter().collect::<Result<Vec<Listened>, Failure>>()?;
-    for Listened { heard, .. } in &all {
-        if heard.still_learning {
+    for Listened { result, .. } in &all {
+        if result.still_learning {
             let seconds = report::significant(subject.seconds(), 3);
             let note =
                 format!("{seconds} s are too short for the watch to learn the noise: spectra only");
@@ -85,8 +85,8 @@ pub(super) fn listen(
                 notes.push(note);
             }
         }
-        if heard.dropped > 0 {
-            notes.push(format!("verdicts that found no place: {}", heard.dropped));
+        if result.dropped > 0 {
+            notes.push(format!("verdicts that found no place: {}", result.dropped));
         }
     }
     Ok(all)
@@ -117,17 +117,15 @@ fn listen_to(
         ..usual
     };
     let mut watch = Watch::new(config).map_err(Failure::input)?;
-    let mut hearing = Hearing::new(&mut watch, subject.rate_hz);
+    let mut run = MonitorRun::new(&mut watch, subject.rate_hz);
     for piece in &subject.pieces {
         let state = |sample| piece.motion.state(sample, subject.teeth);
-        hearing.begin(piece.at_s, group.len());
-        piece
-            .samples
-            .parts(Gaps::Missing, group, 0..piece.len(), |part| hearing.push(part, state))?;
-        hearing.end(state);
+        run.begin(piece.at_s, group.len());
+        piece.samples.parts(Gaps::Missing, group, 0..piece.len(), |part| run.push(part, state))?;
+        run.end(state);
     }
-    let heard = hearing.finish();
-    Ok(Listened { group: group.to_vec(), watch, heard, least })
+    let result = run.finish();
+    Ok(Listened { group: group.to_vec(), watch, result, least })
 }
 
 /// The least amplitude by the unit, else by the signal's own size.
@@ -154,14 +152,14 @@ pub(super) fn episodes(subject: &Subject, all: &[Listened]) -> Result<Vec<Episod
     let mut episodes = Vec::new();
     for listened in all {
         let mut lines: Vec<u32> = Vec::new();
-        for event in &listened.heard.events {
+        for event in &listened.result.events {
             if !lines.contains(&event.verdict.line) {
                 lines.push(event.verdict.line);
             }
         }
         for line in lines {
             let of_line = |event: &&Event| event.verdict.line == line;
-            let events: Vec<&Event> = listened.heard.events.iter().filter(of_line).collect();
+            let events: Vec<&Event> = listened.result.events.iter().filter(of_line).collect();
             episodes.extend(episode(subject, listened, &events)?);
         }
     }

@@ -278,7 +278,7 @@ fn channels(subject: &Subject, found: &Found) -> Vec<Channel> {
 fn events(subject: &Subject, found: &Found) -> Vec<Event> {
     let mut events = Vec::new();
     for listened in &found.listened {
-        for event in &listened.heard.events {
+        for event in &listened.result.events {
             let verdict = &event.verdict;
             let channel = &subject.channels[listened.channel(verdict.axis)];
             let shifted_s = subject.pieces.get(event.piece).map_or(0.0, |p| p.at_s - p.start_s);
@@ -378,7 +378,7 @@ fn path(subject: &Subject, space: &Space) -> Path {
 }
 
 fn health(subject: &Subject, found: &Found) -> Vec<Finding> {
-    let all = found.listened.iter().flat_map(|l| l.heard.findings.iter().map(move |f| (l, f)));
+    let all = found.listened.iter().flat_map(|l| l.result.findings.iter().map(move |f| (l, f)));
     let finding = |(listened, finding): (&super::listen::Listened, &spectrum::offline::Finding)| {
         let name = |at: usize| {
             let channel = listened.group.get(at).and_then(|at| subject.channels.get(*at));

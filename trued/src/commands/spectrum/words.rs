@@ -179,7 +179,7 @@ pub(super) fn why(subject: &Subject, verdict: &Verdict, frequency_hz: f64) -> St
 
 /// Whether the watch heard enough to say something.
 pub(super) fn watched(found: &Found) -> bool {
-    found.listened.iter().any(|listened| !listened.heard.still_learning)
+    found.listened.iter().any(|listened| !listened.result.still_learning)
 }
 
 fn calm(subject: &Subject, found: &Found) -> String {
@@ -212,7 +212,7 @@ fn calm(subject: &Subject, found: &Found) -> String {
 pub(super) fn health(subject: &Subject, found: &Found) -> Vec<String> {
     let mut said = Vec::new();
     for listened in &found.listened {
-        for finding in &listened.heard.findings {
+        for finding in &listened.result.findings {
             let channel = finding.channel.and_then(|at| listened.group.get(at));
             let name = channel.map_or("the recording", |at| subject.channels[*at].name.as_str());
             said.push(format!(

@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn one_frequency_in_two_taps_is_told() {
+    fn one_frequency_in_two_taps_is_reported() {
         let two =
             |hz| [("x.json", tap(67.0, "[1,0,0]", true)), ("y.json", tap(hz, "[0,1,0]", true))];
         assert!(of(&two(67.3)).unwrap().warnings[0].contains("may be one"));

@@ -193,7 +193,7 @@ mod tests {
     use trued_client::Status;
 
     #[test]
-    fn a_bypass_and_a_daemon_that_is_gone_are_told_with_the_way_out() {
+    fn a_bypass_and_a_daemon_that_is_gone_are_reported_with_the_way_out() {
         let mut status = Status { bypassed: 1, joints: 6, ..Status::default() };
         let text = |status: &Status, away: Option<&str>| {
             lines(&Report::of("cell", status, away.map(str::to_owned))).join("\n")
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn times_are_told_in_the_units_of_a_person() {
+    fn times_have_readable_units() {
         let told = [5.4, 65.0, 3_700.0, 200_000.0].map(duration);
         assert_eq!(told, ["5 s", "1 min 5 s", "1 h 1 min", "2 d 7 h"]);
     }

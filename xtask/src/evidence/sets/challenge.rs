@@ -1,6 +1,6 @@
 //! The blind challenge, and effects added to real recordings of torque.
 //!
-//! Never: a case chosen; seeds are fixed.
+//! Cases are not selected; seeds are fixed.
 
 use serde_json::Value;
 
@@ -8,7 +8,8 @@ use super::super::bench::{Answer, Bench, json};
 use super::super::case::{Case, Judged};
 use super::Set;
 
-/// First answer right where z is at least so much: of drawn cases, of injected ones.
+/// Required share of correct first answers for z of at least this value: of drawn cases, of
+/// injected ones.
 const DRAWN: [(f64, f64); 3] = [(20.0, 0.90), (40.0, 0.97), (80.0, 0.98)];
 const INJECTED: [(f64, f64); 3] = [(10.0, 0.70), (20.0, 0.90), (40.0, 0.97)];
 
@@ -78,7 +79,7 @@ fn not_asked(name: &str, concealed: &str) -> Case {
     }
 }
 
-/// The figures that have a bar; of too few cases, one that says nothing is left out.
+/// The figures with a limit; those based on too few cases are omitted.
 fn judge(case: &mut Case, said: &Value, count: &str) {
     case.verdict =
         format!("{count} cases, sealed {}", said["sealed_sha256"].as_str().unwrap_or("?"));
@@ -189,7 +190,7 @@ pub(super) fn injected(
     Ok(case)
 }
 
-/// What was added and not found, and what could not be added.
+/// Effects that were added and not found, and those that could not be added.
 fn unanswered(case: &mut Case, said: &Value) {
     let wrong = said["cases"]
         .as_array()

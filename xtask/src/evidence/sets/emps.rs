@@ -1,6 +1,6 @@
 //! EMPS: one linear axis, force and position, two experiments of which one is held out.
 //!
-//! Never: a mass or a friction told, but in the cases that say so.
+//! Mass and friction are given only in the cases that state it.
 
 use report::significant;
 
@@ -15,7 +15,7 @@ const SLIDE: &str = include_str!("emps.toml");
 const MAPPING: &str = include_str!("../../../../deploy/mappings/emps.mapping.toml");
 const TRAIN: &str = "DATA_EMPS.csv";
 const UNSEEN: &str = "DATA_EMPS_PULSES.csv";
-/// What the authors found of dry friction, N.
+/// The authors' value of dry friction, N.
 const LEVEL_N: f64 = 20.4;
 
 pub(super) const SET: Set = Set {
@@ -64,7 +64,7 @@ fn errors(said: &Said) -> Errors {
     }
 }
 
-/// All dry friction concealed, what grows with speed known roughly.
+/// All dry friction concealed, viscous friction known roughly.
 fn dry(bench: &Bench, band: &str) -> Result<Case, String> {
     let words = words("viscous.toml", band);
     let answer = bench.ask(&format!("dry-{band}"), &words)?;
@@ -100,15 +100,17 @@ fn dry(bench: &Bench, band: &str) -> Result<Case, String> {
     Ok(case)
 }
 
-/// The unseen experiment's error with Coulomb friction and what is fitted anyway, and with the latter alone, %.
+/// The held-out experiment's error with Coulomb friction and the always fitted parameters, and with
+/// the latter alone, %.
 fn with_coulomb(said: &Said) -> [f64; 2] {
     let first = said.findings().next().filter(|one| one.effect() == "coulomb_friction");
     ["heldout_rms_after", "heldout_rms_before"]
         .map(|key| first.as_ref().map_or(f64::NAN, |one| share(said, one.number(key))))
 }
 
-/// What all dry friction leaves, and nothing else that was named. On this rig it has two numbers, as in the authors' symmetric model: Coulomb's level,
-/// and a constant that makes it differ by direction. The constant is left open as a stated number of wide doubt, so that both are fitted at once.
+/// Residual of all dry friction, and no other effect. On this rig it has two parameters, as in the
+/// authors' symmetric model: Coulomb's level, and a constant that makes it differ by direction. The
+/// constant is a stated value of large uncertainty, so that both are fitted at once.
 fn dry_alone(bench: &Bench) -> Result<Judged, String> {
     let answer = bench.ask("dry-constant-40", &words("constant.toml", "40"))?;
     let [after, before] = match &answer {
@@ -122,12 +124,12 @@ fn dry_alone(bench: &Bench) -> Result<Judged, String> {
     Ok(Judged::at_most(&what, after, 5.7, "%"))
 }
 
-/// The words of a run with this model.
+/// The arguments of a run with this model.
 fn words<'a>(model: &'a str, band: &'a str) -> [&'a str; 11] {
     ["diagnose", "--model", model, "--band", band, "--seed", "1", "--out", "OUT", TRAIN, UNSEEN]
 }
 
-/// The words of the run that is told nothing.
+/// The arguments of the run without prior knowledge.
 fn plain(band: &str) -> [&str; 11] {
     words("slide.toml", band)
 }
@@ -213,7 +215,7 @@ fn delay_or_zone(said: &Said) -> Judged {
     )
 }
 
-/// The controller's tracking error stands in the file as a column.
+/// The controller's tracking error is in the file as a column.
 fn leak(bench: &Bench) -> Result<Case, String> {
     for name in [TRAIN, UNSEEN] {
         let sheet = Sheet::read(&bench.data(name)?);
@@ -253,7 +255,7 @@ fn leak(bench: &Bench) -> Result<Case, String> {
     Ok(case)
 }
 
-/// A full simulation with the real residuals as noise, judged by the model that it was made of.
+/// A full simulation with the real residuals as noise, evaluated with the model that generated it.
 fn consistent(bench: &Bench) -> Result<Case, String> {
     let name = "full simulation with real residuals as noise";
     let words = [
@@ -312,7 +314,7 @@ fn consistent(bench: &Bench) -> Result<Case, String> {
     Ok(case)
 }
 
-/// Three running means over 7 samples: what is differentiated twice must not carry the encoder's steps.
+/// Three running means over 7 samples: the encoder's steps must not dominate the second derivative.
 fn smooth(values: &[f64]) -> Vec<f64> {
     let mean = |values: &[f64], k: usize| {
         let reach = 3.min(k).min(values.len() - 1 - k);

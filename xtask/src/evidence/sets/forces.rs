@@ -229,7 +229,7 @@ fn beam(bench: &Bench) -> Result<Vec<Case>, String> {
     Ok(cases)
 }
 
-/// What `trued spectrum` said: its alarms in words.
+/// Result of `trued spectrum`: its alarms as text.
 fn listened(name: &str, concealed: &str, words: &[&str], answer: &Answer) -> Case {
     let mut case = Case {
         name: name.to_owned(),
@@ -276,7 +276,7 @@ fn event(one: &Value) -> String {
     )
 }
 
-/// Lines that alarmed: number and frequency, Hz, the strongest first as the program lists them.
+/// Lines with an alarm: number and frequency, Hz, the strongest first as in the program's list.
 fn alarms(said: &Value) -> Vec<(u64, f64)> {
     let all = said["episodes"].as_array().into_iter().flatten();
     let alarmed = all.filter(|one| one["alarm_s"].is_number());

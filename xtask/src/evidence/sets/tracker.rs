@@ -1,7 +1,9 @@
 //! Arms measured by a laser tracker or a total station: from the nominal model to the effects, validated on held-out halves and scenes.
 //!
-//! The mean distance is that of the written model, run forward by `trued simulate`: the measuring frame is laid on the rows that train; places of reflectors
-//! are those that the program finds. Rows that are unseen stand in the recording without their readings, so that time and the way to each pose stay whole.
+//! The mean distance is that of the written model, run forward by `trued simulate`: the measuring
+//! frame is fitted on the training rows; positions of reflectors are those found by the program.
+//! Held-out rows remain in the recording without their readings, so that time and the approach to
+//! each pose are complete.
 
 use super::super::bench::{Answer, Bench};
 use super::super::case::{Case, Errors, Judged, Reference};
@@ -58,7 +60,7 @@ pub(super) const HILTI: Set = Set {
     run: hilti,
 };
 
-/// A recording with what is told of it.
+/// A recording with its description.
 struct Campaign<'a> {
     name: &'a str,
     run: &'a str,
@@ -68,7 +70,8 @@ struct Campaign<'a> {
     sheet: Sheet,
     /// Rows that are judged.
     held: Vec<bool>,
-    /// Measured columns of each point, with their unit's length, m; `foretold` as the program writes them.
+    /// Measured columns of each point, with the length of their unit, m; `foretold` as the program
+    /// writes them.
     points: Vec<([String; 3], [String; 3])>,
     metres: f64,
     station: Option<&'a str>,
@@ -82,7 +85,7 @@ impl Campaign<'_> {
         if self.mapping.contains("\nheldout = ") {
             bench.write(&file, self.sheet.text())?;
         } else {
-            // A segment of its own would restart time and forget how a pose was reached.
+            // A separate segment would restart time and lose the approach to a pose.
             let columns: Vec<&String> = self.points.iter().flat_map(|(seen, _)| seen).collect();
             bench.write(&file, self.sheet.without(&columns, &self.held).text())?;
             whole = format!("{}-all.csv", self.run);
@@ -112,7 +115,7 @@ impl Campaign<'_> {
         Ok((case, Some(said)))
     }
 
-    /// Mean distance on held rows of a model run forward, mm.
+    /// Mean distance on held-out rows of a model run forward, mm.
     fn distance(
         &self,
         bench: &Bench,
@@ -274,7 +277,7 @@ fn motoman(bench: &Bench) -> Result<Vec<Case>, String> {
     Ok(cases)
 }
 
-/// The station of each row, as the mapping numbers it by its source file.
+/// The station of each row, numbered by the mapping from its source file.
 fn station_of(sheet: &Sheet, mapping: &str) -> Vec<String> {
     let numbers = mapping.lines().find(|line| line.starts_with("station = ")).unwrap_or("");
     let number = |file: &String| {

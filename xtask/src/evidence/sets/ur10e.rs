@@ -1,6 +1,6 @@
 //! UR10e, motor currents: friction, a concealed payload, load-dependent friction.
 //!
-//! Never: a mass of a link told.
+//! The masses of the links are not given.
 
 use super::super::bench::{Answer, Bench};
 use super::super::case::{Case, Errors, Judged, Reference};
@@ -63,7 +63,7 @@ fn words<'a>(model: &'a str, files: &[&'a str]) -> Vec<&'a str> {
     words
 }
 
-/// Findings of a payload: in which recording, and how heavy.
+/// Findings of a payload: recording and mass.
 fn payloads(said: &Said) -> Vec<String> {
     let of = said.findings().filter(|one| one.effect() == "payload");
     of.map(|one| one.condition().split_once(", in ").map_or("all", |(_, only)| only).to_owned())
@@ -113,7 +113,7 @@ fn together(bench: &Bench) -> Result<Case, String> {
     Ok(case)
 }
 
-/// Each run by itself: nothing that none carries may be named.
+/// Each run separately: an effect that none of them has must not be found.
 fn alone(bench: &Bench) -> Result<Case, String> {
     let mut case = Case {
         name: "each run alone".to_owned(),
@@ -166,7 +166,7 @@ fn alone(bench: &Bench) -> Result<Case, String> {
     Ok(case)
 }
 
-/// How much of what the payload leaves on the unseen half its name explains.
+/// Share of the payload's residual on the held-out half that its finding explains.
 fn payload(bench: &Bench) -> Result<Case, String> {
     let name = "payload, first half of its run to the second";
     let friction = bench.ask("friction", &words("ur10e-bare.toml", &[THIRTY, FIFTY, FREE]))?;
@@ -220,7 +220,7 @@ fn payload(bench: &Bench) -> Result<Case, String> {
     Ok(case)
 }
 
-/// What the program found, less the friction that grows with load; other runs are unseen.
+/// The program's findings without load-dependent friction; other runs are held out.
 fn load_friction(bench: &Bench) -> Result<Case, String> {
     let name = "load friction of joints 2 and 3";
     for run in [THIRTY, FREE] {

@@ -1,7 +1,7 @@
 //! Real-time settings of the measuring threads: core, policy, memory locked.
 //!
-//! Promises: what was asked and refused ends the bench; threads of no concern to the measurement keep the ordinary policy.
-//! Never: a policy for the whole process.
+//! If a requested setting is refused, the bench ends; threads that are not part of the measurement
+//! keep the ordinary policy. Settings are per thread, not for the whole process.
 
 use daemon::realtime::{self, Refused};
 use rustix::thread::{CpuSet, sched_getaffinity};
@@ -9,16 +9,16 @@ use rustix::thread::{CpuSet, sched_getaffinity};
 use crate::error::BenchError;
 use crate::plan::Policy;
 
-/// What a measuring thread is to be.
+/// Settings of a measuring thread.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Manners {
+pub(crate) struct ThreadSettings {
     pub(crate) core: usize,
     pub(crate) policy: Policy,
     pub(crate) priority: u8,
 }
 
-impl Manners {
-    /// Takes them on, for the calling thread.
+impl ThreadSettings {
+    /// Applies them to the calling thread.
     pub(crate) fn take(self) -> Result<(), Refused> {
         realtime::sleep_exactly();
         realtime::pin_to(self.core)?;
@@ -28,19 +28,19 @@ impl Manners {
         }
     }
 
-    /// The same one priority higher: for what must be seen beside a thread that spins.
+    /// The same with a priority higher by one: for observing a thread that spins.
     pub(crate) fn above(self) -> Self {
         Self { priority: (self.priority + 1).min(99), ..self }
     }
 }
 
-/// Whether this process may have the real-time policy at that priority, and locked memory.
+/// Whether this process may use the real-time policy at this priority, and lock memory.
 #[must_use]
 pub fn fifo_is_granted(priority: u8) -> bool {
     ask_fifo(priority).is_ok() && realtime::lock_memory().is_ok()
 }
 
-/// Asks for the real-time policy, in a thread that ends at once.
+/// Requests the real-time policy in a thread that ends at once.
 pub(crate) fn ask_fifo(priority: u8) -> Result<(), Refused> {
     std::thread::spawn(move || realtime::set_fifo(priority)).join().unwrap_or(Ok(()))
 }
@@ -51,7 +51,8 @@ pub(crate) fn allowed() -> Vec<usize> {
     (0..CpuSet::MAX_CPU).filter(|core| set.is_set(*core)).collect()
 }
 
-/// The client's core and the daemon's: as asked, else the two last isolated ones, else the two last.
+/// The client's core and the daemon's: as requested, otherwise the last two isolated ones,
+/// otherwise the last two.
 pub(crate) fn two_cores(
     asked: Option<[usize; 2]>,
     isolated: &[usize],
