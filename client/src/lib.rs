@@ -61,8 +61,8 @@ pub use process::ProcessState;
 pub use setpoint::{Setpoint, WrenchFrame};
 pub use shm_schema::{
     Advice, Answer, CHANNEL_NAMES, Corrected, CorrectionStatus, FeedReason, FeedState, ForceFault,
-    Health, InCut, JOINTS_MAX, LeadState, Mode, Reason, RecorderAction, RecorderState, Response, RobotState,
-    SendOutcome, SensorFault, Status, TrimReason, TrimState, Verdict, VibrationClass,
+    Health, InCut, JOINTS_MAX, LeadState, Mode, Reason, RecorderAction, RecorderState, Response,
+    RobotState, SendOutcome, SensorFault, Status, TrimReason, TrimState, Verdict, VibrationClass,
     VibrationState, WatchState, channel_name, monotonic_ns,
 };
 pub use target::{Source, Target};

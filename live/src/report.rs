@@ -3,8 +3,8 @@
 use serde::Serialize;
 use shm_schema::{RecorderState, WrenchGate, latency_below_ns};
 use trued_client::{
-    FeedReason, FeedState, Health, InCut, JOINTS_MAX, LeadState, Mode, Status, TrimReason, TrimState,
-    VibrationState, WatchState, monotonic_ns,
+    FeedReason, FeedState, Health, InCut, JOINTS_MAX, LeadState, Mode, Status, TrimReason,
+    TrimState, VibrationState, WatchState, monotonic_ns,
 };
 
 /// Status of a cell.
