@@ -75,6 +75,9 @@ for name, (kind, size, layout) in sizes.items():
     data = bytearray(size)
     struct.pack_into("=II", data, layout, versions.get(name, 1), 6)
     write("messages", name, bytes([kind]) + bytes(data))
+# Two points; the others, which are not set, are filled up with zeros.
+horizon = struct.pack("=4Q2I32d", 1, 7, 2, 4, 1, 2, *(0.1 * i for i in range(32)))
+write("messages", "horizon", b"\x08" + horizon)
 current = "trued.current/1\ncontract 3\nlayout de7cb6dd56dab584\ntransport 0.10.0\nprogram 0.1.0\nepoch 0000000000000abc\npid 42\n"
 write("messages", "current", b"\x06" + current.encode())
 q = [10.0, 15.0, -10.0, 15.0, 45.0, 5.0]

@@ -127,8 +127,11 @@ def ask(client: trued.Client, monitor: trued.Monitor) -> None:
         refused = True
     client.process_state(spindle_rpm=12000.0, teeth=2, timeout=10.0)
     client.send_state(np.zeros(JOINTS))
+    # The setpoints after the next command: more than are sent.
+    horizon = client.set_horizon([target_of(k) for k in range(1, 131)])
     print(f"joints {before.joints}\nmode {['shadow', 'limited', 'full'].index(before.mode)}")
     print(f"bypassed {int(bypassed)}\nreload_refused {int(refused)}")
+    print(f"horizon {horizon}")
 
 
 def steer(client: trued.Client, monitor: trued.Monitor) -> None:

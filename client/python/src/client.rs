@@ -11,7 +11,7 @@ use trued_client::{
 };
 
 use crate::errors::{Kind, raised};
-use crate::held::{Held, Numbers, joints, limit, named, sides, slice};
+use crate::held::{Held, Numbers, Rows, joints, limit, named, rows, sides, slice};
 use crate::told::{Answer, Connection, Corrected, Status, Target, Vibration};
 
 /// A cell's one connection to its daemon.
@@ -110,6 +110,13 @@ impl Client {
             state.flags |= RobotState::HAS_TEMPERATURE;
         }
         self.held.with(py, |client| client.send_state(&state))?.map_err(|e| e.raise(py))
+    }
+
+    /// Sends the setpoints that follow the next command, one row per setpoint, one command period apart; tells how many were sent. Waits for nothing.
+    fn set_horizon(&self, py: Python<'_>, points: Rows<'_>) -> PyResult<usize> {
+        let (points, joints) = rows("points", &points)?;
+        let sent = self.held.with(py, |client| client.set_horizon_flat(&points, joints))?;
+        sent.map_err(|e| e.raise(py))
     }
 
     /// What to send to the robot for `q_cmd`, whatever has become of the daemon. Waits for nothing; a command that is no number is a ValueError.

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::time::Duration;
 
-use numpy::{AllowTypeChange, PyArrayLike1};
+use numpy::{AllowTypeChange, PyArrayLike1, PyArrayLikeDyn};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use shm_schema::{Answer as Code, Cell, Response};
@@ -20,6 +20,9 @@ const LONGEST_S: f64 = 3600.0;
 
 /// Numbers of Python: any sequence, an array of doubles without a copy.
 pub(crate) type Numbers<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
+
+/// A table of numbers: a sequence of sequences, or an array.
+pub(crate) type Rows<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
 
 /// One connection.
 pub(crate) struct Held<T>(Mutex<Option<T>>);
@@ -142,6 +145,21 @@ pub(crate) fn slice<'a>(what: &str, numbers: &'a Numbers<'_>) -> PyResult<&'a [f
         ))
     };
     numbers.as_slice().map_err(|_| words())
+}
+
+/// Row after row, and how many joints a row has: any number where there is no row. A copy, as an array may be stored column by column.
+pub(crate) fn rows(what: &str, table: &Rows<'_>) -> PyResult<(Vec<f64>, usize)> {
+    let table = table.as_array();
+    let joints = match *table.shape() {
+        [0] => JOINTS_MAX,
+        [_, joints] => joints,
+        _ => {
+            let shape = table.shape();
+            let words = format!("`{what}` has the shape {shape:?}, expected one row per point");
+            return Err(PyValueError::new_err(words));
+        }
+    };
+    Ok((table.iter().copied().collect(), joints))
 }
 
 /// Joints: 1 to 16.

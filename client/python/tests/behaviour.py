@@ -30,6 +30,15 @@ def arguments_are_checked(client: trued.Client, force: trued.ForceSource) -> Non
     raises(ValueError, client.target_for, np.zeros(17))
     raises(ValueError, client.send, np.zeros(12)[::2])
     raises(ValueError, client.send, "joints")
+    raises(ValueError, client.set_horizon, np.zeros(6))
+    raises(ValueError, client.set_horizon, np.zeros((2, 17)))
+    raises(ValueError, client.set_horizon, np.zeros((2, 3, 6)))
+    raises(ValueError, client.set_horizon, [[0.0] * 6, [0.0] * 5])
+    assert "joint 6 of point 2" in str(raises(ValueError, client.set_horizon, [Q, [0.0] * 5 + [np.nan]]))
+    assert client.set_horizon([Q, list(Q)]) == 2, "rows are lists or arrays"
+    assert client.set_horizon(np.stack([Q, Q + 1.0], axis=1).T) == 2, "stored column by column"
+    assert client.set_horizon(np.tile(Q, (200, 1))) == 128, "of too many points the first"
+    assert client.set_horizon([]) == client.set_horizon(np.zeros((0, 6))) == 0, "nothing known ahead"
     raises(ValueError, force.send, np.zeros((4, 2)), 0, 1000.0)
     raises(ValueError, force.send, np.zeros((513, 3)), 0, 1000.0)
     raises(ValueError, force.send, np.zeros((3, 8)).T, 0, 1000.0)

@@ -231,6 +231,13 @@ class Client:
     ) -> None:
         """Sends what the robot measures of itself. Waits for nothing; raises NotSent."""
 
+    def set_horizon(self, points: ArrayLike) -> int:
+        """Sends the setpoints that follow the next command, one row per setpoint, one command period apart: call it before `send`.
+
+        Of more than 128 the first are sent; tells how many were. It replaces the last horizon; an empty one says that no setpoint is
+        known ahead. Waits for nothing; raises NotSent, and ValueError where a number is not finite: nothing was sent then.
+        """
+
     def target_for(self, q_cmd: ArrayLike, now_ns: int | None = None) -> Target:
         """What to send to the robot for `q_cmd`, whatever has become of the daemon. Waits for nothing.
 

@@ -9,8 +9,8 @@ use glam::DVec3;
 use physics::{Model, Wrench};
 use recording::model::presets::preset;
 use shm_schema::{
-    Command, Corrected, Current, ForceBlock, MeasuredPoint, Payload, Request, Response, RobotState,
-    Status, Verdict,
+    Command, Corrected, Current, ForceBlock, Horizon, MeasuredPoint, Payload, Request, Response,
+    RobotState, Status, Verdict,
 };
 use spectrum::{Block, Watch, WatchConfig};
 use std::fmt::Debug;
@@ -98,7 +98,7 @@ pub(super) fn force(bytes: &[u8]) {
 /// first byte selects it.
 pub(super) fn all_others(bytes: &[u8]) {
     let Some((kind, rest)) = bytes.split_first() else { return };
-    match kind % 8 {
+    match kind % 9 {
         0 => each::<RobotState>(rest, |state| format!("{state:?}")),
         1 => each::<Request>(rest, |request| {
             format!("{:?} {}", request.operation(), request.path.as_str())
@@ -116,7 +116,20 @@ pub(super) fn all_others(bytes: &[u8]) {
         6 => {
             let _ = Current::parse(&String::from_utf8_lossy(rest));
         }
-        _ => each::<MeasuredPoint>(rest, |point| format!("{point:?}")),
+        7 => each::<MeasuredPoint>(rest, |point| format!("{point:?}")),
+        _ => horizons(rest),
+    }
+}
+
+/// Horizons, as the daemon reads them one after the other: one that passes the check is numbers throughout.
+fn horizons(bytes: &[u8]) {
+    let mut newest = Box::new(Horizon::default());
+    for horizon in messages::<Horizon>(bytes) {
+        horizon.copy_into(&mut newest);
+        assert_eq!(newest.check(), horizon.check());
+        if newest.check().is_ok() {
+            assert!(newest.points().iter().flatten().all(|q| q.is_finite()));
+        }
     }
 }
 
