@@ -1,20 +1,21 @@
 //! The experiment proposed by a diagnosis, as read from `diagnosis.json` by `trued plan --for`.
 //!
-//! Promises: whatever the text is, it says what is asked, that nothing is, or why it is no diagnosis. Never: a file.
+//! Accepts any text: it returns the experiment, that none is proposed, or why the text is not a
+//! diagnosis. Does not access files.
 
 use diagnosis::diagnose::experiment::{Experiment, Measured, menu};
 use physics::Arm;
 use recording::series::{Channel, JOINTS_MAX, TARGETS_MAX};
 use serde::Deserialize;
 
-/// An experiment that is asked for.
+/// A proposed experiment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Asked {
     /// What a technician has to do.
     pub says: String,
     /// Which one of the menu.
     pub name: String,
-    /// What it is expected to tell, as a log-likelihood ratio.
+    /// Expected separation of the alternatives, as a log-likelihood ratio.
     pub expected_separation: f64,
     /// What is to be measured.
     pub measured: Measured,
@@ -34,19 +35,19 @@ struct Wanted {
     measure: Vec<String>,
 }
 
-/// A text that asks for nothing that can be understood.
+/// A text from which no experiment can be read.
 #[derive(Debug, thiserror::Error)]
 pub enum NotAsked {
     /// Not JSON, or not of this form.
     #[error("is no diagnosis: {0}")]
     NoDiagnosis(#[from] serde_json::Error),
-    /// A column that nobody measures.
+    /// The request names a quantity that cannot be measured.
     #[error("`measure` names `{0}`, which is no measured column")]
     NotMeasured(String),
 }
 
 impl Asked {
-    /// Reads the text of a `diagnosis.json`; none where it asks for no experiment.
+    /// Reads the text of a `diagnosis.json`; `None` where it proposes no experiment.
     ///
     /// # Errors
     /// See [`NotAsked`].

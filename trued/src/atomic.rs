@@ -1,9 +1,11 @@
 //! Writes all output files of a command or none, and never overwrites a user's file.
 //!
-//! A file that exists and is not empty is refused, unless it is a result that an earlier run created again (see [`is_result`]) or `--overwrite` is given. Each file is
-//! written beside its place under a hidden name and synced; once all are there they are renamed. A failure (a full disk, say) removes what was made, folders
-//! too. After a crash hidden `.NAME.PID-N.part` files may be left, never half a file under its name. What is no ordinary file (a pipe, `/dev/null`) is written as
-//! it comes.
+//! A file that exists and is not empty is refused, unless it is a result that trued can reproduce
+//! (see [`is_result`]) or `--overwrite` is given. Each file is written under a hidden name in the
+//! target directory and synced; once all are complete they are renamed. After a failure (a full
+//! disk, say) everything created is removed, directories included. A crash may leave hidden
+//! `.NAME.PID-N.part` files, but never an incomplete file under its final name. Special files (a
+//! pipe, `/dev/null`) are written directly.
 
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -22,9 +24,9 @@ use rustix::io::Errno;
 use crate::exit::Failure;
 use crate::provenance::{self, Invocation};
 
-/// Files of one command are written within this time; what was changed later was edited.
+/// Files of one command have modification times within this span; a file changed later was edited.
 const WRITTEN_TOGETHER: Duration = Duration::from_secs(2);
-/// Bytes within which a result says that trued made it.
+/// Number of bytes at the start of a file within which a result must name trued as its author.
 const HEAD: u64 = 1024;
 
 /// Why no file was written.
@@ -35,7 +37,7 @@ pub enum WriteError {
     Io {
         /// The file that was to be.
         path: PathBuf,
-        /// What the system said.
+        /// The operating system's error.
         source: io::Error,
     },
     /// Something is there.
@@ -71,9 +73,9 @@ pub struct Outputs {
     may_replace: bool,
     folder: Option<PathBuf>,
     files: Vec<Output>,
-    /// Places of what the command reads.
+    /// Paths of the command's inputs.
     inputs: BTreeSet<PathBuf>,
-    /// The run that its pages tell of.
+    /// The program run that is stated on the pages.
     invocation: Invocation,
     /// What was read, as its pages name it.
     read: Vec<InputFile>,
@@ -94,13 +96,13 @@ impl Outputs {
         Self { may_replace, ..Self::default() }
     }
 
-    /// The run of the program that pages among them tell of.
+    /// Sets the program run that is stated on the pages among the outputs.
     #[must_use]
     pub fn of(self, invocation: Invocation) -> Self {
         Self { invocation, ..self }
     }
 
-    /// The folder of the files, which is made where it is missing.
+    /// Sets the directory of the files, which is created if it is missing.
     #[must_use]
     pub fn in_folder(mut self, folder: &Path) -> Self {
         self.folder = Some(folder.to_owned());
@@ -113,7 +115,8 @@ impl Outputs {
         self.with(Output { path: path.into(), ..Output::default() })
     }
 
-    /// Announces a result that every run makes anew: JSON, a page, a plot. It may take the place of an earlier one.
+    /// Announces a result that every run reproduces: JSON, a page, a plot. It may replace an
+    /// earlier one.
     #[must_use]
     pub fn result(self, path: impl Into<PathBuf>) -> Self {
         self.with(Output { path: path.into(), is_result: true, ..Output::default() })
@@ -125,7 +128,7 @@ impl Outputs {
         self.with(Output { path: path.into(), is_result: true, is_page: true, bytes: None })
     }
 
-    /// The same of one that may not be asked for.
+    /// Announces optional results.
     #[must_use]
     pub fn pages<'a>(self, paths: impl IntoIterator<Item = &'a PathBuf>) -> Self {
         paths.into_iter().fold(self, Self::page)
@@ -136,7 +139,7 @@ impl Outputs {
         self
     }
 
-    /// Gives a page its content, with the strip that says how it was made.
+    /// Sets the content of a page, including the section that states how it was made.
     pub fn put_page(&mut self, path: &Path, page: report::Page) {
         let made = self.invocation.provenance(self.read.clone());
         self.put(path, page.provenance(made).render());
@@ -151,7 +154,8 @@ impl Outputs {
         pages.map(|file| file.path.clone())
     }
 
-    /// Gives a file its content. What gets none is not written; what was not announced is an ordinary file.
+    /// Sets the content of a file. A file without content is not written; an unannounced file is an
+    /// ordinary one.
     pub fn put(&mut self, path: &Path, bytes: impl Into<Vec<u8>>) {
         let bytes = Some(bytes.into());
         match self.files.iter_mut().find(|file| file.path == path) {
@@ -160,8 +164,9 @@ impl Outputs {
         }
     }
 
-    /// Checks, before a long computation, that all outputs can be written and none is an input: one of `inputs`, the TOML or mapping beside it, or the
-    /// model that such a TOML names. Leaves no files.
+    /// Checks, before a long computation, that all outputs can be written and that none is an
+    /// input: one of `inputs`, the TOML or mapping beside it, or the model that such a TOML names.
+    /// Leaves no files behind.
     ///
     /// # Errors
     /// As [`Outputs::write`].
@@ -188,7 +193,7 @@ impl Outputs {
         Ok(())
     }
 
-    /// What stands where an output goes, if it may be written there.
+    /// The existing file at an output's path, if the output may replace it.
     fn allowed(&self, Output { path, is_result, .. }: &Output) -> Result<State, WriteError> {
         let there = state(path).map_err(failed(path))?;
         if matches!(there, State::Stream | State::Missing) {
@@ -204,7 +209,8 @@ impl Outputs {
         Ok(there)
     }
 
-    /// Where to test that `path` is writable: in the nearest existing folder, if its own is created later.
+    /// Where to test that `path` can be written: in the nearest existing directory, if its own will
+    /// be created later.
     fn probe(&self, path: &Path) -> PathBuf {
         match &self.folder {
             Some(folder) if path.starts_with(folder) && !folder_of(path).exists() => {
@@ -218,7 +224,7 @@ impl Outputs {
     /// Writes all files that have content, or none.
     ///
     /// # Errors
-    /// A file that exists, a folder that does not, what the system said.
+    /// A file that exists, a directory that does not, or an error of the operating system.
     pub fn write(mut self) -> Result<(), WriteError> {
         self.check([])?;
         let folder = self.folder.as_deref().map(Folder::make).transpose()?;
@@ -243,7 +249,7 @@ impl Outputs {
     }
 }
 
-/// Renames all parts; where one fails, those that took the place of nothing go again.
+/// Renames all temporary files; if one fails, newly created ones are removed again.
 fn finish(parts: Vec<Part>) -> Result<(), WriteError> {
     let (mut made, mut folders) = (Vec::new(), BTreeSet::new());
     for part in parts {
@@ -291,7 +297,7 @@ fn state(path: &Path) -> io::Result<State> {
     }
 }
 
-/// An input, what stands beside it by its name, and the models that these TOML files name.
+/// An input, its companion files by name, and the models that these TOML files name.
 fn with_companions(input: &Path) -> Vec<PathBuf> {
     let mut all = vec![input.to_owned(), about_path(input), mapping_path(input)];
     let models: Vec<PathBuf> = all.iter().filter_map(|path| named_model(path)).collect();
@@ -299,7 +305,7 @@ fn with_companions(input: &Path) -> Vec<PathBuf> {
     all.iter().map(|path| place(path)).collect()
 }
 
-/// Where the file is, links followed; the path itself where nothing is there yet.
+/// The canonical path of a file, or the given path if it does not exist.
 fn place(path: &Path) -> PathBuf {
     let canonical = fs::canonicalize(path).or_else(|_| {
         let name = path.file_name().ok_or(ErrorKind::IsADirectory)?;
@@ -312,8 +318,9 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Whether trued made this JSON, page or plot: it says so in its first lines, and holds nothing that another run does not make again. So does the `model.toml`
-/// beside a `diagnosis.json`, unless it was edited since.
+/// Whether trued made this JSON, page or plot: its first lines say so, and another run reproduces
+/// its content. This includes the `model.toml` beside a `diagnosis.json`, unless it was edited
+/// since.
 #[must_use]
 pub fn is_result(path: &Path) -> bool {
     if path.file_name().is_some_and(|name| name == "model.toml") {
@@ -364,7 +371,7 @@ impl Part {
         Err(ErrorKind::AlreadyExists.into())
     }
 
-    /// The whole file with the permissions of the one whose place it takes, on the disk.
+    /// Writes and syncs the whole file, with the permissions of the file that it replaces.
     fn written(path: &Path, bytes: &[u8], is_new: bool) -> io::Result<Self> {
         let mut part = Self::create(&place(path))?;
         part.is_new = is_new;
@@ -385,7 +392,8 @@ impl Part {
     }
 }
 
-/// Renames; where nothing was there, nothing that came since is replaced, as far as the file system can promise that.
+/// Renames; a new file replaces no file that was created in the meantime, as far as the file system
+/// can guarantee it.
 fn rename(from: &Path, to: &Path, is_new: bool) -> io::Result<()> {
     if is_new {
         match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
@@ -399,7 +407,7 @@ fn rename(from: &Path, to: &Path, is_new: bool) -> io::Result<()> {
 impl Drop for Part {
     fn drop(&mut self) {
         if let Some(path) = &self.path {
-            // Nothing better can be done here: the error that led here is on its way to the user.
+            // Nothing more can be done here: the error that led here is reported to the user.
             let _ = fs::remove_file(path);
         }
     }

@@ -11,7 +11,7 @@ use crate::exit::Failure;
 /// How long a child may take to end in order.
 const END_WITHIN: Duration = Duration::from_secs(2);
 
-/// A child; asked to end when dropped, and killed where it does not.
+/// A child process; asked to end when dropped, and killed if it does not.
 #[derive(Debug)]
 pub(crate) struct Guarded(Child);
 
@@ -42,12 +42,12 @@ impl Guarded {
         self.0.try_wait().ok().flatten()
     }
 
-    /// What it says on standard output, where that was piped; once.
+    /// Its standard output, if it is piped; can be taken once.
     pub(crate) fn stdout(&mut self) -> Option<ChildStdout> {
         self.0.stdout.take()
     }
 
-    /// Waits for its own end.
+    /// Waits until it ends by itself.
     pub(crate) fn wait(&mut self) -> Result<ExitStatus, Failure> {
         self.0.wait().map_err(Failure::system)
     }

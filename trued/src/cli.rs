@@ -1,4 +1,4 @@
-//! The arguments as types. Never their execution.
+//! The command-line arguments as types, without their execution.
 
 use clap::Parser;
 

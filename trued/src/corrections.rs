@@ -24,14 +24,14 @@ pub(crate) struct Corrections {
     /// One list per joint; NaN in rows without a target.
     q: Vec<Vec<f64>>,
     status: Vec<CorrectionStatus>,
-    /// What is left of the tool error with the joints that are written, m and rad; NaN where it is not known.
+    /// The tool error left with the published joints, m and rad; NaN if unknown.
     left_m: Vec<f64>,
     left_rad: Vec<f64>,
     limited_by: Vec<Option<Reason>>,
     figures: Figures,
 }
 
-/// What the answers come to.
+/// Figures computed from the answers.
 #[derive(Debug, Clone, Default, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(crate) struct Figures {
@@ -43,12 +43,13 @@ pub(crate) struct Figures {
     reasons: Vec<Because>,
     /// Of revolute and of prismatic joints, where there are any.
     largest_correction: Vec<Largest>,
-    /// Of the tool error with the correction that is written, by the model; rows where that is not known are left out.
-    /// None where it is known of no row.
+    /// Tool error left with the published correction, by the model; rows where it is unknown are
+    /// omitted. `None` if it is unknown in all rows.
     largest_left: Option<Left>,
-    /// Rows whose tool error is not known: they were rejected, or an effect is beyond what its law holds for.
+    /// Rows whose tool error is unknown: they were rejected, or an effect is beyond its validity
+    /// range.
     unknown_rows: usize,
-    /// Rows that are limited, held or rejected, or whose solve failed: something is left of their tool error.
+    /// Rows that are limited, held or rejected, or whose solve failed: they keep some tool error.
     not_exact_rows: usize,
     /// Of the table that is written with `--out` or `--corrections`.
     corrections_hash: String,
@@ -86,7 +87,7 @@ struct Largest {
     row: usize,
 }
 
-/// The largest tool error that is left; rows from 1.
+/// The largest tool error left; rows from 1.
 #[derive(Debug, Clone, Copy, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Left {
@@ -96,15 +97,15 @@ struct Left {
     mrad_row: usize,
 }
 
-/// The tool errors that are left against the error that is allowed.
+/// The tool errors left compared with the allowed error.
 #[derive(Debug, Clone, Copy, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(crate) struct Tolerance {
     /// What is allowed of the tool's position.
     pub(crate) tolerance_mm: f64,
-    /// The largest that is left, where it is known of any row.
+    /// The largest error left, if it is known in any row.
     pub(crate) largest_mm: Option<f64>,
-    /// Rows that leave more, or of which it is not known.
+    /// Rows with a larger or unknown error.
     pub(crate) rows_beyond: usize,
     /// Whether there is no such row.
     pub(crate) met: bool,
@@ -126,7 +127,8 @@ impl Corrections {
         Self { kinds, q, status, left_m, left_rad, limited_by: Vec::new(), figures }
     }
 
-    /// Takes the answer to the next row, whose commanded joints are `q_cmd`, and what is left of the tool error with it.
+    /// Adds the answer to the next row, whose commanded joints are `q_cmd`, and the tool error left
+    /// with it.
     ///
     /// # Errors
     /// A status or reason of a later version.
@@ -168,7 +170,7 @@ impl Corrections {
         let reasons =
             self.limited_by.iter().map(|by| by.map_or_else(String::new, |by| by.to_string()));
         columns.push(("limited_by".to_owned(), reasons.collect()));
-        // What an earlier correction left in the recording is replaced.
+        // Columns of an earlier correction in the recording are replaced.
         recording.other.retain(|(name, _)| columns.iter().all(|(ours, _)| ours != name));
         recording.other.extend(columns);
         recording.to_csv()
@@ -189,12 +191,12 @@ impl Corrections {
         self.status.len()
     }
 
-    /// Rows whose tool error is not corrected in full.
+    /// Number of rows whose tool error is not fully corrected.
     pub(crate) fn not_exact_rows(&self) -> usize {
         self.figures.not_exact_rows
     }
 
-    /// What is left against what is allowed, mm.
+    /// The error left compared with the allowed one, mm.
     pub(crate) fn within(&self, tolerance_mm: f64) -> Tolerance {
         let beyond = |left_m: &&f64| left_m.is_nan() || **left_m * 1e3 > tolerance_mm;
         let rows_beyond = self.left_m.iter().filter(beyond).count();
@@ -231,7 +233,7 @@ impl Figures {
         }
     }
 
-    /// Takes what is left of the tool error in the last row.
+    /// Adds the tool error left in the last row.
     fn leave(&mut self, left: Option<Residual>) {
         let Some(left) = left else {
             self.unknown_rows += 1;
@@ -265,7 +267,7 @@ impl Figures {
         }
     }
 
-    /// What a person wants to know of it.
+    /// A summary for the user.
     pub(crate) fn told(&self) -> String {
         let mut table = TextTable::new(["status", "rows", "share"]);
         for (status, rows) in &self.statuses {

@@ -20,16 +20,16 @@ pub enum Answer {
     No,
 }
 
-/// Why a command was not done. The words come from the error within.
+/// Why a command failed. The message is that of the inner error.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
-    /// What was given cannot be used.
+    /// The input cannot be used.
     #[error(transparent)]
     Input(Box<dyn Error + Send + Sync>),
-    /// The machine did not do what any machine should.
+    /// The operating system failed.
     #[error(transparent)]
     System(Box<dyn Error + Send + Sync>),
-    /// Someone asked to stop.
+    /// The command was interrupted.
     #[error("interrupted")]
     Interrupted,
 }
@@ -58,7 +58,7 @@ impl From<spectrum_report::Error> for Failure {
 pub type Outcome = Result<Answer, Failure>;
 
 impl Failure {
-    /// For `map_err`: the fault is in what was given.
+    /// For `map_err`: an error in the input.
     pub fn input(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self::Input(error.into())
     }

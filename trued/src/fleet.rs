@@ -1,6 +1,7 @@
 //! Checks of a manifest: usable models and mappings, existing recordings.
 //!
-//! A batch with an unusable model would refuse every recording of that robot for a fault that is not the recording's, so this is checked first.
+//! With an unusable model a batch would reject every recording of that robot for an error that is
+//! not the recording's, so this is checked first.
 
 use std::fmt;
 use std::path::Path;

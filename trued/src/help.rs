@@ -2,7 +2,7 @@
 
 use clap::Command;
 
-/// Every command that the contract names, by what one wants to do.
+/// Every command of the interface, grouped by task.
 const TASKS: [(&str, &[&str]); 8] = [
     ("See it work", &["demo", "bench", "doctor"]),
     (
@@ -17,7 +17,7 @@ const TASKS: [(&str, &[&str]); 8] = [
     ("Set up a shell", &["completions"]),
 ];
 
-/// Examples by the command they show; the first three whose command exists are printed.
+/// Examples with the command they show; the first three whose command exists are printed.
 const EXAMPLES: [(&str, &str, &str); 5] = [
     (
         "demo",

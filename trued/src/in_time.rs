@@ -45,7 +45,7 @@ impl InTime {
     }
 }
 
-/// The joints of a model over time; says what is not compensated.
+/// The dynamics of a model's joints; reports what is not compensated.
 pub(crate) fn plants(input: &Input, settings: &Settings) -> Result<Plants, Failure> {
     let plants = Plants::of(&input.model, settings.unstated);
     if plants.is_empty() {
@@ -54,7 +54,7 @@ pub(crate) fn plants(input: &Input, settings: &Settings) -> Result<Plants, Failu
     Ok(plants)
 }
 
-/// The joints that the static correction asks for.
+/// The joint positions with the static correction.
 pub(crate) fn settled(corrections: &Corrections) -> Result<Vec<Vec<f64>>, Failure> {
     let joints = corrections.joints();
     let lacking = joints.iter().find_map(|joint| joint.iter().position(|q| !q.is_finite()));
@@ -74,7 +74,8 @@ pub(crate) struct OfJoint {
     /// From 1.
     joint: usize,
     unit: &'static str,
-    /// The largest correction in time, and what is left at most and in the mean square by the model.
+    /// The largest dynamic correction, and the maximum and root mean square error left by the
+    /// model.
     correction: f64,
     left: f64,
     left_rms: f64,

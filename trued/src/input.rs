@@ -1,6 +1,7 @@
 //! Reading of inputs: models by file or preset, recordings checked against their model, with error messages.
 //!
-//! Promises: nothing is used that has a fault; every fault of a file is told at once. Never: a guess which robot is meant.
+//! Nothing with an error is used; all errors of a file are reported at once. The robot is never
+//! guessed.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -43,9 +44,10 @@ pub(crate) struct Input {
     pub(crate) joint_kinds: Vec<JointKind>,
 }
 
-/// A recording that somebody has looked into.
+/// A recording whose content has been inspected.
 pub(crate) enum Looked {
-    /// No joint is in it: with the model that is given or named for it, or one that stands in for no arm.
+    /// It contains no joints: with the model that is given or named for it, or a placeholder
+    /// without an arm.
     WithoutArm(Box<(RobotModel, Recording)>),
     /// Joints are in it; none where it cannot be read.
     OfArm(Option<Box<Recording>>),
@@ -86,7 +88,7 @@ impl Reading {
         self.read_with(Need::Path, path, fallback, None)
     }
 
-    /// Reads recordings of what was measured of one robot, and its model.
+    /// Reads recordings of one robot's measurements, and its model.
     pub(crate) fn measured(
         &self,
         paths: &[PathBuf],
@@ -94,7 +96,7 @@ impl Reading {
         self.measured_after(None, paths)
     }
 
-    /// The same where somebody has looked into the first one already.
+    /// The same if the first one has been inspected already.
     pub(crate) fn measured_after(
         &self,
         mut read: Option<Recording>,
@@ -112,9 +114,9 @@ impl Reading {
         Ok((model, inputs.into_iter().map(|input| input.recording).collect()))
     }
 
-    /// Reads a recording of which it is not known yet whether joints are in it.
+    /// Reads a recording of which it is not known yet whether it contains joints.
     pub(crate) fn look(&self, path: &Path) -> Result<Looked, Failure> {
-        // What cannot be read is told by whoever asks for joints.
+        // A read error is reported by the caller that needs joints.
         let Ok(recording) = series::read(path, self.mapping.as_deref(), Need::Samples) else {
             return Ok(Looked::OfArm(None));
         };

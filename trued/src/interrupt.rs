@@ -1,8 +1,8 @@
 //! Ctrl-C and SIGTERM as a flag that long commands check, so that they end cleanly.
 //!
-//! Promises: the first signal only sets the flag; a second Ctrl-C ends the program at once with 130, should a command
-//! hang. Chosen: `signal-hook`, as it sets an atomic from the handler itself; `ctrlc` starts a thread for it, which a
-//! program that counts its threads and their priorities does not want.
+//! The first signal only sets the flag; a second Ctrl-C ends the program at once with 130, in case
+//! a command hangs. `signal-hook` was chosen because it sets an atomic from the handler itself;
+//! `ctrlc` starts a thread for it, which is undesirable in a program with real-time threads.
 //!
 //! iceoryx2 would install handlers of its own: create its nodes with `SignalHandlingMode::Disabled`.
 
@@ -18,12 +18,12 @@ use crate::exit::Failure;
 /// The exit code after an interruption.
 pub const EXIT_CODE: u8 = 130;
 
-/// The flag that a signal sets. The first call installs the handlers: a command that never asks is ended by a signal
-/// as any program.
+/// The flag that a signal sets. The first call installs the handlers: without it a signal ends the
+/// program as usual.
 ///
 /// # Errors
 ///
-/// [`Failure::System`] where the system refuses a handler.
+/// [`Failure::System`] if the system rejects a handler.
 pub fn flag() -> Result<Arc<AtomicBool>, Failure> {
     static FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
     if let Some(flag) = FLAG.get() {
@@ -44,7 +44,7 @@ pub fn check(flag: &AtomicBool) -> Result<(), Failure> {
 }
 
 fn install(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
-    // In this order: the first asks whether the flag was set by an earlier signal.
+    // The order matters: the first handler checks whether an earlier signal has set the flag.
     flag::register_conditional_shutdown(SIGINT, i32::from(EXIT_CODE), Arc::clone(stop))?;
     flag::register(SIGINT, Arc::clone(stop))?;
     flag::register(SIGTERM, Arc::clone(stop))?;

@@ -1,7 +1,8 @@
 //! The command line: common parts, and one file per command under `commands`.
 //!
-//! Promises: the conventions of docs/inputs.md and docs/reference/results.md (streams, `--json`, exit codes, files complete or not at all) hold for
-//! every command because they are kept here, once. Never: logic that a library of this project could offer.
+//! The conventions of docs/inputs.md and docs/reference/results.md (streams, `--json`, exit codes,
+//! files complete or not at all) are implemented here once for every command. Logic that belongs to
+//! a library of this project does not belong here.
 
 pub mod asked;
 pub mod atomic;
@@ -60,7 +61,7 @@ pub fn run(args: impl Iterator<Item = OsString>) -> ExitCode {
     exit::code(&outcome)
 }
 
-/// The command line, for what is made of it: man pages, completions.
+/// The command line, for generating man pages and completions.
 #[must_use]
 pub fn command() -> clap::Command {
     // Clap puts the program's name before it.
@@ -73,7 +74,7 @@ fn parse(args: Vec<OsString>) -> Result<Cli, clap::Error> {
     Cli::from_arg_matches_mut(&mut matches)
 }
 
-/// Help and version are answers; all else is a usage that is told and refused.
+/// Help and version are results; everything else is a usage error.
 fn tell(told: &clap::Error) -> ExitCode {
     let outcome = match told.print() {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::system(error)),

@@ -1,6 +1,6 @@
 //! Processes a recording row by row without a clock: cell configuration, and the daemon's cycle without shared memory.
 //!
-//! `correct` and `replay` take the same ones, so that they say the same.
+//! `correct` and `replay` use the same ones, so that their results agree.
 
 use std::path::Path;
 
@@ -16,15 +16,15 @@ use shm_schema::{Corrected, CorrectionStatus};
 use crate::exit::Failure;
 use crate::setpoints::{Timed, has_wrench};
 
-/// Its name: short, as paths of the transport are bounded and its place may be deep already.
+/// Its name: short, since the transport limits the length of paths.
 pub(crate) const CELL: &str = "r";
 
 /// Its configuration, with the model in `model`.
 pub(crate) fn cell_toml(model: &Path, recording: &Recording) -> String {
     let wrench = if has_wrench(recording) { "command" } else { "none" };
-    // As TOML quotes text: a path that is no plain text never gets here.
+    // Quoted as TOML; a path that is not UTF-8 never gets here.
     let model = format!("{:?}", model.display().to_string());
-    // The period is how often the daemon looks for the next row: as fast as it goes.
+    // The period is the interval at which the daemon looks for the next row: as short as possible.
     format!(
         "schema = \"trued.cell/1\"\ncell = \"{CELL}\"\nmodel = {model}\nmode = \"full\"\n\n\
          [cycle]\nperiod_ms = 0.1\n\n[wrench]\nsource = \"{wrench}\"\n"
@@ -69,7 +69,7 @@ impl<'m> Cycle<'m> {
         self.frees_tool_axis
     }
 
-    /// What the daemon answers to the next row.
+    /// The daemon's answer to the next row.
     pub(crate) fn answer(&mut self, row: &Timed) -> Result<Corrected, Failure> {
         let Self { corrector, sensor_inputs, exchange, .. } = self;
         let model = &self.model.physics;
@@ -85,8 +85,8 @@ impl<'m> Cycle<'m> {
         Ok(translate::corrected(&allowed, model.arm.count()))
     }
 
-    /// What is left of the tool error at the last row with an answer's correction, by the model. None where it is not known: the row was rejected, or an
-    /// effect is beyond what its law holds for.
+    /// The tool error left at the last row with an answer's correction, by the model. `None` if it
+    /// is unknown: the row was rejected, or an effect is beyond its validity range.
     pub(crate) fn left_with(&self, answer: &Corrected) -> Option<Residual> {
         let is_rejected = answer.status() == Ok(CorrectionStatus::Rejected);
         let left = || self.corrector.left_with(&self.model.physics, &answer.correction);

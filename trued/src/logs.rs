@@ -1,7 +1,8 @@
 //! Logs to standard error, without disturbing progress bars.
 //!
-//! Promises: a log that nobody reads any more costs its lines; the program goes on. A daemon's log waits in a queue for whoever reads it, so that a
-//! reader that stalls stalls nothing else; lines beyond the queue are lost, counted, and told of when the reader is back.
+//! If the log's reader is gone, its lines are lost and the program continues. A daemon's log goes
+//! through a queue, so that a blocked reader blocks nothing else; lines beyond the queue's capacity
+//! are dropped, counted, and the count is reported when the reader is back.
 
 use std::fmt::{self, Write as _};
 use std::io::{self, Write};
@@ -28,7 +29,7 @@ const LAST_WORDS: Duration = Duration::from_millis(300);
 /// What waits for a reader, once this process serves robots.
 static QUEUE: OnceLock<Queue> = OnceLock::new();
 
-/// Lines on their way to a thread that may wait.
+/// Lines for a thread that may block.
 struct Queue {
     to: SyncSender<Vec<u8>>,
     counts: Arc<Counts>,
@@ -49,7 +50,7 @@ impl Queue {
         std::thread::Builder::new().name("log".to_owned()).spawn(move || {
             for line in lines {
                 let lost = shared.lost.swap(0, Relaxed);
-                // There is nobody to tell that there is nobody.
+                // A write error cannot be reported.
                 if lost > 0 {
                     let _ = writeln!(out, " WARN {lost} lines of log were lost: nobody read them");
                 }
@@ -68,7 +69,7 @@ impl Queue {
         }
     }
 
-    /// Waits until all is written, for so long at most.
+    /// Waits, for a limited time, until all lines are written.
     fn drain(&self, limit: Duration) {
         let since = Instant::now();
         while self.counts.waiting.load(Relaxed) > 0 && since.elapsed() < limit {
@@ -77,14 +78,14 @@ impl Queue {
     }
 }
 
-/// A line of log that waits until the bars are out of the way.
+/// Writes a log line while the progress bars are hidden.
 struct BesideBars(MultiProgress);
 
 impl Write for BesideBars {
     fn write(&mut self, text: &[u8]) -> io::Result<usize> {
         match QUEUE.get() {
             Some(queue) => queue.push(text),
-            // There is nobody to tell that there is nobody.
+            // A write error cannot be reported.
             None => drop(self.0.suspend(|| io::stderr().write_all(text))),
         }
         Ok(text.len())
@@ -95,7 +96,7 @@ impl Write for BesideBars {
     }
 }
 
-/// Hands what a cell's daemon logs to its recording.
+/// Passes the log of a cell's daemon to its recording.
 struct Recorded;
 
 impl<S: Subscriber> Layer<S> for Recorded {
@@ -113,7 +114,7 @@ impl<S: Subscriber> Layer<S> for Recorded {
     }
 }
 
-/// What an event says: its message, then its fields.
+/// An event's text: its message, then its fields.
 #[derive(Default)]
 struct Line {
     message: String,
@@ -126,7 +127,7 @@ impl Visit for Line {
     }
 
     fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
-        // Writing to a text does not fail.
+        // Writing to a string cannot fail.
         let _ = match field.name() {
             "message" => write!(self.message, "{value:?}"),
             name => write!(self.fields, " {name}={value:?}"),
@@ -134,7 +135,7 @@ impl Visit for Line {
     }
 }
 
-/// Starts the log of the process; a second start in one process changes nothing.
+/// Starts the log of the process; a second start in one process has no effect.
 pub(crate) fn start(console: &Console) {
     let common = console.common();
     let level = match (common.quiet, common.verbose) {
@@ -147,7 +148,7 @@ pub(crate) fn start(console: &Console) {
     let log = tracing_subscriber::fmt::layer()
         .with_writer(move || BesideBars(bars.clone()))
         .with_ansi(console.colour_on_stderr())
-        // It would say so on standard error, and panic where that is closed.
+        // It would write to standard error, and panic if that is closed.
         .log_internal_errors(false)
         .with_target(common.verbose > 0)
         .without_time()
@@ -159,26 +160,26 @@ pub(crate) fn start(console: &Console) {
     let _ = tracing::subscriber::set_global_default(log);
 }
 
-/// From now on nobody waits for whoever reads the log, to the end of the process.
+/// From now on no thread waits for the log's reader, until the end of the process.
 ///
-/// # Errors
+/// [`Failure::System`] if the system provides no thread.
 /// [`Failure::System`] where the system refuses a thread.
 pub(crate) fn never_wait() -> Result<(), Failure> {
     if QUEUE.get().is_none() {
         let queue = Queue::start(io::stderr()).map_err(Failure::system)?;
-        // Another thread that was first has one that serves as well.
+        // If another thread was first, its queue is used.
         let _ = QUEUE.set(queue);
     }
     Ok(())
 }
 
-/// Writes a program's own last words where its log goes; waits for their reader as long as the log does.
+/// Writes the program's last message to the log; waits for its reader as the log does.
 pub(crate) fn write(bars: &MultiProgress, text: &[u8]) {
-    // Where even standard error is gone, the exit code still tells.
+    // If standard error is gone, the exit code remains.
     let _ = BesideBars(bars.clone()).write_all(text);
 }
 
-/// Gives whoever reads a last moment.
+/// Gives the reader a last chance to read.
 pub(crate) fn finish() {
     if let Some(queue) = QUEUE.get() {
         queue.drain(LAST_WORDS);
@@ -191,7 +192,7 @@ mod tests {
     use std::sync::Mutex;
     use std::sync::mpsc::{Receiver, channel};
 
-    /// A reader that reads nothing until it is told to.
+    /// A reader that blocks until it is released.
     struct Stalled {
         until: Option<Receiver<()>>,
         read: Arc<Mutex<Vec<u8>>>,
@@ -228,7 +229,7 @@ mod tests {
         let text = String::from_utf8(read.lock().expect("one writer").clone()).expect("text");
         let kept = text.lines().filter(|line| line.starts_with("line ")).count();
         assert!((WAITING_MAX..=WAITING_MAX + 1).contains(&kept), "{kept}");
-        // A thread that comes late is told of what was lost before its first line, too.
+        // Lines lost before the thread's first line are reported too.
         let lost = text
             .split(" lines of log were lost")
             .filter_map(|before| before.split(' ').next_back()?.parse::<usize>().ok());

@@ -1,4 +1,4 @@
-//! The program. Everything is in the library, so that tests can build the same program.
+//! The program. All code is in the library, so that tests can use it.
 
 use std::process::ExitCode;
 

@@ -52,7 +52,8 @@ pub struct Seed {
 }
 
 impl Seed {
-    /// The seed given, or one drawn by chance, below a million so that it can be typed. The command says it.
+    /// The given seed, or a random one below a million so that it can be typed. The command states
+    /// it.
     #[must_use]
     pub fn settle(&self) -> u64 {
         self.seed.unwrap_or_else(|| RandomState::new().build_hasher().finish() % 1_000_000)
@@ -75,16 +76,16 @@ impl Threads {
         self.threads.unwrap_or_else(offered)
     }
 
-    /// Lets the diagnoses of this process share so many threads, where a number is given.
+    /// Limits the threads of this process's diagnoses, if a number is given.
     ///
-    /// # Errors
+    /// The system provides no threads.
     /// The system gives none.
     pub(crate) fn bound(&self) -> Result<(), Failure> {
         self.threads.map_or(Ok(()), |threads| bound_threads(threads).map_err(Failure::system))
     }
 }
 
-/// Reads `--tolerance-mm`, mm: above 0.
+/// Parses `--tolerance-mm`, mm: above 0.
 ///
 /// # Errors
 /// What is wrong with it, in words.

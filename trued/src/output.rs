@@ -1,7 +1,8 @@
 //! Output of a command: text to standard output, errors to standard error, JSON and pages to files.
 //!
-//! Promises: a reader that left (`trued info … | head`) is no error, the command goes on and ends with its own exit
-//! code; no colour where none was asked for; with `--json -` standard output holds the JSON object alone.
+//! A closed pipe (`trued info … | head`) is no error: the command continues and ends with its own
+//! exit code; colour is used only where requested; with `--json -` standard output contains the
+//! JSON object alone.
 
 use std::borrow::Cow;
 use std::error::Error;
@@ -21,22 +22,22 @@ use crate::options::{Color, Common};
 use crate::provenance::Invocation;
 use crate::wrap::wrapped;
 
-/// How a word is meant; shown by colour where there is any.
+/// The meaning of a word, shown by colour if enabled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Paint {
-    /// A heading, a key number.
+    /// A heading, a key figure.
     Strong,
     /// Beside the point.
     Faint,
     /// As it should be.
     Good,
-    /// To be looked at.
+    /// Needs attention.
     Caution,
     /// A fault.
     Bad,
 }
 
-/// The two streams of a command, and what was asked of them.
+/// The two streams of a command, and its output options.
 #[derive(Debug)]
 pub struct Console {
     common: Common,
@@ -59,7 +60,7 @@ impl Console {
         Self { common, progress, invocation, pages: Vec::new(), reader_left: false }
     }
 
-    /// The same for this run of the program, of which its pages tell.
+    /// The same for the given program run, which its pages state.
     #[must_use]
     pub fn of(self, invocation: Invocation) -> Self {
         Self { invocation, ..self }
@@ -96,7 +97,7 @@ impl Console {
         self.tell(io::stdout(), &for_stream(&io::stdout(), text))
     }
 
-    /// Says text that a program reads: never broken, whatever the terminal's width.
+    /// Writes machine-readable text, never wrapped.
     ///
     /// # Errors
     ///
@@ -105,13 +106,13 @@ impl Console {
         self.tell(io::stdout(), text)
     }
 
-    /// Files of this command beside what it found; none so far.
+    /// The files of this command besides the JSON; none so far.
     #[must_use]
     pub fn files(&self) -> Outputs {
         Outputs::new(self.common.overwrite).of(self.invocation.clone())
     }
 
-    /// Says where the pages are that this command wrote: the last line of its text.
+    /// Lists the pages that this command wrote: the last line of its text.
     ///
     /// # Errors
     ///
@@ -131,12 +132,12 @@ impl Console {
         }
     }
 
-    /// Writes the files of a command, all or none, and among them what was found where `--json` says, `schema` first. `body` is a struct or a map; numbers
-    /// that are not finite become `null`.
+    /// Writes the files of a command, all or none, including the JSON result if `--json` is given,
+    /// with `schema` first. `body` is a struct or a map; non-finite numbers become `null`.
     ///
     /// # Errors
     ///
-    /// [`Failure`] where a file or the stream cannot be written, or `body` is no object.
+    /// [`Failure`] if a file or the stream cannot be written, or if `body` is not an object.
     pub fn write(
         &mut self,
         mut outputs: Outputs,
@@ -195,7 +196,7 @@ impl Console {
         let head =
             if self.colour_on_stderr() { painted(Paint::Bad, "error:") } else { "error:".into() };
         let mut said = failure.to_string();
-        // Words of the command line's own parser begin so already.
+        // Messages of the command-line parser already begin this way.
         let mut text = format!("{head} {}\n", said.strip_prefix("error: ").unwrap_or(&said));
         let mut cause = failure.source();
         while let Some(error) = cause {

@@ -6,14 +6,14 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::output::Console;
 
-/// A bar with the time left, within 80 columns.
+/// A bar with the remaining time, within 80 columns.
 const TEMPLATE: &str = "{msg:<26} {bar:20} {percent:>3} %  {elapsed}, {eta} left";
-/// A stage with how long all has taken.
+/// A stage with the elapsed time.
 const STAGE: &str = "{spinner} {wide_msg} {elapsed:>6} ";
-/// How often a stage's time is drawn anew.
+/// Refresh interval of a stage's time.
 const TICK: Duration = Duration::from_millis(200);
 
-/// A bar over so many steps. It vanishes when finished or dropped: the result speaks.
+/// A bar with the given number of steps. It disappears when finished or dropped.
 #[must_use]
 pub fn bar(console: &Console, steps: u64, what: impl Into<String>) -> ProgressBar {
     let style =
@@ -25,7 +25,7 @@ pub fn bar(console: &Console, steps: u64, what: impl Into<String>) -> ProgressBa
     console.progress().add(bar)
 }
 
-/// What is being done, where nobody knows how long it takes: told by stage, with the time since the start.
+/// A spinner for work of unknown duration: the present stage, with the time since the start.
 #[must_use]
 pub fn stages(console: &Console, first: &'static str) -> ProgressBar {
     let style = ProgressStyle::with_template(STAGE);

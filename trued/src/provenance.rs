@@ -1,6 +1,7 @@
 //! Provenance of a page: command line, time, input files.
 //!
-//! The time is that of the start of the program, or of `SOURCE_DATE_EPOCH` (s since 1970, reproducible-builds.org): with it the same inputs give the same bytes.
+//! The time is the program's start, or `SOURCE_DATE_EPOCH` (s since 1970, reproducible-builds.org):
+//! with it the same inputs give the same bytes.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -33,12 +34,12 @@ impl Invocation {
         Self { command: typed(words), date_utc: date(now_s()) }
     }
 
-    /// The same run under another command line: the one that a user would type for it.
+    /// The same run with another command line: the one a user would type for it.
     pub(crate) fn typed<T: Into<String>>(&self, words: impl IntoIterator<Item = T>) -> Self {
         Self { command: typed(words.into_iter().map(Into::into)), ..self.clone() }
     }
 
-    /// What a page says of this run and of the files that it read.
+    /// The information for a page about this run and its input files.
     pub(crate) fn provenance(&self, files: Vec<InputFile>) -> Provenance {
         Provenance {
             files,
@@ -63,7 +64,7 @@ pub(crate) fn hashed(path: &Path) -> Option<InputFile> {
     Some(InputFile { name: path.file_name()?.to_string_lossy().into_owned(), sha256 })
 }
 
-/// The command line as a shell takes it.
+/// The command line, quoted for a shell.
 fn typed(words: impl Iterator<Item = String>) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
     let quoted = |word: String| {

@@ -1,7 +1,7 @@
 //! JSON Schemas (draft 2020-12) of every input file and every JSON result.
 //!
-//! Promises: a result fits its schema. A result may get further keys without a new name of its format: whoever reads it ignores what it does not know.
-//! Numbers that are not finite are `null`.
+//! A result is valid for its schema. A result may get additional keys without a new format name:
+//! readers ignore unknown keys. Non-finite numbers are `null`.
 
 use std::path::PathBuf;
 
@@ -23,7 +23,7 @@ pub fn all() -> Vec<(PathBuf, Value)> {
     files.chain(results).collect()
 }
 
-/// The schema of what a command writes.
+/// The schema of a command's result.
 pub(crate) struct ResultSchema {
     file: &'static str,
     schema: Value,
@@ -47,7 +47,7 @@ impl ResultSchema {
         one
     }
 
-    /// Of a value that does not name its format.
+    /// The schema of a value that does not state its format.
     pub(crate) fn without_format<T: JsonSchema>(file: &'static str) -> Self {
         let settings = SchemaSettings::draft2020_12().for_serialize().with_transform(AsWritten);
         let schema = settings.into_generator().into_root_schema_for::<T>();
@@ -55,7 +55,7 @@ impl ResultSchema {
     }
 }
 
-/// A number that is not finite is written as null; a reader finds more keys than it knows.
+/// Non-finite numbers are written as null; unknown keys are allowed.
 #[derive(Clone)]
 struct AsWritten;
 
@@ -63,7 +63,7 @@ impl Transform for AsWritten {
     fn transform(&mut self, schema: &mut Schema) {
         transform_subschemas(self, schema);
         let Some(object) = schema.as_object_mut() else { return };
-        // Rust's own names of number formats say nothing to others.
+        // Rust's names of number formats are of no use to others.
         object.remove("format");
         match object.get_mut("type") {
             Some(Value::String(one)) if one == "number" => {

@@ -1,9 +1,9 @@
 //! A recording as setpoints of the robot's loop: one per row, in order.
 //!
-//! Promises: the same recording gives the same setpoints, bit for bit; their times increase strictly, over segments too.
-//! A wrench that was not sampled in a row is left
-//! out (the daemon holds the last one until it is stale); a temperature that was not sampled is the last known.
-//! Never: a judgement of a row; that is the corrector's.
+//! The same recording gives the same setpoints, bit for bit; their times increase strictly, across
+//! segments too. A wrench that was not sampled in a row is left out (the daemon holds the last one
+//! until it is stale); a temperature that was not sampled is the last known. Rows are not validated
+//! here; the corrector does that.
 
 use recording::series::{Approach, Channel, Frame, Kind, Recording};
 use trued_client::{Setpoint, WrenchFrame};
@@ -18,9 +18,9 @@ const MOVED: f64 = 2e-6;
 /// One row to be sent.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Timed {
-    /// When the target holds, ns.
+    /// Time of the target, ns.
     pub(crate) t_ns: u64,
-    /// The first row of a segment: another run, for which nothing of the path before is remembered.
+    /// The first row of a segment: a new run without any state from the path before.
     pub(crate) anew: bool,
     pub(crate) setpoint: Setpoint,
 }
@@ -31,7 +31,7 @@ pub(crate) struct Setpoints<'r> {
     recording: &'r Recording,
     joints: usize,
     row: usize,
-    /// Time of the present segment's first row, and what stands for it.
+    /// Recorded time of the present segment's first row, and its setpoint time.
     base: (f64, u64),
     t_ns: u64,
     celsius: Vec<f64>,
@@ -40,7 +40,8 @@ pub(crate) struct Setpoints<'r> {
 }
 
 impl<'r> Setpoints<'r> {
-    /// All rows, for a robot with so many joints; the recording's joints were checked against them.
+    /// All rows, for a robot with the given number of joints; the recording's joints were checked
+    /// before.
     pub(crate) fn of(recording: &'r Recording, joints: usize) -> Self {
         Self {
             recording,
@@ -84,7 +85,7 @@ impl<'r> Setpoints<'r> {
         }
     }
 
-    /// From the pose before; a joint that did not move keeps its direction.
+    /// Derived from the previous pose; a joint that did not move keeps its direction.
     fn turn(&mut self, anew: bool, q: &[f64]) {
         if anew {
             self.turned.fill(0);
@@ -101,7 +102,8 @@ impl<'r> Setpoints<'r> {
         }
     }
 
-    /// The wrench where any of it has a column and all that has one was sampled; what has no column is zero.
+    /// The wrench if any component has a column and all existing columns were sampled; missing
+    /// columns are zero.
     fn wrench(&self) -> Option<[f64; 6]> {
         let columns = [0, 1, 2, 3, 4, 5].map(|part| self.recording.column(Channel::Wrench(part)));
         let part =

@@ -13,7 +13,8 @@ pub(crate) fn on_stdout(table: &TextTable) -> String {
     table.render(wrap::columns_of_stdout())
 }
 
-/// A text beside its name, which takes `indent` columns, broken at spaces; what is longer than a line alone is broken where the line ends.
+/// A text beside its label, which takes `indent` columns, wrapped at spaces; words longer than a
+/// line are broken.
 #[must_use]
 pub(crate) fn beside(name: &str, indent: usize, text: &str) -> Vec<String> {
     let width = COLUMNS - indent;

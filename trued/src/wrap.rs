@@ -1,14 +1,14 @@
 //! Line wrapping for a terminal: long lines are broken between words, with a hanging indent.
 //!
-//! Only for terminals: what goes to a pipe or a file keeps its lines, so that programs can read them.
+//! Only for terminals: output to a pipe or a file keeps its lines, so that programs can read them.
 
 use std::io;
 
 use terminal_size::{Width, terminal_size_of};
 
-/// Lines are no longer than this, however wide the terminal is: longer ones are hard to read.
+/// Lines are no longer than this, however wide the terminal is, for readability.
 const WIDEST: usize = 100;
-/// Narrower than this nothing is broken: it would not be read anyway.
+/// Below this width nothing is wrapped.
 const NARROWEST: usize = 30;
 /// How far a broken line hangs under its beginning.
 const HANG: usize = 2;
@@ -18,7 +18,7 @@ pub(crate) fn columns_of_stdout() -> Option<usize> {
     terminal_size_of(io::stdout()).map(|(Width(columns), _)| usize::from(columns))
 }
 
-/// The text with lines of at most `columns`; single words that are longer stay whole.
+/// The text with lines of at most `columns`; longer words are kept whole.
 pub(crate) fn wrapped(text: &str, columns: usize) -> String {
     if columns < NARROWEST {
         return text.to_owned();
@@ -53,7 +53,8 @@ fn broken(line: &str, columns: usize) -> String {
     text
 }
 
-/// Where the lines after the first begin: under the words that follow a label and two spaces, else a little to the right.
+/// Indentation of the following lines: below the text after a label and two spaces, otherwise a few
+/// columns to the right.
 fn hang(line: &str, columns: usize) -> usize {
     let indent = line.chars().take_while(|c| *c == ' ').count();
     let rest: Vec<char> = plain(line).chars().skip(indent).collect();

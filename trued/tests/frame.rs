@@ -1,4 +1,4 @@
-//! The program itself, from outside: help, version, usage, and streams that are gone.
+//! The program itself, from outside: help, version, usage, and closed streams.
 
 use std::fs::File;
 use std::process::{Command, Output, Stdio};

@@ -9,7 +9,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 const ROLE: &str = "TRUED_TEST_HANGS";
 
-/// The child's part: says that it listens, says that it was asked to stop, and hangs.
+/// The child process: reports that it is ready, reports the interruption, and hangs.
 #[test]
 fn hangs_when_asked_to_by_its_parent() {
     if std::env::var_os(ROLE).is_none() {

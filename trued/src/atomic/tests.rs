@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A directory of the test's own, gone afterwards.
+/// A temporary directory of the test, removed afterwards.
 struct Place(PathBuf);
 
 impl Place {
@@ -82,7 +82,7 @@ fn a_result_takes_the_place_of_an_earlier_result_and_of_nothing_else() {
         assert!(matches!(again(), Err(WriteError::Exists(_))), "{theirs}");
         assert_eq!(place.text("said"), theirs);
     }
-    // An ordinary output is never taken for a result.
+    // An ordinary output is never treated as a result.
     fs::write(&path, &page).expect("written");
     assert!(written(Outputs::default(), &[(path.clone(), "new")]).is_err());
 }

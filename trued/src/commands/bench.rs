@@ -23,7 +23,7 @@ use crate::table::on_stdout;
 
 use asked::Asked;
 
-/// The page, in the directory that was asked for.
+/// The page's name in the output directory.
 const PAGE: &str = "bench.html";
 
 /// Measure this machine: round trips through the daemon beside bare atomics, plain iceoryx2 and the kernel's own ways

@@ -1,6 +1,7 @@
 //! `trued bridge`: connects a controller's protocol to the daemon.
 //!
-//! Promise: a service manager is told that the bridge listens, and that it lives while its loop turns, by a thread of its own.
+//! A thread of its own reports to the service manager that the bridge is ready, and that its loop
+//! is running.
 
 use std::path::PathBuf;
 use std::sync::atomic::Ordering::Relaxed;
@@ -61,7 +62,7 @@ impl Bridge {
         }
         .map_err(failure)?;
         if let Some(attendant) = told? {
-            // The loop has ended, and what the service manager had to hear was said.
+            // The loop has ended, and the service manager has been informed.
             let _ = attendant.join();
         }
         console.say(options.counts.summary().trim_end())?;

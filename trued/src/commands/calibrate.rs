@@ -1,8 +1,9 @@
 //! `trued calibrate`: from measurements of the tool to a model with its uncertainty, validated on held-out poses.
 //!
-//! Promises: gross faults are looked for first and said with what to do; held-out figures come from fits that never saw those poses; what the
-//! data cannot tell is named; a model is written that loads and that the held-out poses call no worse than the first. Never: a fit on poses that a recording
-//! keeps for validation.
+//! Gross errors are looked for first and reported with a remedy; held-out figures come from fits
+//! that did not use these poses; parameters that the data cannot determine are named; a model is
+//! written only if it loads and if the held-out poses do not rate it worse than the first. Poses
+//! that a recording reserves for validation are never fitted.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -61,7 +62,7 @@ pub(crate) struct Calibrate {
     recordings: Vec<PathBuf>,
 }
 
-/// Whether the sag of the joints that stand is taken out of a sweep.
+/// Whether the sag of the stationary joints is removed from a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Sag {
     On,
@@ -124,7 +125,7 @@ impl Calibrate {
     }
 }
 
-/// Gross faults make any fit senseless: they are said, and nothing is made.
+/// Gross errors make any fit meaningless: they are reported, and nothing is written.
 fn refuse(console: &mut Console, faults: &[Suspicion]) -> Outcome {
     console.json("trued.calibrate/1", &Refused::of(faults))?;
     let head = console.paint(Paint::Bad, "not calibrated");

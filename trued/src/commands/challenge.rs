@@ -1,7 +1,8 @@
 //! `trued challenge`: the blind test. Cases are generated and sealed, a solver answers in separate processes, the answers are hashed, then the truth is published.
 //!
-//! Promises: the solver sees a model and a recording and nothing else; the truth stands in no file until all answers are hashed; the same seed
-//! gives the same cases whatever the number of threads. Never: a case dropped because its answer is bad.
+//! The solver sees a model and a recording only; the truth is in no file until all answers are
+//! hashed; the same seed gives the same cases for any number of threads. No case is dropped because
+//! of its answer.
 
 mod drawn;
 mod inject;
@@ -218,14 +219,14 @@ fn commit(folder: &Folder, cases: usize, sealed_sha256: &str) -> Result<(), Fail
     write([(folder.0.join("commitment.json"), text + "\n")])
 }
 
-/// Files in a folder of the challenge's own, where nothing is that could be replaced.
+/// Writes files to a directory of the challenge's own, where nothing can be replaced.
 fn write(files: impl IntoIterator<Item = (PathBuf, String)>) -> Result<(), Failure> {
     let mut outputs = Outputs::default();
     files.into_iter().for_each(|(path, text)| outputs.put(&path, text));
     Ok(outputs.write()?)
 }
 
-/// All answers as one text: what was said and what was written, case by case.
+/// All answers as one text: what was reported and what was written, case by case.
 fn answers_text(runs: &[Run]) -> String {
     let mut text = String::new();
     for (index, run) in runs.iter().enumerate() {
@@ -237,7 +238,7 @@ fn answers_text(runs: &[Run]) -> String {
     text
 }
 
-/// Work on many cases by several threads; results stand in the order of the cases.
+/// Processes many cases on several threads; results are in the order of the cases.
 struct Work<'a> {
     threads: usize,
     stop: &'a AtomicBool,

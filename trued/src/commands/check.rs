@@ -1,6 +1,6 @@
 //! `trued check`: reports every error of configurations, models, mappings, manifests and recordings.
 //!
-//! Promises: what this calls good, `trued run`, `correct` and `replay` take.
+//! Files without errors here are accepted by `trued run`, `correct` and `replay`.
 
 mod cell;
 mod rows;
@@ -38,11 +38,11 @@ pub(crate) struct Check {
     files: Vec<PathBuf>,
 }
 
-/// What is found in one file, and in those that it names.
+/// Results on one file and on the files that it names.
 #[derive(Debug, Default)]
 struct Found {
     what: &'static str,
-    /// In a few words, where there is no fault.
+    /// Short summary, if there are no errors.
     summary: String,
     notes: Vec<String>,
     /// Of a recording.
@@ -93,7 +93,7 @@ impl Check {
                     say(console, path, &found)?;
                     files.push(FileReport::of(path, found));
                 }
-                // The other files are still told; what cannot be read is told last.
+                // The other files are still checked; a read error is reported last.
                 Err(error) => unread = unread.or(Some(error)),
             }
         }
@@ -177,7 +177,7 @@ impl Check {
         known: Option<&RobotModel>,
     ) -> Result<Recording, FileError> {
         let recording = match series::read(path, mapping, Need::Path) {
-            // Forces alone are a recording too, as long as nobody wants to replay it.
+            // A recording of forces alone is valid too, except for a replay.
             Err(FileError::Content(faults)) if known.is_none() => {
                 series::read(path, mapping, Need::Measurement).map_err(|_| faults)?
             }
@@ -191,10 +191,10 @@ impl Check {
 }
 
 impl Found {
-    /// Takes what was read, or its faults.
+    /// Returns the content of a file or its errors.
     ///
     /// # Errors
-    /// The file cannot be read at all.
+    /// The file cannot be read.
     fn of<T>(
         &mut self,
         read: Result<T, FileError>,
@@ -236,7 +236,7 @@ impl FileReport {
 }
 
 fn say(console: &mut Console, path: &Path, found: &Found) -> Result<(), Failure> {
-    // Where an empty word gets colour, so do faults.
+    // Colour is in use if painting an empty text adds something.
     let coloured = !console.paint(Paint::Bad, "").is_empty();
     for faults in &found.faults {
         console.say(if coloured { faults.styled() } else { faults.plain() })?;
@@ -294,7 +294,7 @@ fn tell_recording(found: &mut Found, recording: &Recording) {
     found.columns = rows::columns(recording);
 }
 
-/// What the TOML says it is: its root key `schema`.
+/// The type that the TOML states: its root key `schema`.
 fn schema(text: &str) -> Option<&str> {
     let root = text.lines().map(str::trim).take_while(|line| !line.starts_with('['));
     let value = |line: &'_ str| -> Option<std::ops::Range<usize>> {

@@ -1,7 +1,7 @@
 //! `trued bypass`, `trued mode`, `trued arm`, `trued mark`, `trued record`: requests of an operator to a running daemon.
 //!
-//! Promises: the daemon's answer is told as it is, with exit 1 where it refuses; who asked stands in its log and its recording. Never: a
-//! wait without a limit.
+//! The daemon's answer is reported unchanged, with exit 1 if it refuses; the request's author is
+//! stated in its log and recording. Every wait is limited.
 
 use std::path::Path;
 use std::time::Duration;
@@ -16,11 +16,11 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::input::unusable;
 use crate::output::Console;
 
-/// How long the daemon may take to be found, and to answer.
+/// Time limit for finding the daemon, and for its answer.
 const FOUND_WITHIN: Duration = Duration::from_secs(2);
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 
-/// Most bytes of a marker's text: what a request has room for.
+/// Maximum length of a marker's text in bytes, limited by the request.
 const MARK_BYTES_MAX: usize = shm_schema::PATH_BYTES_MAX;
 
 /// Which cell is meant.
@@ -234,7 +234,7 @@ struct Report<'a> {
     message: &'a str,
 }
 
-/// Says what the daemon answered.
+/// Reports the daemon's answer.
 fn tell(console: &mut Console, cell: &str, request: &str, response: &Response) -> Outcome {
     let answer = response.answer().map_err(Failure::system)?;
     let message = response.message.as_str();

@@ -1,6 +1,7 @@
 //! `trued convert`: converts a recording of the daemon (MCAP), or a table, to a table (CSV or Parquet) or to ROS 2 messages (MCAP).
 //!
-//! Promises: nothing of a row is lost; an MCAP file that was cut off is read as far as it goes, and that is said. Never: a file over the input.
+//! No data of a row is lost; a truncated MCAP file is read as far as possible, and this is
+//! reported. The input is never overwritten.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -51,7 +52,7 @@ struct Report {
     recordings: usize,
     /// Why the MCAP file ends early; none where it is whole.
     cut: Option<String>,
-    /// Messages that this version does not know.
+    /// Number of messages unknown to this version.
     unknown: usize,
     /// ROS 2 messages that were written, by topic; none where the output is a table.
     topics: BTreeMap<String, usize>,
@@ -105,7 +106,7 @@ impl Convert {
     ) -> Result<Report, Failure> {
         let mut contents = blackbox::read(&self.input).map_err(Failure::input)?;
         let mut made = blackbox::convert(&contents);
-        // Of a long run the records are most of what is held.
+        // In a long run the records are most of the memory.
         contents.records = Vec::new();
         if made.runs.is_empty() && made.forces.is_none() {
             return Err(Failure::input(nothing_in(&self.input, contents.cut.as_deref())));
@@ -191,7 +192,7 @@ impl Convert {
     }
 }
 
-/// Why there is nothing to convert in a file of the daemon.
+/// Why a file of the daemon contains nothing to convert.
 fn nothing_in(input: &Path, cut: Option<&str>) -> String {
     let what = format!("{}: holds no cycle and no force sample", input.display());
     match cut {
@@ -200,7 +201,7 @@ fn nothing_in(input: &Path, cut: Option<&str>) -> String {
     }
 }
 
-/// The model's file that a recording names, as a recording in the target's folder has to name it; a preset keeps its name.
+/// The path of the recording's model as seen from the target's directory; a preset keeps its name.
 fn seen_from(target: &Target, input: &Path, name: String) -> String {
     let folder = |path: &Path| {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
@@ -237,7 +238,7 @@ impl Target {
         PathBuf::from(name)
     }
 
-    /// Puts what one model made, and that model.
+    /// Adds the rows made with one model, and that model, to the outputs.
     fn put_run(
         &self,
         outputs: &mut Outputs,

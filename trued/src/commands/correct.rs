@@ -1,7 +1,8 @@
 //! `trued correct`: corrects a whole path without a daemon.
 //!
-//! Promises: the same rows, judged, solved and bounded by the same code as in the daemon, in lockstep with the recording's
-//! time; `trued replay` on the same input gives the same bits. Nothing is written where the input has a fault.
+//! Rows are checked, solved and limited by the daemon's own code, in lockstep with the recording's
+//! time; `trued replay` on the same input gives the same bits. If the input has an error, nothing
+//! is written.
 
 mod dynamic;
 
@@ -70,7 +71,7 @@ struct Report<'a> {
     #[serde(flatten)]
     figures: &'a Figures,
     corrections: String,
-    /// What is left against what is allowed; none without --tolerance-mm.
+    /// The error that is left compared with the tolerance; `None` without --tolerance-mm.
     tolerance: Option<Tolerance>,
     /// What was compensated in time; none without --dynamic.
     dynamic: Option<dynamic::Report>,
@@ -166,7 +167,7 @@ pub(super) fn correct(input: &Input, mut cycle: Cycle<'_>) -> Result<Corrections
     Ok(corrections)
 }
 
-/// A code that this build does not know.
+/// The error for a code that this build does not know.
 pub(crate) fn unknown(code: UnknownCode) -> Failure {
     Failure::system(code)
 }

@@ -1,8 +1,9 @@
-//! `trued demo`: the daemon and a virtual cell, each a process of its own: what the correction is worth there, what the daemon's model lacks, and what it is
-//! worth to know.
+//! `trued demo`: runs the daemon and a simulated cell as separate processes and shows the benefit
+//! of the correction, what the daemon's model lacks, and the benefit of knowing it.
 //!
-//! This process starts the two, diagnoses what the cell measured ([`act`]), swaps the model, and says what happened ([`words`]). The cell's process is the same
-//! program with a hidden option ([`cell`]).
+//! This process starts the two, diagnoses the cell's measurements ([`act`]), replaces the model,
+//! and reports the result ([`words`]). The cell's process is the same program with a hidden option
+//! ([`cell`]).
 
 mod act;
 mod cell;
@@ -99,7 +100,7 @@ impl Demo {
         Ok(Answer::Done)
     }
 
-    /// The run as a user would ask for it again.
+    /// The command line with which a user would repeat this run.
     fn again(&self, console: &Console, scene: &Scene, out: &Path) -> Invocation {
         let seed = scene.seed.to_string();
         let words = ["demo", "--seed", &seed].map(str::to_owned).into_iter();
@@ -127,7 +128,7 @@ fn fresh_folder() -> PathBuf {
     (1..).map(name).find(|folder| !folder.exists()).unwrap_or_else(|| name(1))
 }
 
-/// All files that this process and its cell write, as the demo goes on.
+/// All files that this process and its cell write during the demo.
 fn outputs(console: &Console, out: &Path) -> Outputs {
     let file = |name: &str| out.join(name);
     let named = ["cell.toml", "model.toml", "recording.csv", "recording.toml"];
@@ -146,7 +147,7 @@ fn daemon_command(config: &Path, console: &Console) -> Result<Command, Failure> 
     Ok(command)
 }
 
-/// What the cell says, line by line.
+/// The cell's output, line by line.
 struct Lines<'a> {
     lines: Box<dyn Iterator<Item = std::io::Result<String>>>,
     stop: &'a AtomicBool,
@@ -154,7 +155,7 @@ struct Lines<'a> {
 }
 
 impl Lines<'_> {
-    /// The rest of the next line that begins with `head`; until then the bar shows how far it is.
+    /// The rest of the next line that begins with `head`; until then the progress bar is updated.
     fn until(&mut self, head: &str, bar: &ProgressBar) -> Result<String, Failure> {
         for line in self.lines.by_ref() {
             let line = line.map_err(Failure::system)?;
@@ -185,7 +186,7 @@ fn finish(child: &mut Guarded, who: &str) -> Result<(), Failure> {
     }
 }
 
-/// Whether someone asked to stop; for loops that have to tidy up themselves.
+/// Whether an interruption was requested; for loops that have to clean up themselves.
 fn is_set(stop: &AtomicBool) -> bool {
     stop.load(Ordering::Relaxed)
 }

@@ -1,7 +1,8 @@
 //! `trued diagnose`: differences between a model and recordings, missing effects with their parameters, and validation.
 //!
-//! Promises: `diagnosis.json`, `model.toml` and `report.html` are written together or not at all, never over an input; the same input and seed give
-//! the same bytes. Never: a claim where a recording does not belong to the model.
+//! `diagnosis.json`, `model.toml` and `report.html` are written together or not at all, never over
+//! an input; the same input and seed give the same bytes. Nothing is claimed if a recording does
+//! not belong to the model.
 
 mod apply;
 mod batch;
@@ -158,10 +159,10 @@ pub(super) fn outputs(outputs: Outputs, dir: &Path) -> Outputs {
     outputs.in_folder(dir).result(dir.join(JSON)).result(dir.join(MODEL)).page(dir.join(PAGE))
 }
 
-/// Puts diagnosis, model and page into the [`outputs`] in `dir`.
+/// Adds diagnosis, model and page to the [`outputs`] in `dir`.
 ///
 /// # Errors
-/// A model that does not load.
+/// The model does not load.
 pub(super) fn put(outputs: &mut Outputs, found: &Diagnosed, dir: &Path) -> Result<(), Failure> {
     outputs.put(&dir.join(JSON), found.json()?);
     outputs.put(&dir.join(MODEL), found.model_toml()?);

@@ -31,7 +31,7 @@ impl Doctor {
     }
 }
 
-/// What all checks come to.
+/// Summary of all checks.
 fn verdict(diagnosis: &Diagnosis) -> String {
     let names = |state| -> Vec<&str> {
         let of_state = diagnosis.checks.iter().filter(|check| check.state == state);

@@ -1,7 +1,8 @@
 //! `trued gears`: revolutions of gear shafts and tooth meshes per millimetre of path, and assignment of measured lines to them.
 //!
-//! Promises: revolutions, teeth and degrees per mm stand in columns of their own (decision 0010); every wheel that fits a
-//! line is told, with how likely a line fits by chance. Never: a match where the wheels do not turn evenly enough to write a line.
+//! Revolutions, teeth and degrees per mm have separate columns (decision 0010); every wheel that
+//! fits a line is listed, with the probability of a match by chance. A wheel whose speed varies too
+//! much to produce a line is not matched.
 
 mod lines;
 mod matching;

@@ -1,6 +1,7 @@
 //! `trued info`: content of a recording of the daemon, and its repair.
 //!
-//! Promises: the file is only read, unless `--repair` is given; then it is replaced by a whole one in one step, or stays as it is.
+//! The file is only read, unless `--repair` is given; then it is replaced by a complete one in one
+//! step, or remains unchanged.
 
 use std::path::PathBuf;
 
@@ -36,7 +37,7 @@ struct Report<'a> {
     bytes: u64,
     /// `closed`, `being_written`, `cut`, `wrong_index`.
     end: &'static str,
-    /// Why it ends early; none where it does not.
+    /// Why it is truncated; `None` if it is complete.
     cut: Option<&'a str>,
     /// What was wrong before it was repaired; none where it was not.
     repaired: Option<&'a str>,
@@ -187,7 +188,7 @@ fn model(model: &ModelInfo) -> Model<'_> {
     }
 }
 
-/// How the file ends, and what to do.
+/// How the file ends, and a remedy.
 fn ending(info: &Info) -> String {
     match (&info.end, &info.repaired) {
         (End::Closed, None) => "yes".to_owned(),

@@ -1,7 +1,8 @@
 //! `trued learn`: commands of the next run from measurements of the last one.
 //!
-//! Promises: the path is corrected as `trued correct --dynamic` does, and what is learned is added to it within the same limits; the table that is written is the
-//! input of the next `trued learn`. Nothing is written where an input has a fault.
+//! The path is corrected as by `trued correct --dynamic`, and the learned correction is added
+//! within the same limits; the resulting table is the input of the next `trued learn`. If an input
+//! has an error, nothing is written.
 
 use std::path::{Path, PathBuf};
 
@@ -62,7 +63,7 @@ struct Report {
     /// What was added to the times of each measurement.
     clock_offsets_ms: Vec<f64>,
     joints: Vec<JointReport>,
-    /// From 1: nothing was measured of them, or only the motor of a joint with a mode.
+    /// Joints, from 1, for which nothing was measured, or only the motor of a joint with a mode.
     not_learned: Vec<usize>,
     /// Of the mean of the runs.
     tool_before: OfTool,
@@ -114,7 +115,7 @@ impl ByRun {
     }
 }
 
-/// A path, what was wanted on it and what was commanded.
+/// A path: desired and commanded positions.
 struct Commands {
     wanted: Vec<Vec<f64>>,
     commanded: Vec<Vec<f64>>,
@@ -128,7 +129,7 @@ impl Learn {
         let inputs = [&self.path].into_iter().chain(&self.measured);
         outputs.check(inputs.chain(self.reading.files()).chain(&self.config))?;
         let settings = self.in_time.settings()?;
-        // The table is ours; the mapping is of what was measured.
+        // The path is trued's own table; the mapping belongs to the measurements.
         let ours = Reading { mapping: None, ..self.reading.clone() };
         let cell = self.config.as_deref().map(CellConfig::read).transpose().map_err(unusable)?;
         let fallback = cell.as_ref().map(|cell| cell.model.as_path());
@@ -188,7 +189,7 @@ impl Learn {
     }
 }
 
-/// The path on even rows; what was commanded on them, where the table says so.
+/// The path on an even time grid, with the commands if the table contains them.
 fn put_on_grid(
     input: &mut Input,
     plants: &Plants,

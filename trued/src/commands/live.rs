@@ -16,9 +16,10 @@ use crate::output::Console;
 
 /// How often the file for node_exporter is written: its usual scrape interval is 15 s.
 const TEXT_EVERY: Duration = Duration::from_secs(5);
-/// The longest sleep before it is looked whether someone asked to stop.
+/// Maximum sleep between checks for an interruption.
 const NAP: Duration = Duration::from_millis(50);
-/// The token that opens the view, where it stands in the environment: a command line can be read by everybody on the machine.
+/// The environment variable of the view's access token: a command line can be read by everybody on
+/// the machine.
 const TOKEN: &str = "TRUED_LIVE_TOKEN";
 
 /// Show a running cell in a browser, in Foxglove or PlotJuggler, and to Prometheus
@@ -87,7 +88,7 @@ fn write_metrics(console: &mut Console, cell: &str, mut monitor: Monitor, file: 
             std::thread::sleep(NAP);
         }
     }
-    // Figures of a cell that nobody looks at any more would look like present ones.
+    // Stale metrics would look like current ones.
     let _ = std::fs::remove_file(file);
     Ok(Answer::Done)
 }

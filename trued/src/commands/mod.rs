@@ -1,7 +1,8 @@
 //! The subcommands, one file each.
 //!
-//! To add one: a file with `#[derive(clap::Args)] pub(crate) struct X` and `pub(crate) fn run(&self, &mut Console) ->
-//! Outcome`, a variant below, an arm in [`run`]. Its place in the help is already kept in `help.rs`.
+//! To add one: a file with `#[derive(clap::Args)] pub(crate) struct X` and `pub(crate) fn
+//! run(&self, &mut Console) -> Outcome`, a variant below, an arm in [`run`]. Its position in the
+//! help is already defined in `help.rs`.
 
 mod bench;
 mod bridge;
@@ -74,7 +75,7 @@ pub(crate) enum Command {
     Top(top::Top),
 }
 
-/// Runs the command that was asked for.
+/// Runs the selected command.
 pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
     match command {
         Command::Arm(arm) => arm.run(console),

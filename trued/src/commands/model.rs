@@ -62,7 +62,7 @@ impl Model {
         match &self.what {
             What::Presets => list(console),
             What::Show { model, toml: true } => {
-                // Read as a model first: what has a fault is not handed on.
+                // Read as a model first, so that an invalid file is not printed.
                 input::model(model)?;
                 let text = match (read_text(model), presets::at(model)) {
                     (Err(FileError::Io { .. }), Some(preset)) => preset.text.to_owned(),

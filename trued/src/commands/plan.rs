@@ -1,7 +1,8 @@
 //! `trued plan`: selection of measuring poses, their contributions and the stopping rule; ten check poses; the test of ISO 9283.
 //!
-//! Promises: every pose is inside the joint limits, seen by the instrument as described, and free of what was described; what is not looked at is said.
-//! Never: a file written over an input, and never a robot moved.
+//! Every pose is inside the joint limits, visible to the instrument as described, and free of the
+//! described obstacles; what is not checked is stated. Inputs are not overwritten, and no robot is
+//! moved.
 
 mod check;
 mod files;
@@ -30,7 +31,7 @@ use crate::input::{self, Reading};
 use crate::options::Seed;
 use crate::output::Console;
 
-/// Poses at which the tool's error is asked.
+/// Number of poses at which the tool's error is evaluated.
 const ASKED: usize = 80;
 
 /// Choose the poses to measure next: for a calibration, for a check after a collision, for ISO 9283
@@ -100,7 +101,7 @@ enum Best {
     Random,
 }
 
-/// The robot and what was measured of it.
+/// The robot and its measurements.
 struct Input {
     model: RobotModel,
     recordings: Vec<Recording>,
@@ -180,7 +181,7 @@ impl Plan {
         self.direction.iter().map(unit).collect()
     }
 
-    /// What to do with the poses of a calibration, and the command that looks at what was measured.
+    /// What to do with the poses of a calibration, and the command that evaluates the measurements.
     fn to_calibrate(&self) -> (&'static str, String) {
         let words = "Load the program and run it slowly first; then measure, fill the readings into poses.csv, and calibrate.";
         (words, self.measured_by("calibrate", "--out calibrated.toml "))

@@ -1,6 +1,7 @@
 //! `trued reload`: requests a running daemon to load a model and activate it between two cycles.
 //!
-//! Promises: one way into a running daemon, for `trued reload`, `trued diagnose --apply` and the demo alike. Never: a wait without a limit.
+//! The same function serves `trued reload`, `trued diagnose --apply` and the demo. Every wait is
+//! limited.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -14,7 +15,7 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::input::unusable;
 use crate::output::Console;
 
-/// How long the daemon may take to be found, and to answer.
+/// Time limit for finding the daemon, and for its answer.
 const FOUND_WITHIN: Duration = Duration::from_secs(2);
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 
@@ -58,7 +59,7 @@ impl Reload {
     }
 }
 
-/// What the daemon said to a model.
+/// The daemon's answer to a model.
 pub(super) struct Swap {
     pub(super) answer: trued_client::Answer,
     pub(super) message: String,
@@ -86,10 +87,10 @@ impl Swap {
         Ok(Self { answer, message: response.message.to_string() })
     }
 
-    /// Says what became of it.
+    /// Reports the result.
     ///
     /// # Errors
-    /// The daemon failed in doing it.
+    /// The daemon failed to load it.
     pub(super) fn tell(&self, console: &mut Console) -> Outcome {
         let message = &self.message;
         match self.answer {
@@ -109,7 +110,7 @@ impl Swap {
     }
 }
 
-/// The daemon has its own folder: files go by their whole path, presets by their name.
+/// The daemon has another working directory: files are given by absolute path, presets by name.
 fn absolute(model: &Path) -> Result<PathBuf, Failure> {
     if !model.exists() && recording::model::presets::at(model).is_some() {
         return Ok(model.to_owned());

@@ -1,7 +1,7 @@
 //! `trued replay`: runs the daemon on a recording over shared memory, row by row.
 //!
-//! Promises: no command is lost (each row waits for its answer), and the same input gives the same bits, whatever the
-//! machine was busy with; a running cell is not touched; nothing is left behind.
+//! No command is lost (each row waits for its answer), and the same input gives the same bits,
+//! whatever the load of the machine; a running cell is not affected; nothing is left behind.
 
 mod daemon;
 
@@ -26,13 +26,13 @@ use crate::setpoints::{Setpoints, Timed};
 use crate::table::on_stdout;
 use crate::{interrupt, progress};
 
-/// The longest sleep before it is looked whether someone asked to stop.
+/// Maximum sleep between checks for an interruption.
 const NAP: Duration = Duration::from_millis(50);
-/// Above what one row may take, ns.
+/// Upper bound of the time for one row, ns.
 const LATENCY_NS_MAX: u64 = 60_000_000_000;
 /// Answers that are judged together, so that the round trips between are timed with warm caches; it takes about a millisecond.
 const JUDGED_AT_ONCE: usize = 128;
-/// Digits that the latency histogram keeps.
+/// Significant digits of the latency histogram.
 const DIGITS: u8 = 3;
 
 /// Drive the daemon from a recording, over shared memory
@@ -191,12 +191,13 @@ fn wait(start: Instant, due: Duration, stop: &AtomicBool) -> Result<(), Failure>
     }
 }
 
-/// The answers with what is left of the tool error. The daemon states the error left at the correction it solved for; the same cycle here gives the
-/// error left at the one it published.
+/// The answers with the remaining tool error. The daemon states the error at the correction it
+/// solved for; the same cycle here gives the error at the one it published.
 struct Judge<'m> {
     corrections: Corrections,
     cycle: Cycle<'m>,
-    /// Rows and their answers that are not judged yet: an answer is four times the size of what is kept of it.
+    /// Rows and answers that are not evaluated yet: an answer is four times the size of what is
+    /// kept of it.
     waiting: Vec<(Timed, Corrected)>,
     /// What judging took: no time of the daemon's.
     spent: Duration,

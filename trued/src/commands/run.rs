@@ -37,7 +37,7 @@ impl Run {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         if let Some(how) = self.with_parent {
             let signal = if how == Ending::Kill { Signal::KILL } else { Signal::TERM };
-            // A refusal leaves a daemon that a killed parent does not end: not worth a failure.
+            // If this fails, the daemon survives a killed parent, which is acceptable.
             let _ = set_parent_process_death_signal(Some(signal));
         }
         let cells = self.config.iter().map(|path| self.options(path));

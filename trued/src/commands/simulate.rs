@@ -1,8 +1,9 @@
 //! `trued simulate`: simulates tool position and drive torques of a model for a recording's commands, loads and temperatures.
 //!
-//! Promises: the same input and seed give the same bytes; without `--noise` the result is the model's own, to the last digit; the
-//! layout stays the recording's; nothing is written over an input. Never: a fit of the model; only the measuring frame and targets whose
-//! place is not known are found, from what was recorded.
+//! The same input and seed give the same bytes; without `--noise` the result is the model's own, to
+//! the last digit; the layout remains that of the recording; no input is overwritten. The model is
+//! not fitted; only the measuring frame and unknown target positions are estimated, from the
+//! recorded data.
 
 mod cut;
 mod instrument;
@@ -76,7 +77,8 @@ struct Report<'a> {
     rows: usize,
     columns: Vec<String>,
     left_out: Vec<String>,
-    /// What was recorded against the model without noise, over single values; none where nothing was.
+    /// Recorded values compared with the model without noise, over single values; `None` if nothing
+    /// was recorded.
     recorded_rms_mm: Option<f64>,
     rows_beyond_stiffness: usize,
 }
@@ -130,7 +132,7 @@ impl Simulate {
         say(console, &report)
     }
 
-    /// The arm run forward, and what the instruments read of it.
+    /// The simulated motion of the arm, and the instruments' readings.
     fn moved(&self, seed: u64) -> Result<(RobotModel, Made), Failure> {
         let Input { model, mut recording, .. } = self.reading.read(&self.input, None)?;
         hold_inputs(&mut recording);
@@ -142,7 +144,8 @@ impl Simulate {
         Ok((model, made))
     }
 
-    /// As the recording's TOML shall name it: a preset by its name, a file by its way from there.
+    /// The model's name for the recording's TOML: a preset by name, a file by its path relative to
+    /// the TOML.
     fn model_name(&self, recording: &Recording, toml: &Path) -> Option<String> {
         let Some(given) = &self.reading.model else {
             let named = recording.about.model.as_ref()?;
@@ -173,7 +176,7 @@ fn not_negative(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(sound).ok_or_else(|| "expected a number, 0 or above".to_owned())
 }
 
-/// `NAME.csv` and `NAME.toml`; a name that ends so already keeps its ending.
+/// `NAME.csv` and `NAME.toml`; a given extension of either kind is kept.
 pub(super) fn files(out: &Path) -> (PathBuf, PathBuf) {
     let has =
         |ending: &str| out.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending));
@@ -200,7 +203,7 @@ fn from_folder(model: &Path, toml: &Path) -> String {
     name.display().to_string()
 }
 
-/// What was not sampled in a row is what it was last: loads, temperatures, process state.
+/// A missing sample keeps the last value: loads, temperatures, process state.
 fn hold_inputs(recording: &mut Recording) {
     let is_measured = recording.about.cut.is_some();
     let is_input = |channel: &Channel| match channel {
@@ -220,13 +223,13 @@ fn hold_inputs(recording: &mut Recording) {
     }
 }
 
-/// Where the arm goes on a recording, row by row.
+/// The positions of the arm on a recording, row by row.
 pub(super) fn seen_of(model: &RobotModel, mut recording: Recording) -> Result<Vec<Seen>, Failure> {
     hold_inputs(&mut recording);
     Ok(run(model, &recording, Loop::Unasked)?.seen)
 }
 
-/// What the drives exert on a recording that goes as it is commanded, row by row, Nm or N.
+/// The drive torques on a recording that moves as commanded, row by row, Nm or N.
 pub(super) fn torques_of(
     model: &RobotModel,
     mut recording: Recording,
@@ -235,25 +238,25 @@ pub(super) fn torques_of(
     Ok(run(model, &recording, Loop::Open)?.torques.unwrap_or_default())
 }
 
-/// What a sensor reads of the cut that the recording tells of, row by row, N.
+/// The sensor's readings of the recording's cut, row by row, N.
 pub(super) fn forces_of(model: &RobotModel, recording: &Recording) -> Result<Vec<DVec3>, Failure> {
     let Some(told) = &recording.about.cut else { return Ok(Vec::new()) };
     cut::forces(&model.with_cutting().map_err(Failure::input)?, told, recording)
 }
 
-/// What is asked of the drives.
+/// What is simulated of the drives.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Loop {
     /// Nothing.
     Unasked,
     /// Their torques, on motions that are as commanded.
     Open,
-    /// Their torques, and the motions that come of them.
+    /// Their torques, and the resulting motion.
     Closed,
 }
 
 impl Loop {
-    /// By what was measured; a model without masses and effects of drives says nothing of torques.
+    /// Depends on the measured columns; a model without masses and drive effects has no torques.
     fn of(model: &RobotModel, recording: &Recording) -> Self {
         if model.physics.arm.bodies().next().is_none() && model.drives.is_empty() {
             return Self::Unasked;
@@ -272,11 +275,11 @@ impl Loop {
 /// The arm, row by row.
 struct Run {
     seen: Vec<Seen>,
-    /// What is recorded of the drives, Nm or N; none where it was not asked.
+    /// Simulated torques, Nm or N; `None` if not requested.
     torques: Option<Vec<Joints>>,
 }
 
-/// Where the arm goes, row by row, on a recording whose inputs are held.
+/// The positions of the arm, row by row, on a recording whose inputs were held.
 fn run(model: &RobotModel, recording: &Recording, asked: Loop) -> Result<Run, Failure> {
     let rows = from_recording::motion(&model.physics.arm, recording).map_err(Failure::input)?;
     let with_drives = model.with_drives().map_err(Failure::input)?;
@@ -287,7 +290,7 @@ fn run(model: &RobotModel, recording: &Recording, asked: Loop) -> Result<Run, Fa
         return Ok(Run { seen: forward::poses(&model.physics, &rows), torques });
     }
     let dynamics = dynamics(model)?;
-    // Of motors whose own motion is late and lags already.
+    // The motors' own motion already contains delay and lag.
     let on_motors = Dynamics { delay_s: 0.0, lags: Vec::new(), ..dynamics.clone() };
     let goes_on = |a: &Pose, b: &Pose| recording.segment.get(a.row) == recording.segment.get(b.row);
     let (mut seen, mut torques) = (Vec::with_capacity(rows.len()), Vec::new());
@@ -344,7 +347,7 @@ fn say(console: &mut Console, report: &Report<'_>) -> Outcome {
     Ok(Answer::Done)
 }
 
-/// For `map_err`: what a recording lacks.
+/// For `map_err`: an error about something missing in a recording.
 fn lacking(text: String) -> Failure {
     Failure::input(text)
 }

@@ -1,7 +1,7 @@
 //! `trued spectrum`: vibrations in a recording, with time and cause.
 //!
-//! Promises: the watch is the daemon's own, with the same settings unless told otherwise; what a recording cannot tell is
-//! said, not guessed; amplitudes are in the channels' own units.
+//! The monitor is the daemon's own, with the same settings by default; information missing in a
+//! recording is stated, not guessed; amplitudes are in the channels' own units.
 
 mod found;
 mod listen;
@@ -105,8 +105,8 @@ impl Spectrum {
         Ok(Answer::Done)
     }
 
-    /// The lines of a recording's columns (all waveforms, if none is named) over the tool's path; `Err` within says what is
-    /// missing.
+    /// The lines of a recording's columns (all waveforms, if none is named) over the tool's path;
+    /// the inner `Err` states what is missing.
     pub(super) fn lines_over_path(
         file: &Path,
         model: Option<&Path>,
@@ -133,7 +133,7 @@ impl Spectrum {
         space::lines_over_path(&Subject::read(&asked)?)
     }
 
-    /// Refuses numbers that cannot be; those of a file's reading and of the watch are refused there.
+    /// Rejects impossible numbers; those of a file's reading and of the monitor are rejected there.
     fn check(&self) -> Result<(), Failure> {
         let asked = [
             ("--spindle-rpm", self.spindle_rpm),

@@ -1,6 +1,7 @@
 //! `trued stability`: whether a cut chatters, its distance from the limit, and the nearest stable cuts.
 //!
-//! Promises: the verdict is that of the cut as it stands in the file; a mode that cannot be used is refused, never left out.
+//! The verdict is that of the cut as stated in the file; a mode that cannot be used is an error,
+//! never omitted.
 
 mod found;
 mod modes;

@@ -1,6 +1,7 @@
 //! `trued status`: state of a running cell.
 //!
-//! Promises: lines of at most 80 columns; a daemon that does not answer is told as such, never by its last state alone.
+//! Lines have at most 80 columns; a daemon that does not answer is reported as such, never by its
+//! last state alone.
 
 mod words;
 
@@ -16,13 +17,14 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 use crate::output::Console;
 
-/// How often `--watch` shows the state anew: faster than a person acts, slower than a slow line.
+/// Refresh interval of `--watch`: faster than a person acts, slower than a slow connection.
 const SHOWN_EVERY: Duration = Duration::from_secs(1);
-/// A joined daemon says how it is every 40 ms; one that does not for so long hangs.
+/// A connected daemon sends its status every 40 ms; after this time without one it counts as
+/// blocked.
 const FIRST_WITHIN: Duration = Duration::from_secs(2);
-/// How often it is looked for.
+/// Interval of attempts to find it.
 const LOOK_EVERY: Duration = Duration::from_millis(2);
-/// The longest sleep before it is looked whether someone asked to stop.
+/// Maximum sleep between checks for an interruption.
 const NAP: Duration = Duration::from_millis(50);
 /// Clears a terminal and begins at its top.
 const CLEAR: &str = "\u{1b}[H\u{1b}[2J";

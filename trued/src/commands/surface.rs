@@ -1,7 +1,7 @@
 //! `trued surface`: stylus profiles, separated into waviness and roughness, with parameters and lines.
 //!
-//! Promises: a profile with a hole, an uneven step or an unknown unit is refused, never mended; every figure says over
-//! which length it was taken.
+//! A profile with a gap, an uneven step or an unknown unit is rejected, never repaired; every
+//! figure states the length it was taken over.
 
 mod input;
 mod measured;
@@ -97,7 +97,7 @@ impl FromStr for WheelArg {
     }
 }
 
-/// A number that no machine has.
+/// A number that is not positive.
 #[derive(Debug, thiserror::Error)]
 #[error("{option} is {value}, expected a finite number above 0")]
 struct NotPositive {

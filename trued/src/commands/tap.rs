@@ -1,7 +1,7 @@
 //! `trued tap`: impact tests; natural frequencies, damping and modal masses, and the modal list of a model.
 //!
-//! Promises: hits that are not used are named with the reason; what a single hit cannot verify is said to be unverified;
-//! an input model is never written over, and all of it but its modes is written bit for bit.
+//! Unused hits are named with the reason; what a single hit cannot verify is stated as unverified;
+//! an input model is never overwritten, and everything but its modes is copied bit for bit.
 
 use std::path::PathBuf;
 use std::str::FromStr;

@@ -153,7 +153,7 @@ impl Asked {
         }
     }
 
-    /// A running cell has a policy of its own.
+    /// A running cell has its own scheduling policy.
     fn cell_has_it(&self) -> bool {
         self.cell.as_deref().is_none_or(runs_fifo)
     }

@@ -1,6 +1,6 @@
-//! The bench's robot with twenty effects: zero, gear and drive train of each joint, tool, base.
+//! The benchmark's robot with twenty effects: zero, gear and drive train of each joint, tool, base.
 //!
-//! Promises: kinds and amounts are those of `cargo xtask peers`. Never: a robot that anybody has.
+//! Kinds and sizes of the effects are those of `cargo xtask peers`. It represents no real robot.
 
 use std::fmt::Write as _;
 
@@ -10,7 +10,7 @@ const JOINTS: u32 = 6;
 const ENDS: &str = "[[effect]]\nkind = \"tool_offset\"\nshift_mm = [0.2, -0.1, 0.3]\nturn_mrad = [0.1, 0.2, -0.3]\n\
                     [[effect]]\nkind = \"base_compliance\"\ncompliance_mrad_per_kNm = 0.1\n";
 
-/// The model whose robot is told by the text of one without effects.
+/// The text of the model, made from the text of a robot without effects.
 pub(super) fn text(robot: &str) -> String {
     let mut text = format!("{robot}\n{ENDS}");
     for joint in 1..=JOINTS {

@@ -1,6 +1,7 @@
 //! An external solver: started once per case, with a time limit, and read after its end.
 //!
-//! Promises: a solver that fails, hangs or says nonsense is no answer, and the challenge goes on. Never: an argument that tells of the truth.
+//! A solver that fails, hangs or gives an invalid answer counts as no answer, and the challenge
+//! continues. No argument contains information about the truth.
 
 use std::fs::{self, File};
 use std::io::Read;
@@ -13,7 +14,7 @@ use crate::child::Guarded;
 use crate::exit::Failure;
 use crate::interrupt;
 
-/// How often it is looked whether it has ended.
+/// Interval of checks whether the solver has ended.
 const LOOK: Duration = Duration::from_millis(3);
 /// An answer longer than this is none, bytes.
 const LONGEST: u64 = 16 << 20;
@@ -21,12 +22,12 @@ const LONGEST: u64 = 16 << 20;
 /// How the solver is started.
 #[derive(Debug)]
 pub(super) struct Solver {
-    /// None: this program's own `diagnose`.
+    /// The solver's command; `None`: this program's own `diagnose`.
     words: Option<Vec<String>>,
     limit: Duration,
 }
 
-/// What came of one case.
+/// Result of one case.
 #[derive(Debug, Default)]
 pub(super) struct Run {
     /// Text of `diagnosis.json`.
@@ -65,7 +66,7 @@ impl Solver {
         }
     }
 
-    /// Lets it answer one case; what it says on its streams goes to `solver.log` beside its answer.
+    /// Runs it on one case; its output streams go to `solver.log` beside its answer.
     pub(super) fn answer(
         &self,
         case: &Path,

@@ -19,7 +19,7 @@ pub(super) fn told(figures: &Figures) -> String {
     text
 }
 
-/// What is measured, how it came out, and of how many cases (claims, numbers).
+/// Each figure's name, its value, and the number of cases (claims, parameters) it is based on.
 pub(super) fn rows(f: &Figures) -> Vec<(String, String, usize)> {
     let mut rows = vec![("first answer right".to_owned(), share(f.first_right), f.counting)];
     for bin in &f.first_right_at_z {
@@ -52,7 +52,7 @@ pub(super) fn rows(f: &Figures) -> Vec<(String, String, usize)> {
     rows
 }
 
-/// `92.1 %`, or `–` of nothing.
+/// `92.1 %`, or `–` for none.
 pub(super) fn share(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), |value| format!("{:.1} %", 100.0 * value))
 }

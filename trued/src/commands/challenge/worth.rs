@@ -1,6 +1,6 @@
 //! Evaluation of a written model on an unseen motion: predicted as by `trued simulate`.
 //!
-//! Promises: a model that does not load, or is missing, is worth as much as the model that was given. Never: a fit.
+//! A model that is missing or does not load counts as the given model. Nothing is fitted here.
 
 use challenge::arm::JOINTS;
 use challenge::case::Case;
@@ -55,7 +55,8 @@ pub(super) fn of_torques(case: &torque::case::Case, model: Option<&str>) -> Opti
     Some(Errors { before, after: after.unwrap_or(before), oracle: proof.oracle() })
 }
 
-/// What the model says that drives exert in each row of a motion. Rates are differences of rows there, so it is asked of finer ones.
+/// The drive torques that the model predicts in each row of a motion. Rates are differences of
+/// rows, so a finer time grid is used.
 fn torques(
     case: &torque::case::Case,
     motion: &torque::motion::Motion,
@@ -83,7 +84,7 @@ pub(super) fn of_forces(case: &force::case::Case, model: Option<&str>) -> Option
     Some(Errors { before, after: after.unwrap_or(before), oracle: proof.oracle() })
 }
 
-/// What the model says that the sensor reads in each row.
+/// The sensor readings that the model predicts in each row.
 fn forces(
     case: &force::case::Case,
     ride: &force::laws::Ride<'_>,

@@ -11,7 +11,8 @@ use shm_schema::Cell;
 
 use super::Found;
 
-/// Looks at a cell, at its model, and at how they fit. What does not parse still has its model looked at.
+/// Checks a cell, its model, and whether they match. The model is checked even if the cell cannot
+/// be parsed.
 pub(super) fn check(path: &Path, text: &str, found: &mut Found) -> Result<(), FileError> {
     found.what = "cell";
     let name = path.display().to_string();
@@ -51,7 +52,7 @@ pub(super) fn check(path: &Path, text: &str, found: &mut Found) -> Result<(), Fi
     Ok(())
 }
 
-/// What the cell makes of its feed.
+/// Summary of the cell's feed adaptation.
 fn feed_summary(feed: Feed) -> String {
     let limit = match feed.limit {
         FeedLimit::Force(n) => format!("{n} N"),
@@ -87,7 +88,7 @@ fn misfits(name: &str, config: &CellConfig, model: &RobotModel) -> Vec<Fault> {
     found
 }
 
-/// Faults that know their key, with the place of that key.
+/// Errors that name a key, with the position of that key in the text.
 fn together(name: &str, text: &str, found: Vec<Fault>) -> Option<Faults> {
     if found.is_empty() {
         return None;
@@ -100,7 +101,7 @@ fn together(name: &str, text: &str, found: Vec<Fault>) -> Option<Faults> {
     faults.or::<()>(None).err()
 }
 
-/// Where `table.key`, a key of the root, or the head of a table stands.
+/// Position of `table.key`, of a root key, or of a table's header.
 fn place_of(text: &str, path: &str) -> Option<Place> {
     let (wanted, key) = path.split_once('.').unwrap_or(("", path));
     let mut table = String::new();

@@ -19,9 +19,9 @@ const DIGITS: usize = 9;
 pub(super) struct Column {
     /// Its name, with the unit.
     name: String,
-    /// What the file calls it; none where it is made of no column.
+    /// The column's name in the file; `None` if no column is its source.
     from: Option<String>,
-    /// Its first values, rounded for people; none for a sample that was not taken.
+    /// Its first values, rounded for display; `None` for a missing sample.
     first: Vec<Option<f64>>,
 }
 
@@ -57,7 +57,7 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.*e}", DIGITS - 1).parse().unwrap_or(value)
 }
 
-/// The recording that a mapping stands beside: `NAME.csv` or `NAME.parquet` for `NAME.mapping.toml`.
+/// The recording that belongs to a mapping: `NAME.csv` or `NAME.parquet` for `NAME.mapping.toml`.
 pub(super) fn recording_of(mapping: &Path) -> Option<PathBuf> {
     let name = mapping.file_name()?.to_str()?.strip_suffix(".mapping.toml")?;
     let beside =

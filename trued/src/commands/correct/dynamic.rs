@@ -10,7 +10,8 @@ use crate::exit::Failure;
 use crate::in_time::{OfJoint, OfTool, plants, settled};
 use crate::input::Input;
 
-/// A path on even time stamps that stands still at both ends, and the joints of its robot over time.
+/// A path with even time stamps and standstill at both ends, and the dynamics of its robot's
+/// joints.
 pub(super) struct Dynamic {
     settings: Settings,
     plants: Plants,
@@ -24,11 +25,11 @@ pub(super) struct Dynamic {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Report {
     step_ms: f64,
-    /// For how long the arm stands still before and after the path.
+    /// Duration of the standstill before and after the path.
     lead_s: f64,
     resampled: bool,
     joints: Vec<OfJoint>,
-    /// By the model, beside what is static.
+    /// Predicted by the model, with the static correction only.
     tool_without: OfTool,
     tool_with: OfTool,
     /// Effects over time that are not compensated.
@@ -47,7 +48,7 @@ impl Dynamic {
         Ok(Self { settings, plants, step_s, lead_rows, is_resampled })
     }
 
-    /// Puts the commands in time in the place of the static ones.
+    /// Replaces the static commands by dynamically compensated ones.
     pub(super) fn compensate(
         self,
         input: &Input,
@@ -74,7 +75,7 @@ impl Dynamic {
 }
 
 impl Report {
-    /// Rows, over all joints, in which a limit held a correction back.
+    /// Number of rows, over all joints, in which a limit reduced the correction.
     pub(super) fn limited_rows(&self) -> usize {
         self.joints.iter().map(|joint| joint.limited_rows).sum()
     }

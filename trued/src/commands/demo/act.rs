@@ -1,7 +1,7 @@
 //! Second part of the demo: the recording of the measuring program is diagnosed as by `trued diagnose`, the model is loaded into the running daemon, and the truth is revealed last.
 //!
-//! Promises: the diagnosis sees the daemon's model file and the recording, nothing else; a name that is wrong is called wrong. Never: use of what is
-//! hidden before the verdict was said.
+//! The diagnosis sees the daemon's model file and the recording only; a wrong name is reported as
+//! wrong. Nothing hidden is used before the verdict is given.
 
 use std::path::Path;
 use std::time::Instant;
@@ -23,8 +23,8 @@ use crate::output::{Console, Paint};
 /// The folder of the diagnosis, in the demo's.
 pub(super) const FOLDER: &str = "diagnosis";
 
-/// Diagnoses what was measured, says it, swaps the model that it gives into the daemon of `cell` where it is to be used, and tells the truth;
-/// says whether the model was swapped.
+/// Diagnoses the measurements, reports the result, loads the resulting model into the daemon of
+/// `cell` if it is to be used, and reveals the truth. Returns whether the model was replaced.
 ///
 /// # Errors
 /// Files that cannot be read or written; a daemon that does not answer.
@@ -76,7 +76,7 @@ pub(super) fn play(
     Ok((told, swapped))
 }
 
-/// What `trued diagnose` finds in the measuring program's recording with the daemon's model.
+/// The diagnosis of the measuring program's recording with the daemon's model.
 fn found(out: &Path, seed: u64) -> Result<Diagnosed, Failure> {
     let model = RobotModel::read(&out.join(MODEL)).map_err(unusable)?;
     let recording = out.join("measured.csv");
@@ -85,13 +85,14 @@ fn found(out: &Path, seed: u64) -> Result<Diagnosed, Failure> {
     Ok(diagnosis_report::diagnose(model, vec![recording], &settings, &mut |_| {})?)
 }
 
-/// The way of `trued reload`.
+/// Replaces the model as `trued reload` does.
 fn swap(console: &mut Console, cell: &str, folder: &Path) -> Result<bool, Failure> {
     let swap = Swap::ask(cell, Some(&folder.join(MODEL)))?;
     Ok(swap.tell(console)? == Answer::Done)
 }
 
-/// Whether two names stand for the same thing (docs/reference/effects.md, "What may answer for what"): sag counts as gravity compliance.
+/// Whether two names are equivalent (docs/reference/effects.md, "What may answer for what"): sag
+/// counts as gravity compliance.
 fn same(said: &Named, hidden: &Named) -> bool {
     let family = |named: &Named| match named.effect.as_str() {
         "gravity_sag" => "gravity_compliance".to_owned(),
@@ -104,7 +105,7 @@ fn named(kind: &str, joint: Option<usize>) -> Named {
     Named { effect: kind.to_owned(), joint: joint.map(|joint| joint + 1) }
 }
 
-/// What is hidden, in the words of a finding.
+/// The hidden effect, in the words of a finding.
 fn truth(scene: &Scene) -> String {
     let effect = &scene.hidden.effect;
     let kind = effect.joint().map(|joint| scene.model.physics.arm.joints()[joint].kind);

@@ -1,8 +1,9 @@
 //! The cell's process: commands at 1 kHz, corrected targets to the simulated robot, force blocks back; milling, measuring, milling again.
 //!
-//! It talks to whoever started it in lines on standard output: `tick K`, `milled {json}`, `measured`, `again {json}`. After `measured` it stands at the
-//! path's start, commanding on, until it is told: `again {json}` (the model was changed) or `end {json}`, each with what was said. The loop is
-//! that of `client/examples/robot_loop.rs` with measuring around it.
+//! It communicates with its parent by lines on standard output: `tick K`, `milled {json}`,
+//! `measured`, `again {json}`. After `measured` it stays at the path's start, still sending
+//! commands, until it receives `again {json}` (the model was replaced) or `end {json}`, each with
+//! the diagnosis. The loop is that of `client/examples/robot_loop.rs` with measurements added.
 
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
@@ -41,7 +42,8 @@ const SPIN_BEFORE_NS: u64 = 120_000;
 const TELL_EVERY: usize = 100;
 const TICK_NS: u64 = (TICK_S * 1e9) as u64;
 
-/// Runs the cell `name` and says what it measured; `invocation`: of the demo that the cell belongs to.
+/// Runs the cell `name` and reports its measurements; `invocation`: of the demo that the cell
+/// belongs to.
 pub(super) fn run(name: &str, scene: &Scene, out: &Path, invocation: Invocation) -> Outcome {
     let stop = interrupt::flag()?;
     let heard = listen();
@@ -81,14 +83,14 @@ fn put(csv: &Path, recording: &Recording) -> Result<(), Failure> {
     write([about, (csv.to_owned(), recording.to_csv())])
 }
 
-/// Files whose places the demo has looked at before it began.
+/// Writes files whose paths the demo has checked before it began.
 fn write(files: impl IntoIterator<Item = (PathBuf, Vec<u8>)>) -> Result<(), Failure> {
     let mut outputs = Outputs::new(true);
     files.into_iter().for_each(|(path, bytes)| outputs.put(&path, bytes));
     Ok(outputs.write()?)
 }
 
-/// Lines from standard input, read beside the loop.
+/// Lines from standard input, read by another thread.
 fn listen() -> Receiver<String> {
     let (say, heard) = channel();
     std::thread::spawn(move || {
@@ -143,13 +145,14 @@ impl Loop {
         Ok(())
     }
 
-    /// Begins another log; gives what was logged so far.
+    /// Starts a new log and returns the old one.
     fn renew_log(&mut self, scene: &Scene) -> Result<Log, Failure> {
         let next = Log::new(scene.work.samples.len()).map_err(Failure::system)?;
         Ok(std::mem::replace(&mut self.log, next))
     }
 
-    /// Stands at the path's start, commanding on, until told what was said; where the model was changed, how that went.
+    /// Stays at the path's start, still sending commands, until it receives the diagnosis; if the
+    /// model was replaced, reports how that went.
     fn stand(
         &mut self,
         scene: &Scene,
@@ -173,7 +176,7 @@ impl Loop {
             if super::is_set(stop) {
                 return Err(Failure::Interrupted);
             }
-            // What is logged while standing is of no use later.
+            // Log entries during standstill are not needed later.
             self.log.rows.clear();
         }
     }
@@ -246,7 +249,7 @@ impl Loop {
         });
     }
 
-    /// Gives the vibration monitor a moment for its last words.
+    /// Waits a moment for the vibration monitor's last messages.
     fn hear_out(&mut self) {
         std::thread::sleep(Duration::from_millis(50));
         while let Some(verdict) = self.client.vibration() {

@@ -9,7 +9,8 @@ use world::cell::Tick;
 use super::outcome::{Counts, Errors, Event, Latency, Milled, Ringing, Spread};
 use super::scene::Scene;
 
-/// Amplitude from which the robot counts as ringing, N: what the force sensor's noise still hides.
+/// Amplitude from which the robot counts as vibrating, N: below it the force sensor's noise
+/// dominates.
 const RINGS_FROM_N: f64 = 0.2;
 
 /// One tick.
@@ -45,7 +46,7 @@ impl Log {
         })
     }
 
-    /// Takes a tick with what was published for it.
+    /// Logs a tick with the target published for it.
     pub(super) fn tick(&mut self, tick: &Tick, published: &Joints) {
         let (without, with) = tick.errors_m();
         if tick.chatter_n > RINGS_FROM_N && self.ringing_from_s.is_none() {
@@ -67,7 +68,7 @@ impl Log {
         });
     }
 
-    /// Takes what the daemon says of vibration; `start_ns` is the time of the first tick.
+    /// Logs a verdict of the vibration monitor; `start_ns` is the time of the first tick.
     pub(super) fn verdict(&mut self, verdict: &Verdict, start_ns: u64) {
         let t_s = (verdict.t_ns as f64 - start_ns as f64) * 1e-9;
         let name = |code: Result<String, _>| {
@@ -86,7 +87,7 @@ impl Log {
         });
     }
 
-    /// What it comes to, from the moment the robot set off.
+    /// The evaluation, from the moment the robot started moving.
     pub(super) fn milled(&self, scene: &Scene, rejected: u64) -> Milled {
         let rows = self.rows.get(scene.dwell..).unwrap_or(&[]);
         let at = |quantile| self.latency.value_at_quantile(quantile);
@@ -110,7 +111,7 @@ impl Log {
         }
     }
 
-    /// What was counted so far; the daemon has rejected `rejected_commands`.
+    /// The counters so far; the daemon has rejected `rejected_commands`.
     pub(super) fn counts(&self, rejected_commands: u64) -> Counts {
         Counts {
             cycles: self.rows.len() as u64,
@@ -133,7 +134,7 @@ impl Log {
         Ringing { frequency_Hz: frequency, from_s, words }
     }
 
-    /// The run as a recording: what the robot was told, where its tool went, the forces.
+    /// The run as a recording: commands, tool positions, forces.
     pub(super) fn recording(&self, scene: &Scene) -> Recording {
         let column = |of: &dyn Fn(&Row) -> f64| self.rows.iter().map(of).collect::<Vec<_>>();
         let mut recording = Recording::new(column(&|row| row.t_s));
@@ -156,8 +157,8 @@ impl Log {
     }
 }
 
-/// Whether a published target keeps the invariants: finite, in the limits, near the command, and its correction no further from
-/// the one before than `elapsed_s` allows.
+/// Whether a published target satisfies the invariants: finite, within the limits, near the
+/// command, and its correction no further from the previous one than `elapsed_s` allows.
 pub(super) fn keeps_invariants(
     arm: &Arm,
     bounds: &shm_schema::JointBounds,

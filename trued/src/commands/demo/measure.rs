@@ -1,7 +1,7 @@
 //! The simulated robot runs its measuring program, accelerated, while a tracker measures three reflectors on its tool.
 //!
-//! Promises: what a recording of a real one would hold, and nothing else: commands, loads, temperature, what was seen with its noise.
-//! Never: the truth.
+//! It contains only what a recording of a real robot would contain: commands, loads, temperature,
+//! noisy measurements. It never contains the truth.
 
 use glam::DVec3;
 use recording::series::{About, Channel, FileUnits, Frame, Recording};

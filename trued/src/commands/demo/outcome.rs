@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Everything that was measured and said.
+/// All measurements and reports.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Report {
@@ -11,7 +11,8 @@ pub(super) struct Report {
     pub(super) milled: Milled,
     #[serde(flatten)]
     pub(super) told: Told,
-    /// The same path with what was found in the daemon's model; none where nothing was swapped in.
+    /// The error of the same path with the findings in the daemon's model; `None` if the model was
+    /// not replaced.
     pub(super) tool_error_after_diagnosis_mm: Option<Spread>,
     pub(super) swap: Option<Swap>,
 }
@@ -29,7 +30,7 @@ pub(super) struct Counts {
 }
 
 impl Counts {
-    /// Both stretches; `later` came after `self`.
+    /// Both stretches combined; `later` follows `self`.
     fn and(self, later: Self) -> Self {
         Self {
             cycles: self.cycles + later.cycles,
@@ -40,7 +41,7 @@ impl Counts {
     }
 }
 
-/// What milling with the model as calibrated came to.
+/// Result of milling with the model as calibrated.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Milled {
@@ -63,21 +64,22 @@ pub(super) struct Named {
     pub(super) joint: Option<usize>,
 }
 
-/// What was said of the measuring program, and the truth.
+/// The diagnosis of the measuring program, and the truth.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Told {
     pub(super) hidden_effect: Named,
-    /// None where nothing was claimed.
+    /// `None` if nothing was claimed.
     pub(super) said: Option<Named>,
-    /// By name and joint, or by a name that this recording cannot tell from the true one.
+    /// Whether the effect is the right one by name and joint, or is indistinguishable from it in
+    /// this recording.
     pub(super) named_right: bool,
-    /// By how much the hidden effect moves the tool on the work, root mean square.
+    /// Root mean square displacement of the tool on the work by the hidden effect.
     pub(super) hidden_effect_mm: f64,
     pub(super) verdict: String,
-    /// What was said in words, line by line.
+    /// The diagnosis in words, line by line.
     pub(super) says: Vec<String>,
-    /// The truth in words.
+    /// The hidden effect in words.
     pub(super) truth: String,
     /// How long the diagnosis took, s.
     pub(super) diagnosis_s: f64,
@@ -87,7 +89,7 @@ pub(super) struct Told {
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Swap {
-    /// Cycles while robot and daemon stood and waited for the diagnosis, the change among them.
+    /// Cycles while robot and daemon waited for the diagnosis, including the model's replacement.
     pub(super) cycles: u64,
     /// Of these, cycles without an answer in time.
     pub(super) missed: u64,
@@ -95,7 +97,7 @@ pub(super) struct Swap {
     pub(super) missed_about: u64,
 }
 
-/// What milling the same path again came to.
+/// Result of milling the same path again.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Again {
@@ -106,7 +108,7 @@ pub(super) struct Again {
 }
 
 impl Report {
-    /// All of it; `again`: none where nothing was swapped in.
+    /// The complete report; `again`: `None` if the model was not replaced.
     pub(super) fn new(mut milled: Milled, told: Told, again: Option<Again>) -> Self {
         if let Some(again) = &again {
             milled.counts = milled.counts.and(again.counts);
@@ -158,7 +160,7 @@ pub(super) struct Event {
     pub(super) axis: String,
     pub(super) class: String,
     pub(super) suspect_alias: bool,
-    /// All of it as a sentence, with what to do.
+    /// The summary as a sentence, with a recommendation.
     pub(super) says: String,
     /// Since the robot began to ring; none before.
     pub(super) after_onset_ms: Option<f64>,

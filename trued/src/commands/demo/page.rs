@@ -8,7 +8,7 @@ use super::log::{Log, Row};
 use super::outcome::{Milled, Report};
 use super::scene::Scene;
 
-/// The whole page; `again`: the same path with what was found, where it was swapped in.
+/// The whole page; `again`: the same path with the findings, if the model was replaced.
 pub(super) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&Log>) -> Page {
     let milled = &report.milled;
     let rows = log.rows.get(scene.dwell..).unwrap_or(&[]);
@@ -96,7 +96,7 @@ fn numbers(report: &Report) -> Vec<Number> {
     numbers
 }
 
-/// The path again is drawn over the first time, which stood for a while before.
+/// The repeated path is drawn over the first one, without the initial standstill.
 fn error_over_time(rows: &[Row], again: Option<&[Row]>) -> Plot {
     let line =
         |of: fn(&Row) -> f64| rows.iter().map(move |row| (row.t_s, of(row))).collect::<Vec<_>>();

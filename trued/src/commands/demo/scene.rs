@@ -1,6 +1,6 @@
 //! Scene of the demo: calibrated model, true robot and its hidden effect, path, the cut with vibration, measuring program. All by seed.
 //!
-//! Never: a word of what is hidden; see [`super::act`] for when it is told.
+//! The hidden effect is not reported here; see [`super::act`].
 
 use physics::Inputs;
 use recording::model::RobotModel;
@@ -18,11 +18,12 @@ use world::workplace::workplace;
 
 /// The daemon's model.
 const PRESET: &str = "irb1600-6-145-thesis";
-/// How long the robot stands before it sets off, so that the correction comes in and the watch learns its floor, s.
+/// Standstill before the robot starts moving, in which the correction ramps in and the monitor
+/// learns its noise floor, s.
 const DWELL_S: f64 = 1.5;
 /// Time between commands, s.
 pub(super) const TICK_S: f64 = 1e-3;
-/// Every so many ticks one, to weigh what the model lacks.
+/// Interval, in ticks, at which the hidden effect's influence is evaluated.
 const WEIGHED_EVERY: usize = 100;
 /// Standard uncertainty of a coordinate that the tracker measures, m.
 pub(super) const TRACKER_M: f64 = 2e-5;
@@ -45,9 +46,9 @@ pub(super) struct Scene {
     pub(super) hidden: Hidden,
     /// The measuring program.
     pub(super) survey: Vec<Inputs>,
-    /// The commands, standing still at first.
+    /// The commands, beginning with the standstill.
     pub(super) path: JointPath,
-    /// The same without standing.
+    /// The same without standstill.
     pub(super) work: JointPath,
     /// Samples before the robot sets off.
     pub(super) dwell: usize,
@@ -78,7 +79,7 @@ impl Scene {
         let mut truth = draw(&calibration, seed)?;
         truth.model.push(hidden.effect)?;
         let cuts = 1 + path.samples.iter().filter_map(|s| s.wanted.cut).max().unwrap_or(0);
-        // The last slot is the fastest, its middle leg the one that rings.
+        // The last slot is the fastest; the robot vibrates in its middle part.
         let chatter = Chatter::at_72_hz(cuts.saturating_sub(2));
         let work = path.clone();
         let (path, dwell) = standing_first(path);
@@ -149,7 +150,7 @@ keep_files = 3
     }
 }
 
-/// The calibrated model without what the robot hides, as a file.
+/// The calibrated model without the hidden effect, as a file.
 fn lacking(model: &RobotModel, hidden: &Hidden) -> String {
     let mut file = model.file.clone();
     let lacks: Vec<usize> = model

@@ -1,6 +1,7 @@
 //! The cell at rest during the diagnosis: effects of the change of model, and vibration verdicts.
 //!
-//! Promises: goes on only once the change is half a second old, so that a late answer about it is counted. Never: a wait.
+//! It continues only when the model's replacement is half a second old, so that late answers are
+//! counted. It never blocks.
 
 use std::sync::mpsc::{Receiver, TryRecvError};
 
@@ -10,7 +11,7 @@ use crate::exit::Failure;
 /// Ticks before and after a change of model that count as about it.
 const ABOUT_TICKS: u64 = 500;
 
-/// What was seen so far.
+/// Observations so far.
 #[derive(Default)]
 pub(super) struct Standing {
     ticks: u64,
@@ -21,7 +22,8 @@ pub(super) struct Standing {
 }
 
 impl Standing {
-    /// Takes a tick: which model the newest answer was made with, and whether this tick had none in time.
+    /// Counts a tick: the model with which the newest answer was made, and whether an answer was
+    /// late.
     pub(super) fn tick(&mut self, epoch: Option<u64>, missed: bool) {
         self.ticks += 1;
         if missed {
@@ -34,10 +36,11 @@ impl Standing {
         }
     }
 
-    /// Whether it is time to go on: with what was said, and with how the change went where there was one.
+    /// Whether to continue: with the diagnosis, and with the result of the model's replacement if
+    /// there was one.
     ///
     /// # Errors
-    /// Nobody speaks any more, or not in words of this protocol.
+    /// The parent is gone, or sent something outside this protocol.
     pub(super) fn hear(
         &mut self,
         heard: &Receiver<String>,

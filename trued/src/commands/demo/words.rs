@@ -1,6 +1,6 @@
 //! Text output of the demo, in order.
 //!
-//! Promises: what is hidden is told last. Never: a number that was not measured.
+//! The hidden effect is reported last. Every number was measured.
 
 use report::TextTable;
 use std::path::Path;
@@ -24,7 +24,7 @@ pub(super) fn introduce(console: &mut Console, scene: &Scene) -> Said {
     head(console, "1  It mills, without and with the correction")
 }
 
-/// What milling came to.
+/// The result of milling.
 pub(super) fn milled(console: &mut Console, milled: &Milled) -> Said {
     let errors = &milled.tool_error_mm;
     console
@@ -123,7 +123,7 @@ pub(super) fn end(console: &mut Console, report: &Report, out: &Path) -> Said {
     console.say(format!("page: {}", out.join("report.html").display()))
 }
 
-/// How the change of model went, beside how the cycles went before.
+/// The effect of the model's replacement, compared with the cycles before it.
 fn swapped(swap: &Swap) -> String {
     let between = format!("swapped in between two of {} cycles", swap.cycles);
     if swap.missed_about == 0 {

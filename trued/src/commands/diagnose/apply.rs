@@ -1,7 +1,7 @@
 //! `trued diagnose --apply CELL`: loads the resulting model into a running daemon.
 //!
-//! Promises: only a model whose findings explain the mismatch is swapped in, by the way of `trued reload`; what was written stays written,
-//! whatever the daemon says. Never: a change of the cell's own files.
+//! Only a model whose findings explain the mismatch is loaded, as `trued reload` does; the files
+//! remain, whatever the daemon answers. The cell's own files are not changed.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::input::unusable;
 use crate::output::Console;
 
-/// The name of the cell whose configuration this is, or whose name.
+/// The name of the cell, given by its configuration or by name.
 pub(super) fn cell(config_or_name: &Path) -> Result<String, Failure> {
     let is_file = config_or_name.exists() || config_or_name.extension().is_some();
     match config_or_name.to_str() {
@@ -23,7 +23,7 @@ pub(super) fn cell(config_or_name: &Path) -> Result<String, Failure> {
     }
 }
 
-/// Swaps the model that was written to `dir` into the daemon of `cell`, or says why not.
+/// Loads the model in `dir` into the daemon of `cell`, or reports why not.
 pub(super) fn apply(console: &mut Console, cell: &str, found: &Diagnosed, dir: &Path) -> Outcome {
     if let Some(why) = why_not(found) {
         console.say(format!("not applied: {why}; the daemon goes on with its model"))?;

@@ -1,6 +1,7 @@
 //! `trued diagnose --batch`: diagnoses each recording of a manifest independently, one Parquet file each.
 //!
-//! Promises: options that change a result stand in the manifest, so that shards cannot differ; a recording that cannot be diagnosed stops no other.
+//! Options that affect a result are in the manifest, so that shards cannot differ; a recording that
+//! cannot be diagnosed stops no other.
 
 use std::path::{Path, PathBuf};
 
@@ -42,7 +43,7 @@ pub(super) struct Batch {
     resume: bool,
 }
 
-/// What is said of a batch.
+/// The report on a batch.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report {
@@ -50,13 +51,13 @@ struct Report {
     written: usize,
     /// Results that were there.
     kept: usize,
-    /// Recordings whose content cannot be diagnosed; their results say why.
+    /// Recordings whose content cannot be diagnosed; their results state why.
     refused: Vec<NotDiagnosed>,
     /// Recordings whose files cannot be read; they have no result.
     unread: Vec<NotDiagnosed>,
     /// All results in the folder.
     results: usize,
-    /// What `sha256sum *.parquet | sha256sum` gives in the folder.
+    /// The output of `sha256sum *.parquet | sha256sum` in the directory.
     digest_sha256: String,
 }
 
@@ -77,7 +78,7 @@ impl NotDiagnosed {
 impl Batch {
     pub(super) fn run(&self, file: &Path, out: &Path, console: &mut Console) -> Outcome {
         let manifest = Manifest::read(file).map_err(unusable)?;
-        // Absolute, so that no other words are taken for it where messages name a file.
+        // Absolute, so that messages name a file unambiguously.
         let base = std::path::absolute(file).map_err(Failure::system)?;
         let base = base.parent().unwrap_or(Path::new("/"));
         let faults = fleet::unusable_robots(&manifest, base, &file.display().to_string());
@@ -127,7 +128,7 @@ fn inputs(file: &Path, manifest: &Manifest, base: &Path) -> Vec<PathBuf> {
     all
 }
 
-/// What is found in a recording.
+/// The rows of a recording's diagnosis.
 fn rows(manifest: &Manifest, item: &Item<'_>) -> Result<Vec<Row>, Failure> {
     let reading = Reading { model: Some(item.model.clone()), mapping: item.mapping.clone() };
     let seed = manifest.seed;
@@ -147,7 +148,8 @@ fn rows(manifest: &Manifest, item: &Item<'_>) -> Result<Vec<Row>, Failure> {
     }
 }
 
-/// Why a recording is not diagnosed, with paths as the manifest names them, so that the words do not depend on where the manifest stands.
+/// Why a recording is not diagnosed, with paths as in the manifest, so that the text does not
+/// depend on the manifest's location.
 fn failed(failure: &Failure, item: &Item<'_>) -> Failed {
     let words = item.as_named(&failure.to_string());
     let is_io = |error: &FileError| matches!(error, FileError::Io { .. });

@@ -1,6 +1,6 @@
 //! A diagnosis as table rows, for batches: one row per domain, one per parameter of a finding.
 //!
-//! Promises: the numbers of `trued.diagnosis/1`, in the same units. Never: a number that was not found.
+//! The numbers are those of `trued.diagnosis/1`, in the same units; no others are added.
 
 use batch::{FindingParameter, Row, Subject};
 use diagnosis_report::{Interval, Report, ReportedFinding, Value, lead};
@@ -29,7 +29,7 @@ impl Temperatures {
     }
 }
 
-/// The mean of a column over all rows in which it was taken.
+/// The mean of a column over all rows with a value.
 fn mean(recordings: &[Recording], channel: Channel) -> Option<f64> {
     let columns = recordings.iter().filter_map(|recording| recording.column(channel));
     let (sum, count) = columns
@@ -39,7 +39,7 @@ fn mean(recordings: &[Recording], channel: Channel) -> Option<f64> {
     (count > 0).then(|| sum / f64::from(count))
 }
 
-/// The rows of what each domain says.
+/// The rows of each domain's report.
 pub(super) fn of_reports(reports: &[Report], temperatures: &Temperatures) -> Vec<Row> {
     reports.iter().flat_map(|report| of_report(report, temperatures)).collect()
 }
@@ -75,7 +75,7 @@ fn of_report(report: &Report, temperatures: &Temperatures) -> Vec<Row> {
     std::iter::once(domain).chain(findings).collect()
 }
 
-/// One for each number of a finding; one without a number where it has none.
+/// One row per parameter of a finding; one row without a parameter if it has none.
 fn parameters_of(
     reported: &ReportedFinding,
     is_claimed: bool,

@@ -8,16 +8,16 @@ use crate::exit::Failure;
 /// A line over the path.
 #[derive(Clone, Debug)]
 pub(super) struct Line {
-    /// Where it comes from.
+    /// The source of the line.
     pub(super) source: String,
     pub(super) cycles_per_mm: f64,
     /// How far it may be from where it reads, as a part.
     pub(super) uncertainty: f64,
-    /// With its unit; none where it was given.
+    /// With its unit; `None` if the line was given.
     pub(super) amplitude: Option<(f64, String)>,
 }
 
-/// All lines, and what has to be said of them.
+/// All lines, with remarks on them.
 pub(super) struct Lines {
     pub(super) lines: Vec<Line>,
     pub(super) notes: Vec<String>,

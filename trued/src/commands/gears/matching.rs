@@ -6,7 +6,7 @@ use spectrum::spatial::{MULTIPLES, match_wheels};
 use super::lines::Line;
 use super::trains::Train;
 
-/// A wheel whose speed changes by more of its mean along the path writes no line.
+/// A wheel whose speed varies along the path by more than this part of its mean produces no line.
 pub(super) const DRIFT_MAX: f64 = 0.2;
 
 /// A wheel that fits a line.
@@ -14,7 +14,7 @@ pub(super) const DRIFT_MAX: f64 = 0.2;
 pub(super) struct Fit {
     pub(super) wheel: Wheel,
     pub(super) multiple: u32,
-    /// Where the multiple stands from the line, as a part of the line.
+    /// Distance of the multiple from the line, relative to the line.
     pub(super) distance: f64,
     /// From least to most along the path, as a part of the mean.
     pub(super) drift: f64,
@@ -29,7 +29,7 @@ impl Fit {
     }
 }
 
-/// A line and what it fits, the nearest first.
+/// A line and its matches, the nearest first.
 #[derive(Clone, Debug)]
 pub(super) struct Matched {
     pub(super) line: Line,
@@ -39,7 +39,8 @@ pub(super) struct Matched {
 }
 
 impl Matched {
-    /// `tolerance` as a part of the line; to it come the line's own uncertainty and half the wheel's drift.
+    /// `tolerance` is relative to the line; the line's own uncertainty and half the wheel's drift
+    /// are added.
     pub(super) fn of(line: Line, trains: &[Train], tolerance: f64) -> Self {
         let even = || trains.iter().filter(|train| train.drift() <= DRIFT_MAX);
         let within = |train: &Train| tolerance + line.uncertainty + 0.5 * train.drift();

@@ -1,6 +1,7 @@
 //! Rotation of each joint per millimetre of path, by the controller's geometry.
 //!
-//! Promises: a joint that turns back and forth counts both ways; what lies between two segments of a recording is no path.
+//! A joint that turns back and forth counts in both directions; gaps between segments of a
+//! recording are not part of the path.
 
 use glam::DVec3;
 use physics::{Arm, Chain, Frame, JOINTS_MAX, JointKind, Joints};
@@ -9,9 +10,9 @@ use std::f64::consts::TAU;
 
 use crate::exit::Failure;
 
-/// Steps in which a part of the path is looked at.
+/// Number of steps in which a part of the path is evaluated.
 const STEPS: usize = 16;
-/// A shorter run tells nothing, mm.
+/// Minimum length of a path, mm.
 const SHORTEST_MM: f64 = 1.0;
 
 /// A path that cannot be used.
@@ -47,14 +48,14 @@ pub(super) struct Part {
     /// From the start of the segment, mm.
     pub(super) from_mm: f64,
     pub(super) to_mm: f64,
-    /// Of each joint; of one that slides 0.
+    /// Of each joint; 0 for a prismatic joint.
     pub(super) turns: Vec<Turns>,
 }
 
-/// A path and how the joints turn along it.
+/// A path and the rotations of the joints along it.
 #[derive(Clone, Debug)]
 pub(super) struct Travelled {
-    /// What it is, in words.
+    /// Description of the path.
     pub(super) by: String,
     pub(super) length_mm: f64,
     pub(super) parts: Vec<Part>,
@@ -74,7 +75,7 @@ impl Travelled {
         let mut all = Vec::new();
         for (segment, rows) in runs {
             let run = Run::of(arm, rows);
-            // A cut of just that length is one, whichever way its ends were rounded.
+            // A cut of exactly this length counts, independent of rounding at its ends.
             if run.length_mm() >= (1.0 - 1e-6) * SHORTEST_MM {
                 all.extend((0..parts).map(|k| run.part(arm, *segment, k, parts)));
             }
@@ -138,7 +139,8 @@ impl<'a> Run<'a> {
     }
 }
 
-/// The path of a recording, in so many parts for each of its segments; rows without all joints are skipped.
+/// The path of a recording, divided into the given number of parts per segment; rows without all
+/// joints are skipped.
 pub(super) fn recorded(
     arm: &Arm,
     recording: &Recording,
@@ -168,8 +170,8 @@ pub(super) fn recorded(
     Travelled::of(by, arm, &runs, parts).ok_or_else(|| Failure::input(Unfit::Stands(file())))
 }
 
-/// A straight cut: from a pose (deg, or mm for joints that slide) by a displacement in the base frame, mm, the tool's
-/// orientation held.
+/// A straight cut: from a pose (deg, or mm for prismatic joints) by a displacement in the base
+/// frame, mm, with constant tool orientation.
 pub(super) fn straight(
     arm: &Arm,
     from: &[f64],

@@ -10,17 +10,17 @@ use super::path::{Part, Travelled};
 use super::trains::Train;
 use crate::table::on_stdout;
 
-/// Rivals told on the console for each line.
+/// Alternatives listed on the console for each line.
 const RIVALS_TOLD: usize = 3;
-/// A drift below this part is not worth a word.
+/// A drift below this part is not mentioned.
 const DRIFT_TOLD: f64 = 0.01;
-/// Paths of more parts are told part by part in the page and the JSON object only.
+/// Paths of more parts are listed part by part in the page and the JSON object only.
 const PARTS_TOLD: usize = 16;
 /// What the column of degrees is.
 pub(super) const DEGREES: &str = "deg/mm is what the reference thesis' tables A III call cycles per mm; a shaft that is eccentric writes rev/mm, \
      teeth that meet write teeth/mm";
 
-/// All that was found.
+/// All results.
 pub(super) struct Found<'a> {
     pub(super) model: &'a RobotModel,
     pub(super) travelled: Travelled,
@@ -66,9 +66,9 @@ struct WheelReport {
     /// Cycles per revolution of the shaft: 1, or the driver's teeth that mesh.
     teeth: u32,
     cycles_per_mm: Range,
-    /// Per revolution of the joint: as `transmission_error` takes it.
+    /// Per revolution of the joint, as in `transmission_error`.
     cycles_per_rev: f64,
-    /// Of the shaft: what the thesis calls cycles per mm.
+    /// Of the shaft; the thesis calls this cycles per mm.
     degrees_per_mm: Option<f64>,
     /// From least to most, of the mean.
     drift_percent: f64,
@@ -96,7 +96,7 @@ struct LineReport<'a> {
     #[serde(rename = "match")]
     best: Option<FitReport>,
     rivals: Vec<FitReport>,
-    /// How likely a line near this one fits something by chance.
+    /// Probability that a line near this one matches something by chance.
     by_chance: f64,
 }
 
@@ -184,7 +184,7 @@ fn line(matched: &Matched) -> LineReport<'_> {
     }
 }
 
-/// A joint whose speed changes along the path, and where most, in words.
+/// A joint whose speed varies along the path, and where it varies most, in words.
 fn drifts(train: &Train, travelled: &Travelled) -> Option<String> {
     let drift = train.drift();
     if drift < DRIFT_TOLD {
@@ -229,7 +229,7 @@ pub(super) fn by_parts(found: &Found<'_>) -> Vec<Vec<String>> {
     rows
 }
 
-/// A line with what it fits, in words; the nearest `rivals` of its rivals are named.
+/// A line with its matches, in words; the nearest `rivals` alternatives are named.
 pub(super) fn fitting(matched: &Matched, rivals: usize) -> String {
     let Some(best) = matched.fits.first() else { return "fits no wheel".to_owned() };
     let others: Vec<String> = matched.fits.iter().skip(1).take(rivals).map(Fit::words).collect();
@@ -240,7 +240,7 @@ pub(super) fn fitting(matched: &Matched, rivals: usize) -> String {
     format!("{}{others}{more}; any line near it fits something with {chance} %", best.words())
 }
 
-/// What has to be said beside the tables.
+/// Remarks beside the tables.
 pub(super) fn remarks(found: &Found<'_>) -> Vec<String> {
     let drifting = found.trains.iter().filter_map(|train| drifts(train, &found.travelled));
     drifting.chain(found.notes.iter().cloned()).collect()

@@ -8,7 +8,7 @@ use spectrum::Wheel;
 use super::path::Travelled;
 use crate::exit::Failure;
 
-/// A joint that turns less stands, rev/mm.
+/// A joint that turns less counts as stationary, rev/mm.
 const STANDS_PER_MM: f64 = 1e-9;
 
 /// Shafts and meshes of the joints that turn.
@@ -41,7 +41,7 @@ impl Train {
     }
 }
 
-/// The trains of the asked joints (all, if none is asked) that turn along the path.
+/// The trains of the selected joints (all, if none is selected) that turn along the path.
 pub(super) fn of(
     model: &ModelFile,
     travelled: &Travelled,

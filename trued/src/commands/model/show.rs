@@ -147,7 +147,7 @@ fn numbers(numbers: &Numbers) -> String {
     }
 }
 
-/// Six significant digits; the file and `--json` hold all.
+/// Six significant digits; the file and `--json` contain all.
 fn short(number: f64) -> String {
     let rounded = format!("{number:.5e}").parse().unwrap_or(number);
     f64::to_string(&rounded)

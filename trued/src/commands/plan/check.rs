@@ -21,9 +21,9 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::output::{Console, Paint};
 use crate::table::on_stdout;
 
-/// How surely the damage that is said to show is seen.
+/// Probability with which the stated minimum damage is detected.
 const POWER: f64 = 0.9;
-/// Poses of a check where nothing is said.
+/// Default number of poses of a check.
 const POSES: usize = 10;
 
 #[derive(Serialize)]
@@ -214,7 +214,7 @@ fn least(model: &Model, found: &Detectable) -> String {
     })
 }
 
-/// What was assumed where nothing was stated.
+/// The assumptions made where nothing was stated.
 fn unstated(input: &Input) -> Vec<String> {
     let mut said = Vec::new();
     if !input.model.sigma.iter().flatten().any(|sigma| *sigma > 0.0) {

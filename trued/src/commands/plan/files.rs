@@ -1,6 +1,7 @@
 //! The poses as files: a list for the measurements, and robot programs.
 //!
-//! Promises: all three carry the same figures; whole or not at all, never over a recording. Never: a program that leaves the joint limits.
+//! All three files contain the same numbers; they are written completely or not at all, never over
+//! a recording. A program stays within the joint limits.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -63,7 +64,7 @@ impl Files {
         self.out.as_deref()
     }
 
-    /// The files that the poses go to, where that was asked for.
+    /// The output files of the poses, if requested.
     pub(super) fn outputs(&self, console: &Console) -> Outputs {
         let Some(out) = &self.out else { return console.outputs() };
         let list = out.join(LIST);
@@ -91,7 +92,7 @@ impl Files {
         self.put_tour(outputs, model, task, stops, approach)
     }
 
-    /// Puts the page of the poses beside them.
+    /// Adds the page of the poses.
     pub(super) fn put_page(&self, outputs: &mut Outputs, input: &Input, sheet: &Sheet<'_>) {
         if let Some(out) = &self.out {
             outputs.put_page(&out.join(PAGE), page::render(input, sheet));
@@ -162,7 +163,7 @@ impl Files {
     }
 }
 
-/// Columns for what is measured.
+/// Columns for the measurements.
 fn columns(task: &Task) -> Vec<Channel> {
     let orientation_rad = match &task.sees {
         Sees::Points { orientation_rad, .. } => orientation_rad,
@@ -187,7 +188,8 @@ fn columns(task: &Task) -> Vec<Channel> {
     columns
 }
 
-/// What distances are measured from and what is touched, as far as it is known; the probe is a point, for the poses were chosen so.
+/// The reference points of distances and the touched surfaces, as far as they are known; the probe
+/// is a point, as the poses were chosen for one.
 fn gauges(task: &Task) -> Gauges {
     let around = &task.surroundings;
     let target = (!around.targets.is_empty()).then_some(0);

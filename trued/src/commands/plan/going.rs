@@ -1,6 +1,7 @@
 //! Starting point of a plan: the model alone, or existing measurements.
 //!
-//! Promises: with recordings, targets and frame are where their fit finds them, and the noise is what it shows. Never: a gross fault passed over.
+//! With recordings, targets and frame are taken from a fit, and the noise from its residuals. Gross
+//! errors are always reported.
 
 use diagnosis::from_recording::{self, Unusable};
 use diagnosis::plan::{Task, believed};
@@ -11,7 +12,7 @@ use super::files::Files;
 use super::setup::Setup;
 use crate::exit::Failure;
 
-/// Standard uncertainty of a length where nothing is said of it, m.
+/// Default standard uncertainty of a length, m.
 pub(super) const NOISE_M: f64 = 5e-5;
 
 /// The task, and what is known so far.
@@ -66,7 +67,7 @@ fn measured(input: &Input) -> Result<Option<Campaign>, Failure> {
     }
 }
 
-/// The standard uncertainty of a length as the fit finds it, m.
+/// The standard uncertainty of a length from the fit's residuals, m.
 fn shown_m(campaign: &Campaign, found: &Fit) -> Option<f64> {
     let mut seen = campaign.poses.iter().flat_map(|pose| &pose.seen);
     let length = seen.find(|seen| seen.reading.is_length())?;

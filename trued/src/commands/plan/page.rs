@@ -1,6 +1,6 @@
 //! The page of `trued plan --out`: contributions of the poses, a drawing of each, and what was not checked.
 //!
-//! Never: a number that the JSON does not hold.
+//! Contains only numbers that the JSON contains too.
 
 use diagnosis_report::positions::columns;
 use physics::Joints;
@@ -9,12 +9,12 @@ use report::{ArmPoses, Cell, Column, Number, Page, Svg, Table, Tone};
 use super::Input;
 use diagnosis_report::drawings::places;
 
-/// The file beside the programs.
+/// The page's name, beside the programs.
 pub(super) const PAGE: &str = "plan.html";
-/// Poses of one drawing: as many as one sheet of paper has room for.
+/// Poses per drawing: as many as fit on one sheet of paper.
 const DRAWN: usize = 12;
 
-/// What is said of the poses.
+/// The text about the poses.
 pub(super) struct Sheet<'a> {
     pub(super) word: String,
     pub(super) sentence: String,
@@ -22,9 +22,9 @@ pub(super) struct Sheet<'a> {
     /// Each with its name.
     pub(super) poses: Vec<(String, Joints)>,
     pub(super) details: Vec<Table>,
-    /// What stays open, and what was not looked at.
+    /// Open questions, and what was not checked.
     pub(super) open: Vec<String>,
-    /// What to do with the poses, and by which command what was measured is looked at.
+    /// What to do with the poses, and the command that evaluates the measurements.
     pub(super) next: (&'a str, String),
 }
 
@@ -82,7 +82,7 @@ fn positions(input: &Input, sheet: &Sheet<'_>) -> Table {
     table.unwrap_or_else(|| Table::new("No pose", ["Pose"]))
 }
 
-/// Poses with numbers for names.
+/// Poses named by numbers.
 pub(super) fn numbered(poses: &[Joints]) -> Vec<(String, Joints)> {
     poses.iter().enumerate().map(|(place, q)| (format!("pose {}", place + 1), *q)).collect()
 }

@@ -1,7 +1,8 @@
 //! `trued plan --for DIR`: the experiment proposed by a diagnosis, as a path to be run and measured.
 //!
-//! Promises: the motion is the one that the diagnosis has judged, inside the limits and speeds of its model; both files are written or none.
-//! Never: use of the robot's surroundings; this is stated.
+//! The motion is the one that the diagnosis has evaluated, within the limits and speeds of its
+//! model; both files are written or none. The robot's surroundings are not considered; this is
+//! stated.
 
 use std::path::Path;
 
@@ -16,7 +17,7 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::input;
 use crate::output::Console;
 
-/// What is not looked at.
+/// What is not checked.
 const NOT_CHECKED: &str = "what stands around the robot, and whether the tool meets floor, base or cables: run it slowly first, with a hand on the stop";
 
 #[derive(Serialize)]
@@ -32,7 +33,7 @@ struct Report<'a> {
     not_checked: [&'static str; 1],
 }
 
-/// Writes the request into `out`, or beside the diagnosis.
+/// Writes the requested experiment to `out`, or beside the diagnosis.
 pub(super) fn run(diagnosed: &Path, out: Option<&Path>, console: &mut Console) -> Outcome {
     let found = read(&diagnosed.join("diagnosis.json"))?;
     let model = input::model(&diagnosed.join("model.toml"))?;

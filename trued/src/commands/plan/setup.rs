@@ -1,6 +1,6 @@
 //! Options for instruments, their positions, and constraints on poses.
 //!
-//! Promises: mm and degrees here, SI from here on. Never: a default that is not said in the help.
+//! The options use mm and degrees, the results SI. Every default is stated in the help.
 
 use std::str::FromStr;
 
@@ -39,7 +39,7 @@ impl<const N: usize> FromStr for Tuple<N> {
     }
 }
 
-/// A target: its place on the tool, and which way it looks, where that is said.
+/// A target: its position on the tool, and its viewing direction if stated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Target {
     place_mm: [f64; 3],
@@ -173,12 +173,12 @@ impl Setup {
         Ok(())
     }
 
-    /// Whether a line of sight is asked for.
+    /// Whether a line of sight is required.
     pub(super) fn is_seen_from_somewhere(&self) -> bool {
         self.instrument.is_some()
     }
 
-    /// What the options know of a recording: the frame, the targets.
+    /// Adds what the options state about a recording: the frame, the targets.
     pub(super) fn describe(&self, campaign: &mut Campaign) {
         let Surroundings { frames, targets, .. } = &mut campaign.surroundings;
         frames.iter_mut().for_each(|frame| frame.free &= !self.frame_known);
@@ -252,7 +252,7 @@ impl Setup {
         Sees::Touch(touched)
     }
 
-    /// What stands around, as described.
+    /// The described surroundings.
     pub(super) fn surroundings(&self) -> Result<Surroundings, Failure> {
         let station = Station { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
         let plane = |Tuple([x, y, z, a, b, c, _]): &Tuple<7>| {

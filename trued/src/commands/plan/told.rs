@@ -19,7 +19,7 @@ use crate::exit::Failure;
 use crate::output::{Console, Paint};
 use crate::table::on_stdout;
 
-/// Sentences on what stays open that are told on the console.
+/// Number of open questions on the console.
 const OPEN: usize = 3;
 
 #[derive(Serialize)]
@@ -101,7 +101,7 @@ impl FallsReport {
     }
 }
 
-/// What no constraint looked at, as sentences.
+/// What no constraint checked, as sentences.
 pub(super) fn not_checked(command: &Plan, going: &Going) -> Vec<&'static str> {
     let mut open = vec![
         "the way between two poses: try the program slowly first",
@@ -232,7 +232,7 @@ pub(super) fn plan(
     written(command, console)
 }
 
-/// Each pose in a line, and what becomes surer by it in the next.
+/// Each pose in a line, followed by the parameters that it improves.
 fn table_of_poses(model: &RobotModel, planned: &Planned) -> String {
     let start = TextTable::new(["pose", "joints, deg (mm)", "tool, mm"]);
     let table = planned.poses.iter().enumerate().fold(start, |table, (place, pose)| {

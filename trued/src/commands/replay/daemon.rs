@@ -1,6 +1,7 @@
 //! A private daemon: a child process in a private directory on tmpfs, in lockstep.
 //!
-//! Promises: nobody else can join it, no running cell is touched, and nothing of it stays when the value is dropped.
+//! Nobody else can connect to it, no running cell is affected, and nothing of it remains when the
+//! value is dropped.
 
 use std::fs::{self, DirBuilder, File};
 use std::io::ErrorKind;
@@ -24,7 +25,7 @@ use crate::setpoints::Timed;
 /// How long the daemon may take to open, and to answer one row.
 const OPEN_WITHIN: Duration = Duration::from_secs(15);
 const ANSWER_WITHIN: Duration = Duration::from_secs(10);
-/// How long a wait goes on before it is looked whether it still makes sense.
+/// Interval of checks during a wait.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
 /// Lines of the daemon's log that an error shows.
 const LINES_SHOWN: usize = 8;
@@ -36,7 +37,7 @@ pub(super) struct OwnDaemon {
     place: Place,
 }
 
-/// The daemon failed; with the end of what it said.
+/// The daemon failed; with the end of its log.
 #[derive(Debug, thiserror::Error)]
 #[error("the daemon {what}; it said:\n{said}")]
 struct DaemonFailed {
@@ -58,7 +59,7 @@ impl OwnDaemon {
         Ok(Self { client, child, place })
     }
 
-    /// Sends one row and awaits its answer. A row that was lost on the way is sent again.
+    /// Sends one row and waits for its answer. A lost row is sent again.
     pub(super) fn ask(&mut self, row: &Timed, stop: &AtomicBool) -> Result<Corrected, Failure> {
         let since = Instant::now();
         if row.anew {
@@ -107,7 +108,7 @@ fn join(place: &Place, child: &mut Guarded, stop: &AtomicBool) -> Result<Client,
     }
 }
 
-/// A private directory on tmpfs; gone with the value, and with it what the daemon may have left.
+/// A private directory on tmpfs, removed with the value together with whatever the daemon left.
 struct Place {
     dir: PathBuf,
     cell: Cell,
@@ -156,7 +157,7 @@ impl Place {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        // A daemon that was killed may have left something; where all went in order there is nothing.
+        // A killed daemon may have left something; otherwise there is nothing to remove.
         let _ = shm_schema::sweep(&self.cell);
         let _ = fs::remove_dir_all(&self.dir);
     }

@@ -1,7 +1,8 @@
 //! Force domain of `trued simulate`: sensor readings for the cut described in the recording's `[cut]`.
 //!
-//! Promises: forces stand where forces were measured (everywhere, where a column is there and empty); noise of a row depends on the seed and the
-//! row alone. Never: a moment; these columns are left out and named.
+//! Forces are written where forces were measured (in all rows, if a column is present but empty);
+//! the noise of a row depends on the seed and the row alone. Moments are not simulated; their
+//! columns are omitted and named.
 
 use glam::DVec3;
 use physics::Model;
@@ -13,7 +14,7 @@ use super::instrument::mask;
 use super::lacking;
 use crate::exit::Failure;
 
-/// Names of columns that were simulated, and of those that were left out.
+/// Names of simulated columns, and of omitted ones.
 #[derive(Default)]
 pub(super) struct Read {
     pub(super) columns: Vec<String>,
@@ -69,7 +70,7 @@ pub(super) fn forces(
     Ok(milling::readings(model, &cut.cutter(), &rows(recording)?))
 }
 
-/// What a recording says of the process.
+/// The recording's process data.
 fn rows(recording: &Recording) -> Result<Vec<Row>, Failure> {
     let column = |channel: Channel, name: &str| {
         recording.column(channel).ok_or_else(|| {

@@ -1,9 +1,9 @@
 //! Simulated instrument readings, in the columns and rows of the recording.
 //!
-//! Promises: a value stands where one was measured (everywhere, where a column is there and empty); noise of a row depends on
-//! the seed and the row alone; the instrument stands in each row where targets on the base say that it stood.
-//! Never: a target that sits on the base or on a link changed; a current, an acceleration, or a torque that the model says nothing of: these columns are left
-//! out and named.
+//! A value is written where one was measured (in all rows, if a column is present but empty); the
+//! noise of a row depends on the seed and the row alone; the instrument's pose in each row follows
+//! from targets on the base. Targets on the base or on a link are not changed; currents,
+//! accelerations, and torques without a model are omitted and named.
 
 use glam::{DMat3, DQuat, DVec3};
 use physics::frame::rotation_from_vector;
@@ -31,16 +31,16 @@ pub(super) struct Made {
     pub(super) columns: Vec<String>,
     /// Columns that were measured and cannot be simulated.
     pub(super) left_out: Vec<String>,
-    /// Columns whose noise is more than the recording states of them.
+    /// Columns whose noise exceeds the recording's stated uncertainty.
     pub(super) understated: Vec<String>,
     /// Recorded minus simulated points without noise, rms over single values, m.
     pub(super) recorded_rms_m: Option<f64>,
-    /// Rows in which a joint is loaded beyond what its stiffness holds for.
+    /// Rows in which a joint's load exceeds the validity range of its stiffness.
     pub(super) rows_beyond: usize,
 }
 
 impl Made {
-    /// Of an arm that was not run: what is known of the process stands in every row.
+    /// Without a simulated arm: the known process data is written to every row.
     pub(super) fn untouched(mut recording: Recording) -> Self {
         super::hold_inputs(&mut recording);
         let (columns, left_out, understated) = Default::default();
@@ -96,7 +96,8 @@ impl Instrument<'_> {
                 _ => self.noise,
             };
             if sigma > 0.0 {
-                // What is stated of an instrument may hold more than its noise: what a calibration left, a reflector's seat.
+                // An instrument's stated uncertainty may include more than noise: a calibration's
+                // residual, a reflector's seat.
                 let stated = *recording.about.sigma.entry(*channel).or_insert(sigma);
                 if sigma > stated {
                     understated.push(channel.base());
@@ -183,7 +184,8 @@ fn recorded(recording: &Recording, row: usize) -> Option<DQuat> {
     Some(DQuat::from_xyzw(x, y, z, w)).filter(|q| q.is_finite())
 }
 
-/// Of the two quaternions of a rotation the one nearer to what was recorded, else to the one before.
+/// Of the two quaternions of a rotation the one nearer to the recorded one, or else to the previous
+/// one.
 fn quaternion(rotation: &DMat3, recorded: Option<DQuat>, before: DQuat) -> DQuat {
     let q = DQuat::from_mat3(rotation).normalize();
     if q.dot(recorded.unwrap_or(before)) < 0.0 { -q } else { q }

@@ -1,6 +1,7 @@
 //! Pose of the instrument and positions of the targets: as stated in the recording, otherwise estimated from it.
 //!
-//! Promises: without anything recorded the frame is the base, and that is said in the result. Never: a fit of the robot.
+//! Without recorded data the frame is the base, which is stated in the result. The robot is not
+//! fitted.
 
 use diagnosis::nests::Nests;
 use diagnosis::{Campaign, Hypothesis, Influence, Settings, fit, from_recording};
@@ -12,7 +13,7 @@ use recording::series::{Channel, Recording};
 use super::lacking;
 use crate::exit::Failure;
 
-/// Rows that a fit of frame and targets looks at, at most.
+/// Maximum number of rows for the fit of frame and targets.
 const ROWS: usize = 2000;
 
 /// The instrument's place.

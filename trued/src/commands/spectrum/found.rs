@@ -7,7 +7,7 @@ use super::spectra::{self, ChannelSpectrum};
 use super::subject::Subject;
 use crate::exit::Failure;
 
-/// What was found.
+/// All results.
 pub(super) struct Found {
     pub(super) listened: Vec<Listened>,
     /// Lines over time, the most harmful first.
@@ -15,9 +15,9 @@ pub(super) struct Found {
     pub(super) spectra: Vec<ChannelSpectrum>,
     /// Length of the averaged windows, s.
     pub(super) window_s: f64,
-    /// Over the path; else what is missing.
+    /// Over the path; otherwise what is missing.
     pub(super) space: Result<Space, String>,
-    /// The nearest stable cuts in words, where the cut is told and chatters.
+    /// The nearest stable cuts in words, if the cut is given and chatters.
     pub(super) nearest_stable: Vec<String>,
     pub(super) notes: Vec<String>,
 }

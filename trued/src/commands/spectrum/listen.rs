@@ -11,41 +11,41 @@ use super::subject::Subject;
 use crate::exit::Failure;
 use crate::parallel;
 
-/// Slower recordings cannot be watched, Hz.
+/// Minimum sampling rate of a recording for the monitor, Hz.
 const SLOWEST_HZ: f64 = 400.0;
-/// Without a known unit, lines below this part of the signal's rms are not told.
+/// Without a known unit, lines below this part of the signal's rms are not reported.
 const LEAST_PART: f64 = 0.02;
-/// A line that is over was last seen this long before it is said, s.
+/// The monitor reports the end of a line this long after it was last seen, s.
 const LINGER_S: f64 = 0.5;
-/// An amplitude is measured over so long, s.
+/// Duration over which an amplitude is measured, s.
 const MEASURED_S: f64 = 0.25;
 
-/// What one watch was given, and said.
+/// Input and results of one monitor.
 pub(super) struct Listened {
-    /// The channels that it listened to.
+    /// The channels that it monitored.
     pub(super) group: Vec<usize>,
     pub(super) watch: Watch,
     pub(super) result: MonitorResult,
-    /// The least amplitude that it tells, in the group's unit.
+    /// The minimum amplitude that it reports, in the group's unit.
     pub(super) least: f64,
 }
 
-/// The life of one line.
+/// The course of one line.
 #[derive(Debug, Clone)]
 pub(super) struct Episode {
     pub(super) channel: usize,
-    /// Times on the axis on which time never runs back, s.
+    /// Times on a continuous axis, s.
     pub(super) from_s: f64,
-    /// `None`: to the end of the recording.
+    /// `None`: until the end of the recording.
     pub(super) to_s: Option<f64>,
-    /// When it was first called an alarm, s.
+    /// When it was first an alarm, s.
     pub(super) alarm_s: Option<f64>,
     /// The highest state it reached.
     pub(super) state: State,
     pub(super) frequency_hz: f64,
-    /// The largest over a quarter second.
+    /// The largest amplitude over a quarter of a second.
     pub(super) amplitude: f64,
-    /// The fastest growth told, 1/s.
+    /// The fastest growth reported, 1/s.
     pub(super) growth_per_s: f64,
     /// The last verdict in the highest state.
     pub(super) verdict: Verdict,
@@ -58,7 +58,8 @@ impl Listened {
     }
 }
 
-/// Has every group of channels watched. Empty, with a note, where the recording is too slow for it.
+/// Runs a monitor for every group of channels. Empty, with a note, if the recording's rate is too
+/// low.
 pub(super) fn listen(
     asked: &Asked,
     subject: &Subject,
@@ -92,7 +93,7 @@ pub(super) fn listen(
     Ok(all)
 }
 
-/// What one watch says of a group of channels.
+/// Results of one monitor on a group of channels.
 fn listen_to(
     group: &[usize],
     asked: &Asked,
@@ -128,7 +129,7 @@ fn listen_to(
     Ok(Listened { group: group.to_vec(), watch, result, least })
 }
 
-/// The least amplitude by the unit, else by the signal's own size.
+/// The minimum amplitude, by the unit or relative to the signal.
 fn least(subject: &Subject, group: &[usize], rms: &[f64]) -> f64 {
     let defaults = WatchConfig::default();
     match group.first().map(|at| subject.channels[*at].unit.as_str()) {
@@ -147,7 +148,7 @@ fn modes(model: &RobotModel) -> Vec<Mode> {
     model.file.modes.iter().map(mode).collect()
 }
 
-/// The story of every line, those that alarmed first, the strongest first.
+/// The course of every line, those with an alarm first, the strongest first.
 pub(super) fn episodes(subject: &Subject, all: &[Listened]) -> Result<Vec<Episode>, Failure> {
     let mut episodes = Vec::new();
     for listened in all {
@@ -172,7 +173,7 @@ pub(super) fn episodes(subject: &Subject, all: &[Listened]) -> Result<Vec<Episod
     Ok(episodes)
 }
 
-/// Whether somebody should do something about a line.
+/// Whether a line requires action.
 pub(super) fn is_harmful(verdict: &Verdict) -> bool {
     !matches!(verdict.class, Class::Electrical | Class::Structural)
 }
@@ -206,7 +207,7 @@ fn episode(
 }
 
 impl Episode {
-    /// Frequency and largest amplitude from the samples of its own time, where they are long enough.
+    /// Frequency and largest amplitude from the samples of its duration, if they are long enough.
     fn measure(&mut self, subject: &Subject, piece: usize) -> Result<(), Failure> {
         let Some(piece) = subject.pieces.get(piece) else { return Ok(()) };
         let rate_hz = subject.rate_hz;

@@ -12,10 +12,10 @@ use spectrum::offline::{Standing, path_mm, speed_of_pulses, speed_on};
 
 use super::Spectrum;
 
-/// A quantity over the samples: none where it is not known, one value where it stands, else one for each sample.
+/// A quantity over the samples: empty if unknown, one value if constant, otherwise one per sample.
 type Course = Vec<f64>;
 
-/// What was recorded beside the waveforms, SI.
+/// Recorded quantities beside the waveforms, SI.
 type Beside = BTreeMap<Channel, Vec<f64>>;
 
 /// The machine's motion during one piece.
@@ -25,9 +25,9 @@ pub(super) struct Motion {
     spindle_rpm: Course,
     /// mm/s.
     feed_mm_s: Course,
-    /// Length of the path at each sample, mm; empty where it is not known.
+    /// Length of the path at each sample, mm; empty if unknown.
     pub(super) path_mm: Vec<f64>,
-    /// What the path was known by, in words.
+    /// How the path was determined, in words.
     pub(super) path_by: &'static str,
     /// Joint positions at each sample, rad or m, those that are recorded.
     joints: Vec<(usize, Vec<f64>)>,
@@ -143,8 +143,8 @@ impl Motion {
         range(&self.feed_mm_s)
     }
 
-    /// Revolutions of a joint that turns, per mm of path, in each of `parts` equal parts of the piece; `None` where joint
-    /// or path is not known.
+    /// Revolutions of a joint per mm of path, in each of `parts` equal parts of the piece; `None`
+    /// if joint or path is unknown.
     pub(super) fn turns_per_mm(
         &self,
         joint: usize,
@@ -177,7 +177,7 @@ pub(super) fn turns(kind: JointKind) -> bool {
     kind == JointKind::Revolute
 }
 
-/// The value before where none was taken.
+/// Missing samples take the previous value.
 fn held(values: &[f64]) -> Course {
     let mut last = values.iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
     let next = |v: &f64| {
@@ -203,7 +203,8 @@ fn integrated(feed_mm_s: &Course, samples: usize, rate_hz: f64) -> Vec<f64> {
     (0..samples).map(step).collect()
 }
 
-/// Least and largest of the middle four fifths of what is above zero: starting and stopping do not count.
+/// Minimum and maximum of the middle four fifths of the positive values, which excludes starting
+/// and stopping.
 fn range(course: &Course) -> Option<[f64; 2]> {
     let mut moving: Vec<f64> = course.iter().copied().filter(|x| *x > 0.01).collect();
     moving.sort_by(f64::total_cmp);

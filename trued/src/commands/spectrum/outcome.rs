@@ -9,7 +9,7 @@ use super::space::Space;
 use super::subject::Subject;
 use super::words::{axis_of, frequency_words};
 
-/// Everything that was found.
+/// All results.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Report {
@@ -22,7 +22,7 @@ pub(super) struct Report {
     teeth: Option<u32>,
     feed_mm_s: Option<f64>,
     model: Option<String>,
-    /// What the watch said, in order.
+    /// The monitor's reports, in order.
     events: Vec<Event>,
     /// The same, joined: one for each line, the most harmful first.
     episodes: Vec<Episode>,
@@ -45,7 +45,7 @@ struct Channel {
     axis: Option<&'static str>,
     rms: f64,
     samples_not_taken: usize,
-    /// The watch tells no line below this amplitude.
+    /// The monitor reports no line below this amplitude.
     least_amplitude: Option<f64>,
 }
 
@@ -54,7 +54,7 @@ struct Channel {
 struct Event {
     /// Time as the recording has it, s.
     t_s: f64,
-    /// The run of samples without a gap that it was said in, from 1.
+    /// The continuous run of samples in which it was reported, from 1.
     record: usize,
     line: u32,
     state: &'static str,
@@ -63,7 +63,7 @@ struct Event {
     growth_per_s: f64,
 }
 
-/// Where a line stands, and what it is.
+/// A line's frequency, and its cause.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Tone {
@@ -76,7 +76,7 @@ struct Tone {
     judged: Judged,
 }
 
-/// What a line is, as far as it can be told.
+/// A line's cause, as far as it can be determined.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Judged {
@@ -117,7 +117,7 @@ struct Line {
     #[serde(flatten)]
     tone: Tone,
     power_over_floor: f64,
-    /// The watch followed it; else its class rests on where it stands alone.
+    /// Whether the monitor tracked it; otherwise its class follows from its frequency alone.
     followed: bool,
 }
 
@@ -139,7 +139,7 @@ struct Path {
     known_by: &'static str,
     length_mm: f64,
     step_mm: f64,
-    /// The feed stood: a line in time reads like one over the path.
+    /// Whether the feed was constant: a line in time then looks like one over the path.
     one_feed: bool,
     wheels: Vec<Wheel>,
     wheels_missing: Option<String>,

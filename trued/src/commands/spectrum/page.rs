@@ -11,7 +11,7 @@ use super::words::{self, alarmed, class_and_rivals, hz};
 use crate::exit::Failure;
 use spectrum::{Advice, Class};
 
-/// At most so many rows of a table.
+/// Maximum number of rows of a table.
 const ROWS: usize = 40;
 
 /// The whole page.

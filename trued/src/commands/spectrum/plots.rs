@@ -21,13 +21,13 @@ const HARMONICS: u32 = 40;
 const NAMED: usize = 3;
 /// Points of a signal that are kept for its drawing, which thins them further.
 const SIGNAL_POINTS: usize = 1 << 20;
-/// Spectra of power span so many decades below their highest point.
+/// Spectra of power extend this many decades below their maximum.
 const POWER_DECADES: f64 = 7.0;
-/// The waterfall spans so many decades below its loudest cell.
+/// The waterfall extends this many decades below its maximum.
 const DECADES: f64 = 3.0;
 
-/// The highest frequency worth drawing, at a round value: above the lines that the watch told and the model's modes, and
-/// where it told none, above the strongest lines.
+/// The highest frequency to draw, rounded: above the monitor's lines and the model's modes, or
+/// above the strongest lines if the monitor reported none.
 pub(super) fn top_hz(subject: &Subject, found: &Found) -> f64 {
     let strongest =
         found.spectra.iter().flat_map(|one| one.lines.iter().take(3).map(|l| l.line.frequency));
@@ -198,7 +198,7 @@ fn extremes(open: &mut Vec<(f64, f64)>, to: &mut Vec<(f64, f64)>) {
     open.clear();
 }
 
-/// Power density of all channels of one unit, with what is known to stand where.
+/// Power density of all channels of one unit, with markers of known frequencies.
 pub(super) fn density(subject: &Subject, found: &Found, unit: &str, whole: bool) -> Svg {
     let top_hz = if whole { 0.5 * subject.rate_hz } else { top_hz(subject, found) };
     let of_unit =
@@ -231,7 +231,8 @@ pub(super) fn density(subject: &Subject, found: &Found, unit: &str, whole: bool)
         .render()
 }
 
-/// The lowest power that is drawn, and the axis down to it: what lies deeper is leakage of the window, not the signal. Rows of dots have room below.
+/// The lowest power to draw, and the axis down to it: lower values are leakage of the window, not
+/// the signal. There is room below for rows of dots.
 fn bounded(curves: &[(&str, Vec<(f64, f64)>)], y: Axis) -> (f64, Axis) {
     let powers = || curves.iter().flat_map(|(_, points)| points).map(|point| point.1);
     let high = powers().fold(0.0, f64::max);
@@ -246,7 +247,7 @@ fn curve(spectrum: &Spectrum, top: f64) -> Vec<(f64, f64)> {
     points.skip(1).take_while(|(f, _)| *f <= top).collect()
 }
 
-/// Rows of dots below the curves: modes, spindle multiples, what sampling folds.
+/// Rows of dots below the curves: modes, spindle multiples, aliases.
 fn marks(plot: Plot, subject: &Subject, top_hz: f64, low: f64) -> Plot {
     let inside = |f: &f64| (0.0..=top_hz).contains(f);
     let modes =

@@ -10,7 +10,7 @@ use crate::input;
 /// Samples of one time that are handed over at once.
 const FRAMES: usize = 1 << 14;
 
-/// What stands for samples that were not taken.
+/// The replacement of missing samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Gaps {
     /// NaN.
@@ -24,9 +24,9 @@ pub(super) enum Gaps {
 pub(super) enum Samples {
     /// At hand.
     Held {
-        /// NaN where none was taken.
+        /// NaN for missing samples.
         taken: Vec<Vec<f64>>,
-        /// The same with straight lines across what was not taken, where there is any.
+        /// The same with linear interpolation over missing samples, if there are any.
         bridged: Vec<Option<Vec<f64>>>,
     },
     /// In the file; none is missing.
@@ -47,7 +47,7 @@ impl Samples {
         }
     }
 
-    /// How many samples of a channel were not taken.
+    /// Number of missing samples of a channel.
     pub(super) fn holes(&self, channel: usize) -> usize {
         match self {
             Self::Held { taken, .. } => taken
@@ -57,7 +57,7 @@ impl Samples {
         }
     }
 
-    /// Hands the samples of some channels to `each`, a part after the other, those of one time beside each other.
+    /// Passes the samples of some channels to `each`, part by part, interleaved by time.
     pub(super) fn parts(
         &self,
         gaps: Gaps,
@@ -94,7 +94,7 @@ fn side_by_side(channels: &[&[f64]], range: Range<usize>, mut each: impl FnMut(&
     }
 }
 
-/// Straight lines across samples that were not taken; `None` where all were.
+/// Linear interpolation over missing samples; `None` if there are none.
 fn bridged(samples: &[f64]) -> Option<Vec<f64>> {
     samples.iter().any(|x| x.is_nan()).then(|| {
         let mut even = samples.to_vec();

@@ -14,32 +14,33 @@ use super::spectra::ChannelSpectrum;
 use super::subject::{Piece, Subject};
 use crate::exit::Failure;
 
-/// Shorter paths tell nothing, mm.
+/// Minimum length of a path, mm.
 const SHORTEST_MM: f64 = 20.0;
 /// The finest step of path, mm.
 const FINEST_MM: f64 = 0.005;
 /// Nothing of a gear (decision 0010) or of waviness has more cycles per mm.
 const MOST_PER_MM: f64 = 5.0;
-/// At most so many steps.
+/// Maximum number of steps.
 const STEPS_MAX: f64 = 4e6;
 /// A line over the path is a line in time where both agree within this part.
 const SAME_PART: f64 = 0.02;
 /// A wheel is matched within this part of a line's frequency, and half a bin.
 const WHEEL_PART: f64 = 0.02;
-/// Feeds that differ by this part tell lines over the path from lines in time.
+/// Relative difference of feeds from which lines over the path can be distinguished from lines in
+/// time.
 const FEED_PART: f64 = 0.1;
-/// A path is cut into so many parts, to see whether the joints turn evenly along it.
+/// Number of parts of a path, to check whether the joints turn evenly along it.
 const PARTS: usize = 8;
-/// At most so many lines of a channel are told.
+/// Maximum number of lines of a channel.
 const LINES_MAX: usize = 10;
 
-/// What the path tells.
+/// Results over the path.
 pub(super) struct Space {
-    /// What the path was known by, in words.
+    /// How the path was determined, in words.
     pub(super) by: &'static str,
     pub(super) length_mm: f64,
     pub(super) step_mm: f64,
-    /// The feed stood: a line in time reads like a line over the path.
+    /// Whether the feed was constant: a line in time then looks like a line over the path.
     pub(super) one_feed: bool,
     pub(super) channels: Vec<ChannelSpace>,
     pub(super) wheels: Wheels,
@@ -53,7 +54,7 @@ pub(super) struct ChannelSpace {
     pub(super) lines: Vec<SpaceLine>,
 }
 
-/// A line over the path, cycles per mm, and what of the gears has as many.
+/// A line over the path, cycles per mm, and matching gear shafts and meshes.
 pub(super) struct SpaceLine {
     pub(super) line: Line,
     pub(super) wheel: Option<Match>,
@@ -85,13 +86,13 @@ impl Match {
     }
 }
 
-/// The gear shafts along this path, or why they are not known.
+/// The gear shafts along this path, or why they are unknown.
 #[derive(Default)]
 pub(super) struct Wheels {
     pub(super) list: Vec<Wheel>,
     /// How much their speeds change along the path, as a part.
     pub(super) spread: f64,
-    /// What is missing to know them.
+    /// What is missing to determine them.
     pub(super) missing: Option<String>,
 }
 
@@ -112,7 +113,7 @@ impl Wheels {
         Self::along(subject, model)
     }
 
-    /// The shafts, as the daemon's watch knows them.
+    /// The shafts as the daemon's monitor uses them.
     pub(super) fn shafts(&self) -> Vec<Wheel> {
         self.list.iter().filter(|wheel| wheel.teeth == 1).copied().collect()
     }
@@ -151,7 +152,7 @@ impl Wheels {
     }
 }
 
-/// The pieces whose path is known, and how long and fast it is.
+/// The pieces with a known path, its length and speed.
 struct Known<'a> {
     pieces: Vec<&'a Piece>,
     length_mm: f64,
@@ -161,7 +162,7 @@ struct Known<'a> {
 }
 
 impl<'a> Known<'a> {
-    /// `Err` says what is missing.
+    /// `Err` states what is missing.
     fn of(subject: &'a Subject) -> Result<Self, String> {
         let known = |piece: &&Piece| piece.motion.path_mm.len() == piece.len() && piece.len() > 1;
         let pieces: Vec<&Piece> = subject.pieces.iter().filter(known).collect();
@@ -183,7 +184,7 @@ impl<'a> Known<'a> {
         Ok(Self { pieces, length_mm, longest_mm, feed_mm_s })
     }
 
-    /// The feed, where it stood.
+    /// The feed, if it was constant.
     fn one_feed_mm_s(&self) -> Option<f64> {
         let [low, high] = self.feed_mm_s;
         let feeds = self.pieces.iter().filter_map(|piece| piece.motion.middle_feed_mm_s());
@@ -192,7 +193,7 @@ impl<'a> Known<'a> {
 
     /// How the path is cut into steps and segments.
     fn segments(&self, rate_hz: f64) -> Segments {
-        // A sample in each step, at the fastest: wider steps would fold what is faster onto what is looked for.
+        // At least one sample per step at the highest feed: wider steps would cause aliasing.
         let fastest_mm = self.feed_mm_s[1] / rate_hz;
         let step_mm = fastest_mm.max(FINEST_MM).max(self.length_mm / STEPS_MAX);
         let window_mm = (self.longest_mm / 3.0).clamp((0.98 * self.longest_mm).min(60.0), 120.0);
@@ -221,7 +222,7 @@ fn length_mm(piece: &Piece) -> f64 {
     path.last().zip(path.first()).map_or(0.0, |(last, first)| last - first)
 }
 
-/// The spectra over the path; `Err` within says what is missing.
+/// The spectra over the path; the inner `Err` states what is missing.
 pub(super) fn of(
     subject: &Subject,
     wheels: Wheels,
@@ -258,18 +259,18 @@ pub(super) fn of(
     Ok(Ok(Space { by, length_mm, step_mm: 1.0 / segments.rate, one_feed, channels, wheels }))
 }
 
-/// A line over the path, as others take it.
+/// A line over the path, as used by other commands.
 pub(in crate::commands) struct ChannelLine {
     pub(in crate::commands) channel: String,
     pub(in crate::commands) unit: String,
     pub(in crate::commands) line: Line,
-    /// How finely lines are told apart, cycles per mm.
+    /// Resolution of lines, cycles per mm.
     pub(in crate::commands) step_per_mm: f64,
-    /// The feed stood: it may as well be a line in time.
+    /// Whether the feed was constant: it may then be a line in time.
     pub(in crate::commands) one_feed: bool,
 }
 
-/// The lines over the path alone; `Err` within says what is missing.
+/// The lines over the path alone; the inner `Err` states what is missing.
 pub(super) fn lines_over_path(
     subject: &Subject,
 ) -> Result<Result<Vec<ChannelLine>, String>, Failure> {
@@ -292,7 +293,8 @@ pub(super) fn lines_over_path(
     Ok(Ok(lines))
 }
 
-/// Lines in time with what they read over the path: those of the watch at the feed of their time; where the feed stood, all.
+/// Lines in time converted to the path: those of the monitor with the feed of their time; with a
+/// constant feed all.
 fn lines_in_time(
     subject: &Subject,
     episodes: &[Episode],

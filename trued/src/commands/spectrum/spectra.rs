@@ -10,9 +10,9 @@ use super::subject::{Piece, Subject};
 use crate::exit::Failure;
 use crate::parallel;
 
-/// At most so many lines of a channel are told.
+/// Maximum number of lines of a channel.
 const LINES_MAX: usize = 20;
-/// How well a line's place between the bins is known, bins.
+/// Uncertainty of a line's frequency between the bins, bins.
 const LINE_PART: f64 = 0.1;
 /// A line of the whole belongs to a line that the watch followed when they are this near, Hz.
 const SAME_HZ: f64 = 1.0;
@@ -27,11 +27,11 @@ pub(super) struct ChannelSpectrum {
     pub(super) lines: Vec<JudgedLine>,
 }
 
-/// A line of the whole recording, and what it most likely is.
+/// A line of the whole recording, and its most likely cause.
 pub(super) struct JudgedLine {
     pub(super) line: Line,
     pub(super) verdict: Verdict,
-    /// The watch followed it: its class rests on more than on where it stands.
+    /// Whether the monitor tracked it: its class then uses more than its frequency.
     pub(super) followed: bool,
 }
 
@@ -173,7 +173,8 @@ pub(super) fn of(
     spectra
 }
 
-/// What the watch said of a line that it followed, else what it would say by where the line stands.
+/// The monitor's verdict on a line that it tracked, otherwise the class that follows from the
+/// line's frequency.
 fn judge(
     line: Line,
     channel: usize,

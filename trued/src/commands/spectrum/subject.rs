@@ -19,11 +19,11 @@ use crate::input;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Channel {
     pub(super) name: String,
-    /// Its own unit; empty where the recording says none.
+    /// Its own unit; empty if the recording states none.
     pub(super) unit: String,
-    /// The axis that its name tells.
+    /// The axis according to its name.
     pub(super) axis: Option<Axis>,
-    /// Samples that were not taken.
+    /// Number of missing samples.
     pub(super) holes: usize,
 }
 
@@ -38,7 +38,7 @@ pub(super) struct Piece {
     pub(super) motion: Motion,
 }
 
-/// What is looked at.
+/// The data to be analysed.
 #[derive(Debug)]
 pub(super) struct Subject {
     pub(super) file: PathBuf,
@@ -93,7 +93,7 @@ impl Subject {
         Ok(Self { file, rate_hz, channels, pieces, model, teeth: teeth.unwrap_or(0), notes })
     }
 
-    /// One record whose samples stay in the file.
+    /// One record whose samples remain in the file.
     fn stored(asked: &Spectrum, mut stored: Stored) -> Result<Self, Failure> {
         let Grid::Time { rate_hz, start_s } = stored.grid else {
             return Err(Failure::input("samples over a length have no spectrum over time"));
@@ -114,12 +114,12 @@ impl Subject {
         self.pieces.iter().map(Piece::len).sum()
     }
 
-    /// Length of the recording, gaps left out, s.
+    /// Length of the recording without gaps, s.
     pub(super) fn seconds(&self) -> f64 {
         self.len() as f64 / self.rate_hz
     }
 
-    /// Whether any piece holds what `what` finds.
+    /// Whether `what` finds something in any piece.
     pub(super) fn any(&self, what: impl Fn(&Motion) -> bool) -> bool {
         self.pieces.iter().any(|piece| what(&piece.motion))
     }
@@ -169,7 +169,7 @@ fn model(asked: &Spectrum, waves: &Waves) -> Result<Option<RobotModel>, Failure>
     asked.model.clone().or(beside).map(|name| input::model(&name)).transpose()
 }
 
-/// The records over time that have the rate and the channels of the first; what else there is, is said.
+/// The records over time with the rate and the channels of the first one; the others are reported.
 fn alike(
     asked: &Spectrum,
     waves: Waves,

@@ -10,7 +10,7 @@ use crate::exit::Failure;
 use crate::output::{Console, Paint};
 use crate::table::on_stdout;
 
-/// At most so many lines stand in a table on the console.
+/// Maximum number of lines in a table on the console.
 const ROWS: usize = 6;
 
 /// The axis as the contract names it.
@@ -30,7 +30,7 @@ pub(super) mod frequency_words {
     }
 }
 
-/// A frequency with the digits that are known.
+/// A frequency with its significant digits.
 pub(super) fn hz(frequency_hz: f64) -> String {
     format!("{}\u{a0}Hz", fixed(frequency_hz, 1))
 }
@@ -130,7 +130,7 @@ fn when_and_what(subject: &Subject, episode: &Episode) -> String {
     )
 }
 
-/// Why a line is what it is called, and what else it may be.
+/// The reason for a line's class, and alternatives.
 pub(super) fn why(subject: &Subject, verdict: &Verdict, frequency_hz: f64) -> String {
     let mut reasons = Vec::new();
     if let Some(alias) = verdict.alias.filter(|_| verdict.suspect_alias) {
@@ -177,7 +177,7 @@ pub(super) fn why(subject: &Subject, verdict: &Verdict, frequency_hz: f64) -> St
     }
 }
 
-/// Whether the watch heard enough to say something.
+/// Whether the monitor had enough data for a result.
 pub(super) fn watched(found: &Found) -> bool {
     found.listened.iter().any(|listened| !listened.result.still_learning)
 }
@@ -269,7 +269,7 @@ pub(super) fn say(console: &mut Console, subject: &Subject, found: &Found) -> Re
     Ok(())
 }
 
-/// `fx_N` says its unit; other names are given it.
+/// `fx_N` contains its unit; for other names it is added.
 pub(super) fn with_unit(channel: &Channel) -> String {
     match channel.unit.as_str() {
         "" => channel.name.clone(),
@@ -317,9 +317,9 @@ fn lines(subject: &Subject, found: &Found) -> String {
     on_stdout(&table)
 }
 
-/// What the path tells, in a sentence.
+/// The result over the path, in a sentence.
 pub(super) fn path(subject: &Subject, space: &super::space::Space) -> String {
-    // What is a line in time as well, is not the path's own.
+    // A line that is also one in time does not belong to the path.
     let strongest = space
         .channels
         .iter()

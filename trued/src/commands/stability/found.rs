@@ -15,7 +15,7 @@ const DIRECTIONS: usize = 72;
 /// A limit that reaches this part of the largest is as good.
 const ALIKE: f64 = 0.995;
 
-/// Everything that is told of a cut.
+/// All results on a cut.
 pub(super) struct Found {
     pub(super) file: CutFile,
     pub(super) modes: Modes,
@@ -42,7 +42,8 @@ pub(super) struct Nearest {
     pub(super) spindle_rpm: Option<f64>,
     /// Depth at the present speed, m.
     pub(super) depth_m: f64,
-    /// The feed turned as little as needed; `None`: no direction does.
+    /// The smallest change of the feed direction that makes the cut stable; `None` if there is
+    /// none.
     pub(super) turned: Option<Turned>,
     /// The direction of feed with the largest limit.
     pub(super) best: Option<Turned>,
@@ -95,7 +96,7 @@ impl Found {
     }
 }
 
-/// Whether a depth is below a limit, none being beyond all depths.
+/// Whether a depth is below a limit; `None` is no limit.
 pub(super) fn holds(limit: Option<Limit>, depth_m: f64) -> bool {
     limit.is_none_or(|limit| depth_m < limit.depth_m)
 }
@@ -104,13 +105,14 @@ fn deepest(one: &Turned) -> f64 {
     one.limit.map_or(f64::INFINITY, |limit| limit.depth_m)
 }
 
-/// The direction with the largest limit; of several with about the same, the one that turns the feed least.
+/// The direction with the largest limit; of several with about the same, the one closest to the
+/// present feed.
 fn best(directions: &[Turned]) -> Option<Turned> {
     let most_m = directions.iter().map(deepest).fold(0.0, f64::max);
     least_turn(directions, ALIKE * most_m)
 }
 
-/// Of the directions that bear a depth, the one that turns the feed least.
+/// Of the directions that allow a depth, the one closest to the present feed.
 fn least_turn(directions: &[Turned], depth_m: f64) -> Option<Turned> {
     let turn = |one: &Turned| signed_rad(one.angle_rad).abs();
     let bear = directions.iter().copied().filter(|one| holds(one.limit, depth_m));

@@ -8,10 +8,11 @@ use serde::Deserialize;
 
 use crate::exit::Failure;
 
-/// Two taps show one mode where its frequencies differ by less than so many standard uncertainties.
+/// Two taps show the same mode if its frequencies differ by less than this many standard
+/// uncertainties.
 const SAME_SIGMAS: f64 = 3.0;
 
-/// A mode, and where it comes from.
+/// A mode and its source.
 #[derive(Debug, Clone)]
 pub(super) struct Sourced {
     pub(super) mode: CutMode,
@@ -20,7 +21,7 @@ pub(super) struct Sourced {
     sigma_hz: f64,
 }
 
-/// All modes, and what is to be said of them.
+/// All modes, and remarks on them.
 #[derive(Debug)]
 pub(super) struct Modes {
     pub(super) all: Vec<Sourced>,
@@ -51,7 +52,7 @@ struct Clearest {
     modal_stiffness_N_per_um: f64,
 }
 
-/// A tap test of which no modes can be taken.
+/// A tap test from which no modes can be taken.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {what}", file.display())]
 struct Unfit {
@@ -59,7 +60,7 @@ struct Unfit {
     what: String,
 }
 
-/// The modes of a file that stands at a path.
+/// The modes of the file at a path.
 pub(super) fn all(path: &Path, file: &CutFile) -> Result<Modes, Failure> {
     let typed = file.modes.iter().map(|mode| Sourced { mode: *mode, tap: None, sigma_hz: 0.0 });
     let mut modes = Modes { all: typed.collect(), warnings: Vec::new() };
@@ -110,7 +111,7 @@ impl Modes {
         Ok(())
     }
 
-    /// One mode that moves obliquely shows in the taps along both axes, and is then taken for two.
+    /// One mode in an oblique direction appears in the taps along both axes, and would count twice.
     fn note_twins(&mut self) {
         let taps = || self.all.iter().filter(|one| one.tap.is_some());
         let mut said = Vec::new();

@@ -8,7 +8,7 @@ use spectrum::stability::{Limit, Turned};
 use super::found::{Found, signed_rad};
 use super::told::{best_direction, cut, depth_mm, mode_coupling, nearest, verdict, words};
 
-/// The charts reach so far above the deepest limit that they show.
+/// The charts extend this far above the deepest limit shown.
 const ROOM: f64 = 1.15;
 
 /// The whole page.
@@ -55,7 +55,7 @@ pub(super) fn page(path: &Path, found: &Found) -> Page {
         .table(&modes(found))
 }
 
-/// Whether the cut is stable, in a word and in how it is meant.
+/// Whether the cut is stable, as a word and its colour.
 fn called(found: &Found) -> (&'static str, Tone) {
     match (found.is_stable, found.nearest.is_present) {
         (true, true) => ("stable", Tone::Good),

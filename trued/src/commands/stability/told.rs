@@ -168,7 +168,7 @@ pub(super) fn told(found: &Found) -> String {
     lines.map(|line| line + "\n").collect()
 }
 
-/// A limit in words, in mm; beyond the largest depth it is said to be more.
+/// A limit in words, in mm; beyond the largest depth it is stated as larger.
 pub(super) fn words(found: &Found, limit: Option<Limit>) -> String {
     match depth_mm(limit) {
         Some(mm) => format!("{} mm", significant(mm, 3)),
@@ -239,7 +239,7 @@ pub(super) fn nearest(found: &Found) -> Vec<(&'static str, String)> {
     ]
 }
 
-/// `40° (along 0.77, 0.64, 0)`: by which angle the feed is turned, and where it then goes.
+/// `40° (along 0.77, 0.64, 0)`: the angle by which the feed is turned, and its new direction.
 fn turn(found: &Found, one: &Turned) -> String {
     let degrees = fixed(signed_rad(one.angle_rad).to_degrees(), 0);
     format!("{degrees}° (along {})", direction(found.feed(one.angle_rad)))

@@ -4,9 +4,9 @@ use crate::table::beside;
 use live::report::Report;
 use shm_schema::{FeedReason, FeedState, LeadState, TrimReason, TrimState};
 
-/// Columns of the names on the left.
+/// Width of the labels on the left.
 const INDENT: usize = 10;
-/// A status that is older than this says nothing of now, s: one comes every 40 ms.
+/// A status older than this is out of date, s: one arrives every 40 ms.
 const OLD_S: f64 = 1.0;
 
 /// The lines of a status.
@@ -96,7 +96,7 @@ fn trim(report: &Report) -> Option<String> {
     ))
 }
 
-/// What joints in motion lead their commands by; none in a cell where they do not.
+/// State of the lead of moving joints; `None` in a cell without it.
 fn lead(report: &Report) -> Option<String> {
     let lead = &report.lead;
     if lead.state == LeadState::Off.name() {
@@ -111,7 +111,7 @@ fn lead(report: &Report) -> Option<String> {
     ))
 }
 
-/// How the feed is adapted to the force; none in a cell that does not.
+/// State of the feed adaptation; `None` in a cell without it.
 fn feed(report: &Report) -> Option<String> {
     let feed = &report.feed;
     if feed.state == FeedState::Off.name() {

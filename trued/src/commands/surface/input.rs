@@ -53,7 +53,7 @@ pub(super) struct Profile {
     pub(super) heights_um: Vec<f64>,
 }
 
-/// A file that holds no profile that can be used.
+/// A file without a usable profile.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {what}", file.display())]
 struct Unfit {

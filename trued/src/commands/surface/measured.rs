@@ -14,7 +14,7 @@ const LINES_MAX: usize = 20;
 /// Elements reach this part of Rz above and below the mean line together (ISO 21920-3, the default).
 const ELEMENT_PART: f64 = 0.1;
 
-/// A profile taken apart and measured; heights in µm.
+/// A profile separated and evaluated; heights in µm.
 pub(super) struct Measured {
     pub(super) name: String,
     pub(super) profile: Profile,
@@ -22,7 +22,7 @@ pub(super) struct Measured {
     pub(super) p: Parameters,
     pub(super) w: Parameters,
     pub(super) r: Parameters,
-    /// Rz and over how many sampling lengths.
+    /// Rz and its number of sampling lengths.
     pub(super) rz: Option<(f64, usize)>,
     pub(super) rsm_mm: Option<f64>,
     pub(super) spectra: Spectra,
@@ -43,7 +43,7 @@ pub(super) struct Segments {
     pub(super) each: Vec<(Parameters, Parameters)>,
 }
 
-/// A line, and what it may come from.
+/// A line and its possible cause.
 pub(super) struct Told {
     pub(super) line: Line,
     pub(super) frequency_hz: Option<f64>,
@@ -112,7 +112,7 @@ impl Measured {
         self.spectra.roughness.power.iter().sum::<f64>().sqrt()
     }
 
-    /// How far the two ways to Rq are apart, as a part of it.
+    /// Relative difference between the two ways to compute Rq.
     pub(super) fn parseval_gap(&self) -> f64 {
         if self.r.rms > 0.0 { (self.rq_by_spectrum_um() / self.r.rms - 1.0).abs() } else { 0.0 }
     }
@@ -151,7 +151,7 @@ impl Told {
         1e3 * self.line.wavelength_mm()
     }
 
-    /// What the line is, in words; `lines` are all of its profile.
+    /// The line's cause, in words; `lines` are all of its profile.
     pub(super) fn words(&self, lines: &[Self]) -> String {
         let times = |order: u32| if order == 1 { String::new() } else { format!("{order} × ") };
         let mut words: Vec<String> = self

@@ -8,7 +8,7 @@ use super::Surface;
 use super::measured::{Measured, Segments, Told};
 use crate::table::on_stdout;
 
-/// Lines told on the console for each profile.
+/// Number of lines on the console for each profile.
 const LINES_TOLD: usize = 3;
 
 #[derive(Serialize)]
@@ -98,7 +98,7 @@ struct LineReport {
 }
 
 pub(super) type Pair = (Parameters, Parameters);
-/// What is given for each segment: waviness first.
+/// The figures of each segment: waviness first.
 pub(super) const OF_SEGMENT: [fn(&Pair) -> f64; 5] = [
     |each| each.0.total_height,
     |each| each.0.rms,
