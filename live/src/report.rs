@@ -61,7 +61,7 @@ pub struct Report {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Lead {
-    /// The word of [`LeadState`].
+    /// Name of the [`LeadState`].
     pub state: &'static str,
     /// Setpoints after the last command that were known, of those that the lead uses.
     pub horizon_points: u32,
