@@ -3,7 +3,8 @@
 //! | code | meaning |
 //! | --- | --- |
 //! | 0 | done |
-//! | 1 | done, and the answer is no: a check that found faults, a bench below an asked bound |
+//! | 1 | done, with a negative result: a check that found errors, a benchmark below a required
+//! limit |
 //! | 2 | bad input or usage |
 //! | 3 | the system failed: no shared memory, no permission, disk full |
 //! | 130 | interrupted |

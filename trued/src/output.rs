@@ -250,7 +250,7 @@ impl Console {
     }
 }
 
-/// The text in lines of the stream's width, where it is a terminal.
+/// The text wrapped to the terminal's width, if the stream is a terminal.
 fn for_stream<'a>(stream: &impl AsFd, text: &'a str) -> Cow<'a, str> {
     match terminal_size_of(stream) {
         Some((Width(columns), _)) => Cow::Owned(wrapped(text, usize::from(columns))),

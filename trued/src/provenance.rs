@@ -50,7 +50,8 @@ impl Invocation {
     }
 }
 
-/// A file's name and the hash of its bytes; none where it is no ordinary file, or cannot be read.
+/// A file's name and the hash of its bytes; `None` if it is not an ordinary file, or cannot be
+/// read.
 pub(crate) fn hashed(path: &Path) -> Option<InputFile> {
     let mut file = File::open(path).ok().filter(|_| path.is_file())?;
     let (mut hash, mut chunk) = (Sha256::new(), vec![0; CHUNK]);

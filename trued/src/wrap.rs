@@ -13,7 +13,7 @@ const NARROWEST: usize = 30;
 /// How far a broken line hangs under its beginning.
 const HANG: usize = 2;
 
-/// How many columns standard output has; none where it is no terminal.
+/// Width of standard output in columns; `None` if it is no terminal.
 pub(crate) fn columns_of_stdout() -> Option<usize> {
     terminal_size_of(io::stdout()).map(|(Width(columns), _)| usize::from(columns))
 }

@@ -50,7 +50,7 @@ struct Report {
     force_samples: usize,
     /// Recordings that the rows are in: one for each model in turn.
     recordings: usize,
-    /// Why the MCAP file ends early; none where it is whole.
+    /// Why the MCAP file is truncated; `None` if it is complete.
     cut: Option<String>,
     /// Number of messages unknown to this version.
     unknown: usize,

@@ -1,6 +1,6 @@
 //! A random case of any domain behind one interface: files, truth, and evaluation of a written model.
 //!
-//! Promises: the position domain's cases are what they were before there was another. Never: an answer.
+//! The cases of the position domain do not depend on the other domains. No answer is handled here.
 
 use challenge::case::Tier;
 use challenge::score::Errors;
@@ -23,7 +23,7 @@ pub(super) enum Domain {
 }
 
 impl Domain {
-    /// Its word in answers.
+    /// Its name in answers.
     pub(super) const fn word(self) -> &'static str {
         match self {
             Self::Position => "position",
@@ -32,7 +32,7 @@ impl Domain {
         }
     }
 
-    /// Case `index` of a seed; with the tier whose turn it is among the tier's kinds.
+    /// Case `index` of a seed; with a tier, of that tier's kinds only.
     pub(super) fn draw(self, seed: u64, index: usize, tier: (Tier, usize)) -> Drawn {
         match self {
             Self::Position => Drawn::Position(draw::case(seed, index, tier)),
@@ -67,7 +67,7 @@ impl Drawn {
         }
     }
 
-    /// The errors of a written model; none of a null, or where a gain says nothing.
+    /// The errors of a written model; `None` for a null case, or if a gain is meaningless.
     pub(super) fn errors(&self, model: Option<&str>) -> Option<Errors> {
         match self {
             Self::Position(drawn) => worth::of(drawn, model),

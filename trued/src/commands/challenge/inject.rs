@@ -1,8 +1,11 @@
-//! `trued challenge --inject`: effects added to real recordings of torques. The diagnosis of the plain recording gives the model; with it the plain recording and each
-//! that something was added to are diagnosed again, and the first answer that the plain one did not give is asked whether it is what was added.
+//! `trued challenge --inject`: effects added to real torque recordings. The diagnosis of the
+//! original recording gives the model; with it the original and every modified recording are
+//! diagnosed again, and the first finding that the original did not have is compared with the added
+//! effect.
 //!
-//! Promises: what a recording shows by itself counts neither for nor against. Never: an effect that the recording could not part from what is fitted anyway
-//! counted towards a bar.
+//! Findings of the original recording count neither as right nor as wrong. An effect that the
+//! recording cannot separate from the parameters that are always fitted does not count towards a
+//! limit.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -26,12 +29,12 @@ use crate::exit::{Answer as Done, Failure, Outcome};
 use crate::input::Reading;
 use crate::output::Console;
 
-/// How strongly effects are added.
+/// Strengths of the added effects.
 const STRENGTHS: [f64; 3] = [10.0, 20.0, 40.0];
-/// Draws of one kind before it is said that it cannot be added.
+/// Attempts per kind before it is reported that it cannot be added.
 const DRAWS: usize = 6;
 
-/// What was added and what was said.
+/// An added effect and the findings.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Line {
@@ -60,12 +63,13 @@ struct Share {
 struct Report {
     seed: u64,
     at_z: Vec<Share>,
-    /// Effects that no size of shows beside what is fitted anyway, by recording.
+    /// Effects that are not identifiable at any size beside the parameters that are always fitted,
+    /// by recording.
     cannot_be_added: Vec<String>,
     cases: Vec<Line>,
 }
 
-/// A recording on its way through.
+/// A recording being processed.
 struct Plain {
     name: String,
     real: Real,
@@ -73,11 +77,11 @@ struct Plain {
     slides: bool,
     /// The model that its own diagnosis wrote.
     model: String,
-    /// What is said of it with that model.
+    /// Its findings with that model.
     said: Vec<Finding>,
 }
 
-/// Something added.
+/// An added effect.
 struct Case<'a> {
     plain: &'a Plain,
     z: f64,
@@ -123,7 +127,7 @@ impl Injection<'_> {
         Ok(Done::Done)
     }
 
-    /// Reads a recording, diagnoses it, and once more with the model that came of it.
+    /// Reads a recording, diagnoses it, and diagnoses it again with the resulting model.
     fn plain(&self, path: &Path, stop: &AtomicBool) -> Result<Plain, Failure> {
         let (model, recordings) = self.reading.measured(&[path.to_owned()])?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -169,7 +173,8 @@ impl Injection<'_> {
         Ok((answer, run.model))
     }
 
-    /// Each kind on a joint by chance at each strength, on each recording; and what could not be added.
+    /// Each kind, on a random joint, at each strength, on each recording; and what could not be
+    /// added.
     fn cases<'p>(&self, plains: &'p [Plain]) -> (Vec<Case<'p>>, Vec<String>) {
         let (mut cases, mut cannot) = (Vec::new(), Vec::new());
         for (place, plain) in plains.iter().enumerate() {
@@ -178,7 +183,8 @@ impl Injection<'_> {
                     let number = ((place * Kind::LIBRARY.len() + turn) * 3 + step) as u64;
                     let mut chance = Chance::new(self.seed, number);
                     let mut best: Option<Injected> = None;
-                    // What counts is asked; what does not count is told where nothing else can be added.
+                    // Effects that count towards a limit are preferred; others are tested only if
+                    // nothing else can be added.
                     for _ in 0..DRAWS {
                         let Some(one) = plain.real.inject(kind, z, &mut chance) else { continue };
                         let counts = one.judged.least_gain >= APART;
@@ -241,7 +247,8 @@ fn claims(answer: &Answer) -> Vec<Finding> {
     if answer.verdict.claims() { answer.findings.clone() } else { Vec::new() }
 }
 
-/// A model without doubt of its numbers: of the recording that they were drawn from they are what they are, and what is added counts from there.
+/// The model without uncertainties: for its own recording the fitted parameters are exact, and
+/// additions are relative to them.
 fn exact(name: &str, model: &str) -> Result<String, Failure> {
     let mut file = RobotModel::parse(name, model).map_err(Failure::input)?.file;
     for parameter in file.effects.iter_mut().flat_map(|effect| &mut effect.parameters) {
@@ -250,7 +257,7 @@ fn exact(name: &str, model: &str) -> Result<String, Failure> {
     Ok(file.to_toml())
 }
 
-/// The chain of a model, in the challenge's own words.
+/// The model's kinematic chain in the types of the challenge.
 fn rig(arm: &Arm) -> Result<(Rig, bool), Failure> {
     let joints = arm.joints();
     let slides = joints.iter().any(|joint| joint.kind == JointKind::Prismatic);
@@ -264,7 +271,7 @@ fn rig(arm: &Arm) -> Result<(Rig, bool), Failure> {
     Ok((Rig::of_axes(&axes, slides, tcp, arm.gravity.to_array()), slides))
 }
 
-/// Rows of which positions and torques of every joint are there.
+/// Rows that contain positions and torques of every joint.
 fn rows(recording: &Recording, joints: usize) -> Vec<Row> {
     let places: Vec<Option<&[f64]>> = (0..joints)
         .map(|i| recording.column(Channel::Motor(i)).or(recording.column(Channel::Command(i))))

@@ -20,7 +20,7 @@ use super::super::simulate::{forces_of, seen_of, torques_of};
 /// Rows per second on which torques are predicted.
 const FINE_HZ: f64 = 2000.0;
 
-/// The errors of a case with something hidden; none of a null.
+/// The errors of a case with a hidden effect; `None` for a null case.
 pub(super) fn of(drawn: &Drawn, model: Option<&str>) -> Option<Errors> {
     let case = &drawn.case;
     if case.hidden.is_empty() {
@@ -39,7 +39,7 @@ pub(super) fn of(drawn: &Drawn, model: Option<&str>) -> Option<Errors> {
     Some(Errors { before, after: after.unwrap_or(before), oracle: proof.oracle() })
 }
 
-/// The errors of a case of torques with something hidden; none of a null.
+/// The errors of a torque case with a hidden effect; `None` for a null case.
 pub(super) fn of_torques(case: &torque::case::Case, model: Option<&str>) -> Option<Errors> {
     if case.hidden.is_empty() {
         return None;

@@ -94,7 +94,7 @@ fn write(files: impl IntoIterator<Item = (PathBuf, Vec<u8>)>) -> Result<(), Fail
 fn listen() -> Receiver<String> {
     let (say, heard) = channel();
     std::thread::spawn(move || {
-        // Whoever no longer listens has ended.
+        // If the receiver is gone, the loop has ended.
         std::io::stdin().lock().lines().map_while(Result::ok).try_for_each(|line| say.send(line))
     });
     heard

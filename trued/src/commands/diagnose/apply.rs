@@ -40,7 +40,7 @@ pub(super) fn apply(console: &mut Console, cell: &str, found: &Diagnosed, dir: &
     Ok(answer)
 }
 
-/// Why a model is not to be used as it is; none where it is.
+/// Why a model must not be used; `None` if it may.
 fn why_not(found: &Diagnosed) -> Option<&'static str> {
     match found.diagnosis.as_ref().map(|diagnosis| diagnosis.verdict) {
         Some(Verdict::MissingPhysics) => None,

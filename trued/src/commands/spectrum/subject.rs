@@ -124,7 +124,7 @@ impl Subject {
         self.pieces.iter().any(|piece| what(&piece.motion))
     }
 
-    /// The channels that one watch listens to: those of one unit, at most three; a whole wrench together.
+    /// The channels of one monitor: those of one unit, at most three; a complete wrench together.
     pub(super) fn groups(&self) -> Vec<Vec<usize>> {
         let of_unit = |unit: &str| -> Vec<usize> {
             (0..self.channels.len()).filter(|at| self.channels[*at].unit == unit).collect()

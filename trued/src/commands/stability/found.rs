@@ -23,7 +23,7 @@ pub(super) struct Found {
     /// Modulus of the multiplier from tooth to tooth; below 1 a vibration dies out.
     pub(super) modulus: f64,
     pub(super) is_stable: bool,
-    /// At the present speed and feed; `None` where it is above the largest depth.
+    /// At the present speed and feed; `None` if it is above the largest depth.
     pub(super) limit: Option<Limit>,
     pub(super) zeroth_order: Option<Limit>,
     pub(super) mode_coupling: Option<Limit>,
