@@ -7,6 +7,7 @@
 //!
 //! The same input and seed give the same bits. Rows of the test set take part in no selection and no fit. Knows no files.
 
+mod calibration;
 pub mod experiment;
 mod features;
 mod findings;
@@ -53,10 +54,11 @@ use glam::DVec3;
 use jacobian_cache::JacobianCache;
 use physics::{AnyEffect, Model};
 use prove::Held;
-use selection::{Search, Selection};
+use selection::{Search, Selection as Selected};
 
 use std::collections::BTreeMap;
 
+pub use calibration::{Chosen, Selection, select};
 pub use ingest::{Ingested, ingest};
 pub use judge::Verdict;
 pub use locate::{Cell, Seen};
@@ -239,7 +241,7 @@ fn of_chosen(
     let around = selection.fit.surroundings.clone();
     let settings = Settings { used: &split.training, from: Some(&around), ..settings };
     let selection =
-        Selection { fit: fit(&campaign, &selection.fit.hypothesis, &settings), ..selection };
+        Selected { fit: fit(&campaign, &selection.fit.hypothesis, &settings), ..selection };
     let search =
         Search { campaign: &campaign, known: &known, settings, library: &library, cache: &cache };
     let selection = substitution::with_rivals(&search, selection);
@@ -267,7 +269,7 @@ fn whiten(
 fn finish(
     campaign: Campaign,
     model: &Model,
-    selection: Selection,
+    selection: Selected,
     law: Option<unknown::Law>,
     split: Split,
     words: &[Word],
@@ -279,7 +281,7 @@ fn finish(
         from: None,
         effort: Effort::Full,
     };
-    let Selection { fit: last, named } = selection;
+    let Selected { fit: last, named } = selection;
     let held_out = split.held_out();
     let held = Held::new(&campaign, (&split, &held_out), &last);
     let given = held.beside(&Hypothesis::fixed(*model), &last);
