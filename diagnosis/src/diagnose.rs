@@ -16,7 +16,7 @@ mod gram;
 mod hysteresis;
 mod ingest;
 mod jacobian_cache;
-pub(crate) mod judge;
+mod judge;
 mod library;
 mod locate;
 mod look;
@@ -39,6 +39,7 @@ mod view;
 
 use crate::campaign::{Campaign, Reading};
 use crate::colour::stream;
+use crate::engine::verdict::{VerdictSettings, claimed};
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::Hypothesis;
 use crate::proof::Split;
@@ -58,9 +59,9 @@ use selection::{Search, Selection as Selected};
 
 use std::collections::BTreeMap;
 
+pub use crate::engine::verdict::Verdict;
 pub use calibration::{Chosen, Selection, select};
 pub use ingest::{Ingested, ingest};
-pub use judge::Verdict;
 pub use locate::{Cell, Seen};
 pub use look::Thinned;
 pub use prove::Proof;
@@ -303,7 +304,8 @@ fn finish(
     let map = locate::map(&campaign, &given, &settings, words);
     let uncertainty = fitted.uncertainty();
     let findings = findings::findings(&held, model, (&last, &uncertainty), &named, &given);
-    let (findings, candidates) = judge::claimed(verdict, findings, |one| one.confidence);
+    let (findings, candidates) =
+        claimed(verdict, findings, &VerdictSettings::POSITION, |one| one.confidence);
     let unexplained = rest;
     let proof = held.proof(before, after, &last);
     let design = experiment::Design::of(&campaign, model, &last, &split.training);

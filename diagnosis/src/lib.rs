@@ -12,6 +12,7 @@ mod candidates;
 pub mod circle;
 pub mod colour;
 pub mod diagnose;
+mod engine;
 pub mod enhanced;
 pub mod expected;
 pub mod fit;

@@ -5,7 +5,7 @@
 //!
 //! Promises: a column is the term of docs/reference/effects.md per unit of its parameter. Never: a decision.
 
-use std::sync::Arc;
+use crate::engine::table::Column;
 
 use super::motion::{Motion, ROOM_C, Track};
 
@@ -48,12 +48,6 @@ pub(super) enum Law {
     Memory { distance: f64 },
     /// The same by many springs that slip one after the other.
     Slip { distance: f64 },
-}
-
-/// One number's share in the torques: for each joint that it acts on, a value per row.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Column {
-    pub(crate) parts: Vec<(usize, Arc<[f64]>)>,
 }
 
 impl Law {
@@ -218,19 +212,6 @@ pub(super) fn shortest_way(motion: &Motion, joint: usize) -> f64 {
 /// The lowest speed that the band can tell from rest: what the joint's usual acceleration reaches in a quarter of a period of its edge.
 pub(super) fn lowest_speed(motion: &Motion, joint: usize) -> f64 {
     0.25 * usual_acceleration(motion, joint) / motion.quick_hz
-}
-
-impl Column {
-    /// Several columns as one, each times its number.
-    pub(crate) fn sum(columns: &[(&Self, f64)], joint: usize, rows: usize) -> Vec<f64> {
-        let mut all = vec![0.0; rows];
-        for (column, number) in columns {
-            for (_, part) in column.parts.iter().filter(|(at, _)| *at == joint) {
-                all.iter_mut().zip(part.iter()).for_each(|(sum, x)| *sum += number * x);
-            }
-        }
-        all
-    }
 }
 
 #[cfg(test)]

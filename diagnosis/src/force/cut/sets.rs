@@ -9,8 +9,8 @@
 use std::collections::BTreeMap;
 
 use super::case::Case;
-use crate::torque::library::Family;
-use crate::torque::selection::{Search, Selection, others};
+use crate::engine::library::Family;
+use crate::engine::stepwise::{Search, Selection, others};
 
 /// What a set must bring beyond its penalty.
 const MARGIN: f64 = 5.0;
