@@ -99,7 +99,7 @@ impl Search<'_> {
     }
 
     /// Whether the numbers of a name have the signs that are its own.
-    fn is_admissible(&self, selection: &Selection, name: usize) -> bool {
+    pub(crate) fn is_admissible(&self, selection: &Selection, name: usize) -> bool {
         let family = &self.library.families[name];
         let mut numbers = family.signs.iter().zip(&family.columns);
         numbers.all(|(sign, column)| sign.admits(selection.solved.value(*column).unwrap_or(0.0)))
