@@ -1,60 +1,40 @@
-//! Cluster-robust uncertainty of fitted parameters from blocks of the recording (sandwich estimator; Liang and Zeger 1986).
-//!
-//! The covariance of the fit is valid if the noise model is. If the noise is correlated over longer times or is not stationary, the scores of the blocks
-//! scatter more.
-//!
-//! Promises: never below the covariance of the noise model. Never: a change of the fit.
+//! Cluster-robust uncertainty of the fitted parameters of poses, from blocks of the recording ([`crate::engine::sandwich`]).
 
+use crate::engine::sandwich::{Block, BlockSettings, covariance};
 use crate::score::Fitted;
+use nalgebra::{DMatrix, DVectorView};
 use std::cell::Cell;
 
-/// Stretches that the recordings are cut into.
-const STRETCHES: usize = 20;
-/// Fewer that were read tell nothing.
-const FEW: usize = 8;
-/// The normal quantile of 95 %, squared.
-const QUANTILE_SQUARED: f64 = 3.84;
-
 impl Fitted<'_> {
-    /// The standard uncertainty of each column of the fit, SI, in the order of [`crate::result::Fit::columns`].
+    /// The standard uncertainty of each column of the fit, SI, in the order of [`crate::result::Fit::columns`]; never below that of the noise model.
     pub(crate) fn uncertainty(&self) -> Vec<f64> {
+        let settings = BlockSettings::POSITION;
         let width = self.fit.columns().len();
-        let of_noise: Vec<f64> = self
-            .fit
-            .columns()
-            .iter()
-            .map(|column| self.fit.sigma(*column).unwrap_or_default())
-            .collect();
         let poses = self.campaign.poses.len().max(1);
         let here = Cell::new(0);
-        let mut pulls: Vec<Vec<f64>> = vec![Vec::new(); STRETCHES];
+        let mut blocks = vec![Block::new(width); settings.blocks];
         self.rows(
             0,
-            |pose, _| here.set(pose * STRETCHES / poses),
+            |pose, _| here.set(pose * settings.blocks / poses),
             |row, _, left| {
-                let own = &mut pulls[here.get()];
-                own.resize(width, 0.0);
-                own.iter_mut().zip(row).for_each(|(pull, x)| *pull += x * left);
+                let row = DVectorView::from_slice(row, width);
+                let Block { score, gram } = &mut blocks[here.get()];
+                score.axpy(left, &row, 1.0);
+                gram.ger(1.0, &row, &row, 1.0);
             },
         );
-        pulls.retain(|own| !own.is_empty());
-        let count = pulls.len() as f64;
-        if pulls.len() < FEW {
-            return of_noise;
+        let triangle = &self.fit.triangle;
+        let mut inverse = DMatrix::zeros(width, width);
+        for column in 0..width {
+            let mut unit = vec![0.0; width];
+            unit[column] = 1.0;
+            inverse.column_mut(column).copy_from_slice(&triangle.back(triangle.forward(unit)));
         }
-        let mean = |k: usize| pulls.iter().map(|own| own[k]).sum::<f64>() / count;
-        let means: Vec<f64> = (0..width).map(mean).collect();
-        let mut squares = vec![0.0; width];
-        for own in &pulls {
-            let pull = own.iter().zip(&means).map(|(pull, mean)| pull - mean).collect();
-            let triangle = &self.fit.triangle;
-            let shift = triangle.back(triangle.forward(pull));
-            squares.iter_mut().zip(shift).for_each(|(sum, x)| *sum += x * x);
-        }
-        // Student's quantile in units of the normal one (Fisher and Cornish 1960, first term), since there are few stretches.
-        let student = 1.0 + (QUANTILE_SQUARED + 1.0) / (4.0 * (count - 1.0));
-        let of_stretches = squares.iter().map(|x| student * (x * count / (count - 1.0)).sqrt());
-        of_noise.iter().zip(of_stretches).map(|(a, b)| a.max(b)).collect()
+        let of_blocks = covariance(&inverse, blocks, &settings);
+        let sigma = |(k, column): (usize, &usize)| {
+            self.fit.sigma(*column).unwrap_or_default().max(of_blocks[(k, k)].sqrt())
+        };
+        self.fit.columns().iter().enumerate().map(sigma).collect()
     }
 }
 

@@ -8,17 +8,19 @@
 
 mod families;
 mod heat;
+mod joining;
 mod loads;
 mod over_path;
 mod standing;
 
 use families::slot;
+pub(crate) use joining::{is_sound, put};
 pub(crate) use loads::{loaded_compliances, remainders, springs_at};
 pub(crate) use over_path::{Driven, mode, over_paths};
 
 use crate::campaign::{Arrival, Campaign};
 use physics::spec::{Need, Role};
-use physics::{AnyEffect, Arm, Given, JOINTS_MAX, JointKind, Model};
+use physics::{AnyEffect, Arm, Given, JOINTS_MAX, JointKind};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Distances of a hysteresis that are tried, rad or m.
@@ -139,12 +141,6 @@ impl Candidate {
             pair.is_some_and(|(own, other)| families::clash(&own, &other))
         };
         self.changes().is_none() && (self.slot == other.slot || clash())
-    }
-
-    /// Whether what it works upon is there.
-    pub(crate) fn has_its_ground(&self, model: &Model) -> bool {
-        let own = self.probes.first().map(|probe| &probe.effect);
-        own.is_none_or(|own| families::has_its_ground(own, model))
     }
 
     /// Candidates as one, which makes no effect: what they are worth together. None of none.

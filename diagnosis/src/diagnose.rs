@@ -7,6 +7,7 @@
 //!
 //! The same input and seed give the same bits. Rows of the test set take part in no selection and no fit. Knows no files.
 
+mod calibration;
 pub mod experiment;
 mod features;
 mod findings;
@@ -15,7 +16,7 @@ mod gram;
 mod hysteresis;
 mod ingest;
 mod jacobian_cache;
-pub(crate) mod judge;
+mod judge;
 mod library;
 mod locate;
 mod look;
@@ -38,6 +39,7 @@ mod view;
 
 use crate::campaign::{Campaign, Reading};
 use crate::colour::stream;
+use crate::engine::verdict::{VerdictSettings, claimed};
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::Hypothesis;
 use crate::proof::Split;
@@ -53,12 +55,13 @@ use glam::DVec3;
 use jacobian_cache::JacobianCache;
 use physics::{AnyEffect, Model};
 use prove::Held;
-use selection::{Search, Selection};
+use selection::{Search, Selection as Selected};
 
 use std::collections::BTreeMap;
 
+pub use crate::engine::verdict::Verdict;
+pub use calibration::{Chosen, Selection, select};
 pub use ingest::{Ingested, ingest};
-pub use judge::Verdict;
 pub use locate::{Cell, Seen};
 pub use look::Thinned;
 pub use prove::Proof;
@@ -239,7 +242,7 @@ fn of_chosen(
     let around = selection.fit.surroundings.clone();
     let settings = Settings { used: &split.training, from: Some(&around), ..settings };
     let selection =
-        Selection { fit: fit(&campaign, &selection.fit.hypothesis, &settings), ..selection };
+        Selected { fit: fit(&campaign, &selection.fit.hypothesis, &settings), ..selection };
     let search =
         Search { campaign: &campaign, known: &known, settings, library: &library, cache: &cache };
     let selection = substitution::with_rivals(&search, selection);
@@ -267,7 +270,7 @@ fn whiten(
 fn finish(
     campaign: Campaign,
     model: &Model,
-    selection: Selection,
+    selection: Selected,
     law: Option<unknown::Law>,
     split: Split,
     words: &[Word],
@@ -279,7 +282,7 @@ fn finish(
         from: None,
         effort: Effort::Full,
     };
-    let Selection { fit: last, named } = selection;
+    let Selected { fit: last, named } = selection;
     let held_out = split.held_out();
     let held = Held::new(&campaign, (&split, &held_out), &last);
     let given = held.beside(&Hypothesis::fixed(*model), &last);
@@ -301,7 +304,8 @@ fn finish(
     let map = locate::map(&campaign, &given, &settings, words);
     let uncertainty = fitted.uncertainty();
     let findings = findings::findings(&held, model, (&last, &uncertainty), &named, &given);
-    let (findings, candidates) = judge::claimed(verdict, findings, |one| one.confidence);
+    let (findings, candidates) =
+        claimed(verdict, findings, &VerdictSettings::POSITION, |one| one.confidence);
     let unexplained = rest;
     let proof = held.proof(before, after, &last);
     let design = experiment::Design::of(&campaign, model, &last, &split.training);

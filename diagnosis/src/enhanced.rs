@@ -1,7 +1,6 @@
 //! Enhanced stiffness: change of an arm's stiffness by load-induced changes of its geometry (thesis 1.8 to 1.10).
 //!
-//! Balance `K_θ δ = τ(q + δ)` gives `(K_θ − K_C − K_G) δ = τ(q)` with `K_C = ∂(JᵀW)/∂q`, `K_G = ∂τ_grav/∂q`: at the tool
-//! `K_X = J⁻ᵀ (K_θ − K_C) J⁻¹` (Chen and Kao 2000; Alici and Shirinzadeh 2005). Here `J (K_θ − K_C)⁻¹ Jᵀ`, its inverse, which holds for any
+//! Balance `K_θ δ = τ(q + δ)` gives `(K_θ − K_C − K_G) δ = τ(q)` with `K_C = ∂(JᵀW)/∂q`, `K_G = ∂τ_grav/∂q` (Chen and Kao 2000; Alici and Shirinzadeh 2005), for any
 //! number of joints, and with rigid ones. The wrench is fixed in space: one that rotates with the tool has a further term.
 //!
 //! Promises: closed forms, held against differences of `JᵀW`; `K_C` is NOT symmetric under a moment (a moment fixed in space is not a conservative
@@ -9,12 +8,10 @@
 
 use glam::DVec3;
 use nalgebra::{SMatrix, SVector};
-use physics::{Arm, Chain, Inputs, JOINTS_MAX, JointKind, Joints, Loads, Wrench};
+use physics::{Arm, Chain, JOINTS_MAX, JointKind, Joints, Loads, Wrench};
 
 /// One row and column per joint, zero beyond the arm's joints; Nm/rad, with N or m where a joint slides.
 pub type JointMatrix = SMatrix<f64, JOINTS_MAX, JOINTS_MAX>;
-/// Rows and columns: linear, then angular, base axes.
-pub type ToolMatrix = SMatrix<f64, 6, 6>;
 
 /// What the bending of the arm under its load changes at one pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,31 +72,6 @@ pub fn gravity_stiffness(arm: &Arm, chain: &Chain) -> JointMatrix {
     stiffness
 }
 
-/// `J (K_θ − softening)⁻¹ Jᵀ` with `compliance` (rad/Nm or m/N, zero for a rigid joint) for the inverse of `K_θ`. `None` where the
-/// load has the arm buckle.
-#[must_use]
-pub fn tool_compliance(
-    arm: &Arm,
-    chain: &Chain,
-    compliance: &Joints,
-    softening: &JointMatrix,
-) -> Option<ToolMatrix> {
-    let jacobian = chain.jacobian(arm);
-    let inverse = joint_compliance(compliance, softening)?;
-    Some(jacobian * inverse * jacobian.transpose())
-}
-
-/// `K_X`, N/m, N/rad, Nm/m and Nm/rad: the inverse of [`tool_compliance`]. `None` where that has none: fewer than six compliant joints, a singular pose.
-#[must_use]
-pub fn tool_stiffness(
-    arm: &Arm,
-    chain: &Chain,
-    compliance: &Joints,
-    softening: &JointMatrix,
-) -> Option<ToolMatrix> {
-    tool_compliance(arm, chain, compliance, softening)?.try_inverse()
-}
-
 /// What `K_C` and `K_G` are worth at `q` under `wrench` (at the TCP, base axes). `None` where the load has the arm buckle.
 #[must_use]
 pub fn effect(
@@ -123,22 +95,6 @@ pub fn effect(
         by_wrench_m: (enhanced - classical).norm(),
         by_gravity_m: (full - enhanced).norm(),
     })
-}
-
-/// The places of those poses at which `K_C` changes the deflection by at most `limit_m`: there the classical stiffness identifies the joints
-/// (Dumas 2011). The wrench of each pose counts.
-#[must_use]
-pub fn where_negligible(
-    arm: &Arm,
-    poses: &[Inputs],
-    compliance: &Joints,
-    limit_m: f64,
-) -> Vec<usize> {
-    let small = |inputs: &Inputs| {
-        effect(arm, &inputs.q, inputs.wrench_base, compliance)
-            .is_some_and(|effect| effect.by_wrench_m <= limit_m)
-    };
-    (0..poses.len()).filter(|i| small(&poses[*i])).collect()
 }
 
 /// `(K_θ − S)⁻¹ = (1 − C S)⁻¹ C`, which holds for rigid joints (`C = 0`) too.

@@ -4,7 +4,7 @@
 //! both converge; then the weights of outliers.
 //!
 //! Promises: the same input gives the same bits; sign constraints are satisfied; every parameter that was not fitted is listed.
-//! Never: a choice of effects; see [`mod@crate::select`].
+//! Never: a choice of effects; see [`mod@crate::diagnose`].
 
 use crate::campaign::Campaign;
 use crate::colour::follows;

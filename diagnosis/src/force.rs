@@ -15,6 +15,7 @@ mod signal;
 #[cfg(test)]
 mod tests;
 
+use crate::engine::statistics::median;
 use physics::Model;
 use recording::series::{Channel, Recording};
 
@@ -240,7 +241,7 @@ fn specific_force(
     let steady = of(State::Cut)?;
     let air = of(State::Air).map_or(0.0, |air| air.mean[along]);
     let feed = recording.column(Channel::Feed)?.get(steady.rows.clone())?;
-    let mut feed: Vec<f64> = feed.iter().copied().filter(|feed| *feed > 0.0).collect();
-    let chip = cut.axial_depth_m * signal::median(&mut feed) / spindle_hz?;
+    let feed = median(feed.iter().copied().filter(|feed| *feed > 0.0));
+    let chip = cut.axial_depth_m * feed / spindle_hz?;
     (chip > 0.0).then(|| (steady.mean[along] - air).abs() / chip)
 }

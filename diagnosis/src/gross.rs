@@ -15,6 +15,7 @@ pub use links::links;
 pub use torn::torn;
 
 use crate::campaign::{Campaign, Place, Reading};
+use crate::engine::statistics::median;
 use crate::rigid::mean;
 use crate::surroundings::Fitted;
 use glam::DVec3;
@@ -109,13 +110,7 @@ fn off(campaign: &Campaign, model: &Model) -> f64 {
 fn noise_m(campaign: &Campaign) -> f64 {
     let seen = campaign.poses.iter().flat_map(|pose| &pose.seen);
     let lengths = seen.filter(|seen| seen.reading.is_length());
-    median(lengths.map(|seen| seen.whitening.x_axis.length().recip()).collect())
-}
-
-/// 0 of none.
-fn median(mut values: Vec<f64>) -> f64 {
-    let middle = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    median(lengths.map(|seen| seen.whitening.x_axis.length().recip()))
 }
 
 /// How far the measured points spread, m: the scale of what is gross.

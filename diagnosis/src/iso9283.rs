@@ -40,15 +40,6 @@ pub struct PoseFigures {
     pub repeatability_abc_rad: Option<DVec3>,
 }
 
-/// How far the place of one pose depends on the way to it (`vAP`).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Variation {
-    /// Largest distance between two ways' barycentres (`vAP_P`), m.
-    pub position_m: f64,
-    /// Largest difference of two ways' mean orientations (`vAP_a`, `vAP_b`, `vAP_c`), rad.
-    pub abc_rad: Option<DVec3>,
-}
-
 /// How accuracy and repeatability change while the robot warms up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drift {
@@ -163,24 +154,6 @@ pub fn pose(command: &Placement, attained: &[Placement]) -> Result<PoseFigures, 
         distance_deviation_m,
         repeatability_abc_rad: angles.map(|angles| three_deviations(&angles)),
     })
-}
-
-/// How far the place of one pose depends on the way to it; one group of visits for each way.
-///
-/// # Errors
-/// Fewer than two ways, fewer than two visits on one, or numbers that are none.
-pub fn variation(command: &Placement, ways: &[&[Placement]]) -> Result<Variation, IsoError> {
-    let figures = each(command, ways)?;
-    let mut largest =
-        Variation { position_m: 0.0, abc_rad: figures[0].accuracy_abc_rad.map(|_| DVec3::ZERO) };
-    for (i, one) in figures.iter().enumerate() {
-        for other in &figures[i + 1..] {
-            let apart = one.accuracy_xyz_m.distance(other.accuracy_xyz_m);
-            largest.position_m = largest.position_m.max(apart);
-            largest.abc_rad = wider(largest.abc_rad, one.accuracy_abc_rad, other.accuracy_abc_rad);
-        }
-    }
-    Ok(largest)
 }
 
 /// Drift at one pose; one group of visits for each cycle of measurement, in the order of time.

@@ -12,6 +12,7 @@ mod candidates;
 pub mod circle;
 pub mod colour;
 pub mod diagnose;
+mod engine;
 pub mod enhanced;
 pub mod expected;
 pub mod fit;
@@ -43,7 +44,6 @@ mod rides;
 pub mod rigid;
 pub mod robust;
 mod score;
-pub mod select;
 pub mod share;
 pub mod simulate;
 pub mod single_joint;
@@ -61,10 +61,10 @@ mod wide;
 pub use campaign::{
     Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source,
 };
+pub use diagnose::{Chosen, Selection, select};
 pub use fit::{Effort, Settings, fit};
 pub use geometry::{Tolerances, geometry, geometry_within};
 pub use hypothesis::{Free, Hypothesis};
 pub use result::{Conditioning, Fit, Undetermined};
 pub use robust::Influence;
-pub use select::{Chosen, Selection, select};
 pub use surroundings::{Anchor, Fitted, Plane, Sphere, Station, Surroundings};

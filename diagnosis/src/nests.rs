@@ -9,6 +9,7 @@
 //! Promises: rows with inconsistent distances between the reference targets (confused targets, interrupted beam) use their neighbours; if the targets
 //! do not define a frame, nothing is corrected, and this is reported. Never: use of readings of the tool.
 
+use crate::engine::statistics::median;
 use crate::rigid::{left_over, rigid};
 use glam::DVec3;
 use physics::Frame;
@@ -163,8 +164,8 @@ fn sound(seen: &[Seen]) -> Option<(Vec<bool>, usize)> {
     let all: Vec<Vec<f64>> = seen.iter().map(|one| distances(&one.nests)).collect();
     let pairs = all.first()?.len();
     let of_pair = |pair: usize, from: f64| all.iter().map(move |d| (d[pair] - from).abs());
-    let middles: Vec<f64> = (0..pairs).map(|pair| middle(of_pair(pair, 0.0))).collect();
-    let off: Vec<f64> = middles.iter().enumerate().map(|(k, at)| middle(of_pair(k, *at))).collect();
+    let middles: Vec<f64> = (0..pairs).map(|pair| median(of_pair(pair, 0.0))).collect();
+    let off: Vec<f64> = middles.iter().enumerate().map(|(k, at)| median(of_pair(k, *at))).collect();
     if off.iter().any(|off| NORMAL * off > LOOSE) {
         return None;
     }
@@ -190,12 +191,6 @@ fn on_a_line(nests: &[DVec3]) -> bool {
     let along = (far - nests[0]).normalize_or_zero();
     let off = |nest: &DVec3| (*nest - nests[0]).cross(along).length();
     nests.iter().map(off).fold(0.0, f64::max) <= OFF_LINE * longest
-}
-
-fn middle(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    let at = values.len() / 2;
-    *values.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
 /// Where the nests were in each row, averaged over as many rows as the expected error asks for; and how many.

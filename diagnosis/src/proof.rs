@@ -4,12 +4,12 @@
 //! Never: a split that depends on readings.
 
 use crate::campaign::Campaign;
+use crate::diagnose::{Selection, select};
 use crate::fit::{Effort, Settings, fit};
 use crate::geometry::{Tolerances, geometry_within};
 use crate::hypothesis::Hypothesis;
 use crate::result::Fit;
 use crate::robust::Influence;
-use crate::select::{Selection, select};
 use physics::Model;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;

@@ -7,6 +7,8 @@
 //!
 //! Promises: weights between 0 and 1, one for clean readings. Readings with a weight below one half are listed.
 
+use crate::engine::statistics::median;
+
 /// Deviate up to which a reading weighs one: one clean reading in a thousand lies beyond.
 const KNEE: f64 = 3.0;
 /// A redescending weight is nothing at this multiple of the knee.
@@ -52,13 +54,8 @@ pub fn weight(influence: Influence, count: usize, length: f64) -> f64 {
 /// The factor on the noise that the lengths of residuals show: one where it was stated right. `lengths`: with the count of each.
 #[must_use]
 pub fn scale(lengths: impl Iterator<Item = (usize, f64)>) -> Option<f64> {
-    let mut shares: Vec<f64> =
-        lengths.map(|(count, length)| length / length_at(count, 0.0)).collect();
-    let middle = shares.len() / 2;
-    if shares.is_empty() {
-        return None;
-    }
-    Some(*shares.select_nth_unstable_by(middle, f64::total_cmp).1).filter(|scale| *scale > 0.0)
+    let scale = median(lengths.map(|(count, length)| length / length_at(count, 0.0)));
+    (scale > 0.0).then_some(scale)
 }
 
 #[cfg(test)]

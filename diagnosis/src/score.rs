@@ -3,7 +3,7 @@
 //! With `R` the triangle of the fit, `A = JᵀC` and `Y = R⁻ᵀ A`: the projected columns are `S = CᵀC − YᵀY + priors`, their gradient
 //! `b = Cᵀr − Yᵀ(R⁻ᵀ Jᵀr)`; the parameters would be `S⁻¹ b`, and the sum of squares would decrease by `bᵀ S⁻¹ b`.
 //!
-//! Promises: one pass over the campaign for all candidates. Never: a decision; see [`mod@crate::select`].
+//! Promises: one pass over the campaign for all candidates. Never: a decision; see [`mod@crate::diagnose`].
 
 mod series;
 mod sums;

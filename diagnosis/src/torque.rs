@@ -1,56 +1,50 @@
 //! Diagnosis of recorded torques.
 //!
 //! Read in this order: `motion` (torque and motion in one band), `rigid` (rigid-body torques), `columns` and `library` (candidates), `case`
-//! (rows and sums), `selection` (selected effects), `refine`, `zone`, `prove`, `unknown`, `found`, `finish`.
+//! (rows and sums), [`crate::engine`] (selected effects), `refine`, `zone`, `prove`, `unknown`, `found`, `finish`.
 //!
 //! Promises: the same input gives the same bits; held-out rows are seen by no selection and no fit. Never: a file, special treatment of a data set, the controller's
 //! tracking error as a covariate.
 
-pub(crate) mod blocks;
 mod case;
-pub(crate) mod columns;
+mod columns;
 mod filter;
 mod finish;
 mod found;
 mod known;
-pub(crate) mod library;
+mod library;
 mod load;
 mod memory;
 mod motion;
-pub(crate) mod noise;
 mod payload;
-pub(crate) mod prove;
+mod prove;
 mod refine;
 mod reinterpretation;
 mod resample;
 mod result;
 mod rigid;
-pub(crate) mod selection;
 mod smooth;
 mod stand;
 mod still;
 mod stops;
 mod stretches;
-pub(crate) mod sums;
-pub(crate) mod table;
 #[cfg(test)]
 mod tests;
 mod unknown;
-mod verdict;
 mod view;
 mod zone;
 
 use recording::series::Recording;
 use std::borrow::Cow;
 
+use crate::engine::library::Form;
+use crate::engine::stepwise::{Search, Selection, others};
 use case::Case;
 pub use found::{Number, Rival};
 pub use known::{Refit, Stated};
-use library::Form;
 pub use motion::has_torque;
 use reinterpretation::{hardening_as_spring, hysteresis_as_friction, spring_as_asymmetry};
 pub use result::{Diagnosis, Finding, JointProof};
-use selection::{Search, Selection, others};
 pub use unknown::Law;
 pub use view::Trace;
 pub use zone::Zone;
@@ -317,7 +311,7 @@ fn confirmed(case: &Case, always: &[usize], mut selection: Selection) -> Selecti
 
 /// Removes the effects that the validation set does not support.
 fn fallen(case: &Case, search: &Search<'_>, selection: &mut Selection) -> Option<Vec<usize>> {
-    let look = &case.rows.look;
+    let look = &case.rows.validation;
     let left = |selection: &Selection| {
         [
             prove::rms_outside(case, &selection.solved, look),

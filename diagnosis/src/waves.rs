@@ -4,7 +4,7 @@
 //! once, every period costs one sum over the poses (the projected periodogram; Lomb 1976, Scargle 1982, with all that is fitted anyway taken out).
 //!
 //! Promises: periods that the positions of the joint cannot tell apart are not tried twice.
-//! Never: a decision; see [`mod@crate::select`].
+//! Never: a decision; see [`mod@crate::diagnose`].
 
 use crate::motion::Motion;
 use crate::score::Fitted;
@@ -30,10 +30,6 @@ pub(crate) struct Line {
     pub(crate) joint: usize,
     /// Cycles per revolution (prismatic: radians of phase per metre).
     pub(crate) cycles: f64,
-    /// By how much the sum of squares would fall.
-    pub(crate) gain: f64,
-    /// How many periods were tried on this joint.
-    pub(crate) tried: usize,
 }
 
 /// What one pose adds to the sums of one joint.
@@ -110,8 +106,8 @@ fn best(parts: &[Part], joint: usize) -> Option<Line> {
     let mut turns = Turns::new(parts, least, step);
     let gains = (0..tried.div_ceil(AT_ONCE)).flat_map(|_| turns.next_gains(parts));
     let all = gains.take(tried).enumerate().map(|(k, gain)| (least + step * k as f64, gain));
-    let (cycles, gain) = all.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    Some(Line { joint, cycles, gain, tried })
+    let (cycles, _) = all.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(Line { joint, cycles })
 }
 
 /// Sine and cosine of every part at one period after the other, each turned on from the one before.

@@ -1,8 +1,8 @@
-//! Effects that exclude each other, and effects that require another one.
+//! Effects that exclude each other.
 //!
 //! Promises: a model with effects allowed by these rules can be loaded. Never: use of data.
 
-use physics::{AnyEffect, Effect, Model};
+use physics::{AnyEffect, Effect};
 
 /// Effects of one slot stand for the same thing: one of them is enough.
 pub(super) fn slot(effect: &AnyEffect) -> String {
@@ -44,18 +44,4 @@ impl super::Candidate {
         );
         self.is_rival_of(effect) && !is_the_other_half
     }
-}
-
-/// A stiffening law works upon a compliance of its joint.
-pub(super) fn has_its_ground(effect: &AnyEffect, model: &Model) -> bool {
-    let gives_way = |other: &AnyEffect| {
-        let linear = matches!(
-            other,
-            AnyEffect::JointCompliance(_)
-                | AnyEffect::GravityCompliance(_)
-                | AnyEffect::LoadCompliance(_)
-        );
-        linear && other.joint() == effect.joint() && other.values()[0] > 0.0
-    };
-    !matches!(effect, AnyEffect::StiffnessHardening(_)) || model.effects().any(gives_way)
 }

@@ -8,6 +8,7 @@ use super::locate;
 use super::prove::Held;
 use super::selection::{Selected, without};
 use super::{FLOOR, Finding, QUANTILE};
+use crate::engine::attribution::Energies;
 use crate::hypothesis::{Hypothesis, named};
 use crate::result::Fit;
 use physics::spec::Unit;
@@ -31,14 +32,13 @@ pub(super) fn findings(
         let others: Vec<&Selected> = all[..k].iter().chain(&all[k + 1..]).collect();
         left(&others).energy
     });
-    let shares = shares(&Energies {
+    let energies = Energies {
         with_none: left(&all.iter().collect::<Vec<_>>()).energy,
         with_one: by_itself.collect(),
         without_one: alone_left_out.iter().map(|left| left.energy).collect(),
         with_all: left(&[]).energy,
-    });
-    let mut places: Vec<usize> = (0..all.len()).collect();
-    places.sort_by(|a, b| shares[*b].total_cmp(&shares[*a]));
+    };
+    let places = energies.order();
     let order: Vec<&Selected> = places.iter().map(|place| &all[*place]).collect();
     let first_ones = (0..order.len()).into_par_iter().map(|k| left(&order[k + 1..]).rms);
     let first_ones: Vec<f64> = first_ones.collect();
@@ -130,23 +130,6 @@ fn groups(count: usize, are_together: impl Fn(usize, usize) -> bool) -> Vec<Opti
     groups
 }
 
-/// What is left of an energy with some of the names.
-struct Energies {
-    with_none: f64,
-    /// With one of them, in their order.
-    with_one: Vec<f64>,
-    /// Without one of them, in their order.
-    without_one: Vec<f64>,
-    with_all: f64,
-}
-
-/// How much of an energy each name takes away, as a mean over all orders in which they can be brought in. With numbers as they are it is quadratic in what
-/// the names move, and that mean is half of what a name does alone and half of what it does beside all others.
-fn shares(left: &Energies) -> Vec<f64> {
-    let pairs = left.with_one.iter().zip(&left.without_one);
-    pairs.map(|(with, without)| 0.5 * (left.with_none - with + without - left.with_all)).collect()
-}
-
 /// The place of a fitted value among the free numbers of the hypothesis.
 fn fitted(one: &Selected, value: usize, last: &Fit) -> Option<usize> {
     last.hypothesis.free.iter().position(|free| free.effect == one.effect && free.value == value)
@@ -182,7 +165,7 @@ fn sigma(
 
 #[cfg(test)]
 mod tests {
-    use super::{Energies, groups, shares};
+    use super::groups;
 
     #[test]
     fn what_is_together_with_one_of_a_group_is_of_the_group() {
@@ -190,37 +173,5 @@ mod tests {
         let are_together = |a, b| pairs.contains(&(a, b)) || pairs.contains(&(b, a));
         let groups = groups(7, are_together);
         assert_eq!(groups, [Some(1), None, Some(1), Some(2), Some(1), Some(2), None]);
-    }
-
-    /// What three names move, and the error that they are to explain.
-    const MOVED: [[f64; 3]; 3] = [[3.0, 1.0, 0.0], [2.5, -1.0, 0.5], [0.0, 0.4, 2.0]];
-    const ERROR: [f64; 3] = [5.7, 0.3, 2.3];
-
-    fn left(gone: &[usize]) -> f64 {
-        let there = (0..3).filter(|k| !gone.contains(k));
-        let rest = there.fold(ERROR, |rest, k| std::array::from_fn(|i| rest[i] - MOVED[k][i]));
-        rest.iter().map(|x| x * x).sum()
-    }
-
-    #[test]
-    fn a_names_share_is_the_mean_of_what_it_brings_over_all_orders() {
-        let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
-        let mut mean = [0.0; 3];
-        for order in orders {
-            for at in 0..3 {
-                mean[order[at]] += (left(&order[at..]) - left(&order[at + 1..])) / 6.0;
-            }
-        }
-        let shares = shares(&Energies {
-            with_none: left(&[0, 1, 2]),
-            with_one: vec![left(&[1, 2]), left(&[0, 2]), left(&[0, 1])],
-            without_one: vec![left(&[0]), left(&[1]), left(&[2])],
-            with_all: left(&[]),
-        });
-        for (share, mean) in shares.iter().zip(mean) {
-            assert!((share - mean).abs() < 1e-9, "{shares:?} beside {mean:?}");
-        }
-        let all: f64 = shares.iter().sum();
-        assert!((all - (left(&[0, 1, 2]) - left(&[]))).abs() < 1e-9, "they are all that is gained");
     }
 }

@@ -6,6 +6,7 @@
 //! Nuisance parameters and parameters with a stated uncertainty are always in. Decides nothing; see `stepwise`.
 
 use crate::candidates::Candidate;
+use crate::engine::partial_cholesky::PartialCholesky;
 use crate::hypothesis::named;
 use crate::score::{Fitted, Moves};
 use crate::wide::subtract;
@@ -234,40 +235,18 @@ impl Gram {
     pub(super) fn would_gain(&self, entry: usize) -> Option<Gain> {
         let columns = self.groups[entry].clone();
         let right = self.sizes.len();
-        let mut kept: Vec<usize> = Vec::new();
-        let mut factor: Vec<Vec<f64>> = Vec::new();
-        let mut pulls: Vec<f64> = Vec::new();
-        for k in columns.clone() {
-            let mut row: Vec<f64> = Vec::new();
-            for (i, other) in kept.iter().enumerate() {
-                let known: f64 = factor[i].iter().zip(&row).map(|(a, b)| a * b).sum();
-                row.push((self.cells[(*other, k)] - known) / factor[i][i]);
-            }
-            let left = self.cells[(k, k)] - row.iter().map(|x| x * x).sum::<f64>();
-            let known: f64 = row.iter().zip(&pulls).map(|(a, b)| a * b).sum();
-            if self.shows(k, left) {
-                let root = left.sqrt();
-                pulls.push((self.cells[(k, right)] - known) / root);
-                row.push(root);
-                factor.push(row);
-                kept.push(k);
-            }
+        let found = PartialCholesky::of(
+            columns.clone(),
+            |a, b| self.cells[(a, b)],
+            |a| self.cells[(a, right)],
+            |a, left| self.shows(a, left),
+        )?;
+        let (mut numbers, mut sigma) = (vec![0.0; columns.len()], vec![0.0; columns.len()]);
+        for (place, (column, x)) in found.kept.iter().zip(found.solution()).enumerate() {
+            numbers[column - columns.start] = x / self.sizes[*column];
+            sigma[column - columns.start] = found.sigma(place) / self.sizes[*column];
         }
-        if kept.is_empty() {
-            return None;
-        }
-        let mut x = pulls.clone();
-        for i in (0..kept.len()).rev() {
-            let later: f64 = (i + 1..kept.len()).map(|j| factor[j][i] * x[j]).sum();
-            x[i] = (pulls[i] - later) / factor[i][i];
-        }
-        let (mut found, mut sigma) = (vec![0.0; columns.len()], vec![0.0; columns.len()]);
-        for (at, (column, x)) in kept.iter().zip(&x).enumerate() {
-            found[column - columns.start] = x / self.sizes[*column];
-            sigma[column - columns.start] = unsure(&factor, at) / self.sizes[*column];
-        }
-        let gain = pulls.iter().map(|pull| pull * pull).sum();
-        Some(Gain { gain, numbers: kept.len(), found, sigma })
+        Some(Gain { gain: found.gain(), numbers: found.kept.len(), found: numbers, sigma })
     }
 
     /// What an entry that is in brings beside all others that are.
@@ -287,17 +266,6 @@ impl Gram {
         let gain = solved.map_or(0.0, |solved| solved.dot(&x));
         Gain { gain, numbers: size, found, sigma }
     }
-}
-
-/// The standard deviation of a number whose products have this lower factor: the length of its column in the factor's inverse.
-fn unsure(factor: &[Vec<f64>], number: usize) -> f64 {
-    let mut column = vec![0.0; factor.len()];
-    column[number] = 1.0 / factor[number][number];
-    for i in number + 1..factor.len() {
-        let known: f64 = (number..i).map(|k| factor[i][k] * column[k]).sum();
-        column[i] = -known / factor[i][i];
-    }
-    column.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// How the tool moves with every entry; asked where it is not known.

@@ -6,10 +6,9 @@
 //! Promises: compared with the weights and noise of the present fit. Never: a decision; see `selection`.
 
 use super::selection::{Search, Selected, Selection, without};
-use crate::candidates::{Candidate, List};
+use crate::candidates::{Candidate, List, is_sound, put};
 use crate::fit::compare;
 use crate::score::Fitted;
-use crate::select::{is_sound, put};
 use physics::AnyEffect;
 
 /// Distances that are tried beside the library's, as shares of a gap's width.

@@ -4,15 +4,11 @@
 
 use super::selection::{Rival, Selected};
 use crate::candidates::Candidate;
+use crate::engine::posterior::posterior;
+use crate::engine::verdict::{Verdict, VerdictSettings, Weight, decide_verdict};
 use crate::result::Fit;
 use physics::AnyEffect;
 
-/// Names must carry this share of what was found above the noise, as energy; else the structure is unknown.
-const CARRIED: f64 = 0.999;
-/// Where more than this share of what is named cannot be distinguished, nothing is claimed.
-const CLEAR: f64 = 0.5;
-/// Beside a name that brings so much log-likelihood and is alike none other, the alike ones are told as sets.
-const SURE: f64 = 20.0;
 /// Two names that differ by less than this in log-likelihood are one and the same thing in this recording.
 const SAME: f64 = 1e-3;
 /// Two words for one law differ by less than is worth a mention (Kass and Raftery 1995: a Bayes factor below 3): the preferred one is said.
@@ -20,67 +16,14 @@ const WORD: f64 = 1.0;
 /// The same of a gap and of what builds up over a distance, which is one number more: half of a squared normal variate, 95 %.
 const DISTANCE: f64 = 1.92;
 
-/// A finding is claimed from this probability on (docs/diagnosis.md): it is likelier than all else.
-const CLAIMED: f64 = 0.5;
 /// A dearer name that is at least as probable as this keeps a cheaper one from being claimed.
 const LIKELY: f64 = 0.35;
 
-/// What a recording says of a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// Nothing above the noise.
-    Consistent,
-    /// The findings explain the mismatch.
-    MissingPhysics,
-    /// There is structure that no known effect explains.
-    UnknownStructure,
-    /// Candidates alike, or too little to say anything.
-    Undetermined,
-}
-
-impl Verdict {
-    /// As in the contract.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Consistent => "consistent",
-            Self::MissingPhysics => "missing_physics",
-            Self::UnknownStructure => "unknown_structure",
-            Self::Undetermined => "undetermined",
-        }
-    }
-}
-
-/// The verdict on names that carry the share `carried` of what stands above the noise on held-out rows; none: all of it.
-pub(super) fn verdict(found: &[Selected], fit: &Fit, carried: Option<f64>) -> Verdict {
-    let gains = found.iter().map(|one| (one.gain, is_ambiguous(one, fit)));
-    let gains: Vec<(f64, bool)> = gains.collect();
-    match found {
-        [] if carried.is_none() => Verdict::Consistent,
-        [] => Verdict::UnknownStructure,
-        _ if carried.is_some_and(|share| share < CARRIED) => Verdict::UnknownStructure,
-        _ if !is_clear(&gains) => Verdict::Undetermined,
-        _ => Verdict::MissingPhysics,
-    }
-}
-
-/// Findings that are claimed, and those that are too improbable for that. Where nothing is claimed, all stand as sets of what is alike.
-pub(crate) fn claimed<T>(
-    verdict: Verdict,
-    findings: Vec<T>,
-    confidence: impl Fn(&T) -> f64,
-) -> (Vec<T>, Vec<T>) {
-    findings
-        .into_iter()
-        .partition(|one| verdict == Verdict::Undetermined || confidence(one) >= CLAIMED)
-}
-
-/// Whether names, each with what it brings and whether it is alike another, are clear enough for a claim.
-fn is_clear(names: &[(f64, bool)]) -> bool {
-    let gain = |of_alike: bool| names.iter().filter(move |(_, alike)| *alike == of_alike);
-    let sum = |of_alike: bool| gain(of_alike).map(|(gain, _)| gain).sum::<f64>();
-    let surest = gain(false).map(|(gain, _)| *gain).fold(0.0, f64::max);
-    sum(true) <= CLEAR * (sum(true) + sum(false)) || surest >= SURE
+/// The verdict on names that explain the share `explained` of what stands above the noise on held-out rows; none: all of it.
+pub(super) fn verdict(found: &[Selected], fit: &Fit, explained: Option<f64>) -> Verdict {
+    let weight = |one: &Selected| Weight { gain: one.gain, is_ambiguous: is_ambiguous(one, fit) };
+    let weights: Vec<Weight> = found.iter().map(weight).collect();
+    decide_verdict(&weights, explained, &VerdictSettings::POSITION)
 }
 
 /// Whether another name, one that is not the same thing by another word, explains it as well; one of more numbers only where it is likely.
@@ -157,42 +100,21 @@ pub(super) fn confidence(one: &Selected, fit: &Fit) -> (f64, Vec<f64>) {
     let readings = fit.readings as f64 / fit.design_effect;
     let penalty = readings.max(2.0).ln();
     let own = fit.hypothesis.model.effects().nth(one.effect);
-    let weight = |rival: &Rival| libm::exp(-(rival.behind + one.dearer(rival, penalty)).max(-20.0));
-    let weights: Vec<f64> = one.rivals.iter().map(weight).collect();
-    let all = 1.0 + weights.iter().sum::<f64>();
-    let same = |rival: &Rival| own.is_some_and(|own| is_same(own, rival));
-    let words = one.rivals.iter().zip(&weights).filter(|(rival, _)| same(rival));
-    let right = 1.0 + words.map(|(_, weight)| weight).sum::<f64>();
-    let share = |(rival, weight): (&Rival, &f64)| if same(rival) { 0.0 } else { weight / all };
-    (right / all, one.rivals.iter().zip(&weights).map(share).collect())
+    let loss = |rival: &Rival| rival.behind + one.dearer(rival, penalty);
+    let (mut right, mut shares) = posterior(&one.rivals.iter().map(loss).collect::<Vec<f64>>());
+    for (rival, share) in one.rivals.iter().zip(&mut shares) {
+        if own.is_some_and(|own| is_same(own, rival)) {
+            right += std::mem::take(share);
+        }
+    }
+    (right, shares)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Verdict, claimed, is_clear, of_word};
+    use super::of_word;
     use physics::{AnyEffect, Given};
     use recording::model::presets::preset;
-
-    #[test]
-    fn a_finding_is_claimed_from_a_half_on_and_an_undetermined_set_holds_all() {
-        let found = vec![0.98, 0.49, 0.5, 0.0];
-        let confidence = |one: &f64| *one;
-        let (claims, candidates) = claimed(Verdict::MissingPhysics, found.clone(), confidence);
-        assert_eq!((claims, candidates), (vec![0.98, 0.5], vec![0.49, 0.0]));
-        let (set, candidates) = claimed(Verdict::Undetermined, found.clone(), confidence);
-        assert_eq!((set, candidates), (found, Vec::new()));
-    }
-
-    #[test]
-    fn what_is_alike_takes_no_claim_from_a_name_that_is_sure_by_itself() {
-        assert!(!is_clear(&[(400.0, true)]), "nothing but what is alike");
-        assert!(is_clear(&[(400.0, true), (60.0, false)]), "a sure one beside it");
-        assert!(
-            !is_clear(&[(400.0, true), (9.0, false)]),
-            "what little else there is carries no claim"
-        );
-        assert!(is_clear(&[(9.0, true), (12.0, false)]), "most is clear");
-    }
 
     #[test]
     fn a_word_for_a_case_of_a_law_stands_until_evidence_for_the_whole_law_is_there() {

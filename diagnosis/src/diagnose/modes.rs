@@ -7,7 +7,7 @@
 
 use super::jacobian_cache::JacobianCache;
 use crate::campaign::Campaign;
-use crate::candidates::{Candidate, Driven, mode};
+use crate::candidates::{Candidate, Driven, is_sound, mode};
 use crate::motion::Motion;
 use crate::rides::{Moved, Rides, paths};
 use crate::score::{Asked, Fitted, Score};
@@ -162,7 +162,7 @@ fn best(
         };
         into.extend(columns.iter().zip(&units.of_column).map(along));
     });
-    let sound = |score: &Score| crate::select::is_sound(&candidates[score.candidate], &score.found);
+    let sound = |score: &Score| is_sound(&candidates[score.candidate], &score.found);
     let sound = scores.into_iter().filter(sound);
     sound.map(|score| (candidates[score.candidate].clone(), score.gain)).collect()
 }

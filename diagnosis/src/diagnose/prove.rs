@@ -5,6 +5,7 @@
 use super::selection::{Selected, Selection, close_up, without};
 use crate::campaign::Campaign;
 use crate::colour::{Filter, stream};
+use crate::engine::statistics::median;
 use crate::fit::compare;
 use crate::hypothesis::Hypothesis;
 use crate::problem::{Look, State, visit};
@@ -130,13 +131,8 @@ impl<'a> Held<'a> {
     ) -> Self {
         let off = last.off(campaign);
         let is_length = off.iter().any(|off| off.is_length);
-        let mut lengths: Vec<f64> =
-            off.iter().filter(|o| o.is_length == is_length).map(|o| o.off.length()).collect();
-        let middle = lengths.len() / 2;
-        let far = match lengths.get_mut(middle) {
-            None => f64::INFINITY,
-            Some(_) => FAR * *lengths.select_nth_unstable_by(middle, f64::total_cmp).1,
-        };
+        let lengths = off.iter().filter(|o| o.is_length == is_length).map(|o| o.off.length());
+        let far = FAR * median(lengths);
         let counts = off.iter().map(|o| asked[o.pose] && o.is_length == is_length);
         let counts = counts.zip(&off).map(|(counts, o)| counts && o.off.length() <= far).collect();
         Self { campaign, split, asked: asked.to_vec(), counts, is_length }

@@ -1,7 +1,7 @@
 //! Which effects are missing or wrong: selection, replacement by better alternatives, and the alternatives of each selected effect.
 //!
-//! An effect is judged by its gain in log-likelihood less the penalty of its parameters, by the extended Bayesian information criterion, as in [`mod@crate::select`];
-//! here one effect at a time, and each may be exchanged for every other. Nonlinear parameters are fitted after each selection, and the selection is repeated
+//! An effect is judged by its gain in log-likelihood less the penalty of its parameters, by the extended Bayesian information criterion;
+//! one effect at a time, and each may be exchanged for every other. Nonlinear parameters are fitted after each selection, and the selection is repeated
 //! with them.
 //!
 //! Alternatives are compared with the same weights and the same noise. Uses training rows only.
@@ -13,12 +13,11 @@ use super::modes::modes;
 use super::stepwise::Stepwise;
 use super::substitution::SUBSTITUTION_ROUNDS;
 use crate::campaign::Campaign;
-use crate::candidates::Candidate;
+use crate::candidates::{Candidate, put};
 use crate::fit::{Effort, Settings, compare, fit};
 use crate::hypothesis::{Belief, Free, Hypothesis};
 use crate::result::Fit;
 use crate::score::Fitted;
-use crate::select::put;
 use physics::{AnyEffect, Model};
 use rayon::prelude::*;
 

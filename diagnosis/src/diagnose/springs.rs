@@ -6,12 +6,11 @@
 //! Promises: sums are compared with the weights and the noise of the fit that stands. Never: a decision; see `name`.
 
 use super::selection::{Search, Selected, Selection, without};
-use crate::candidates::{Candidate, springs_at};
+use crate::candidates::{Candidate, is_sound, put, springs_at};
 use crate::fit::compare;
 use crate::hypothesis::Free;
 use crate::motions::is_about_loads;
 use crate::score::{Fitted, Score};
-use crate::select::{is_sound, put};
 use physics::AnyEffect;
 
 /// Gains below this are not looked at closer.

@@ -6,12 +6,11 @@
 use super::gram::{Entry, Gain, Gram};
 use super::judge::words;
 use super::selection::{ALIKE, Rival, Search, Selected, Selection, nuisance, title, without};
-use crate::candidates::{Candidate, Probe, wave_candidate};
+use crate::candidates::{Candidate, Probe, is_sound, wave_candidate};
 use crate::fit::compare;
 use crate::hypothesis::named;
 use crate::motions::is_about_loads;
 use crate::score::Fitted;
-use crate::select::is_sound;
 use crate::waves::lines;
 use physics::spec::Range;
 use physics::{AnyEffect, Model};

@@ -5,6 +5,7 @@
 use super::features::{Word, words};
 use super::{Diagnosis, Finding};
 use crate::campaign::{Place, Reading};
+use crate::engine::statistics::median;
 use crate::hypothesis::Hypothesis;
 use crate::motion::Motion;
 use crate::problem::{Look, State, visit};
@@ -278,14 +279,12 @@ fn followed<'a>(finding: &Finding, words: &'a [Word]) -> Option<&'a Word> {
 
 /// The longest stretch of even steps, and the step.
 fn even(times: &[f64]) -> Option<(std::ops::Range<usize>, f64)> {
-    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let same = steps.clone();
-    let middle = steps.len() / 2;
-    steps.get(middle)?;
-    let step = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.first()?;
+    let step = median(steps.iter().copied());
     let mut best = 0..0;
     let mut from = 0;
-    for (k, own) in same.iter().enumerate() {
+    for (k, own) in steps.iter().enumerate() {
         if (own - step).abs() > EVEN * step {
             from = k + 1;
         }

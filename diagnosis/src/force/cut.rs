@@ -28,8 +28,9 @@ use recording::series::{Channel, Recording};
 
 use super::signal::Signal;
 use crate::colour::Colour;
-use crate::torque::selection::{Search, others};
-use crate::torque::table::Table;
+use crate::engine::library::Library;
+use crate::engine::stepwise::{Search, others};
+use crate::engine::table::Table;
 use case::{Anyway, Belief, Case};
 use law::{Law, Spindle};
 use rows::Rows;
@@ -244,7 +245,8 @@ fn confirmed(case: &Case, mut names: Vec<usize>) -> Vec<usize> {
     let products = case.products(&case.sets.train);
     let search = Search { library: &case.library, products: &products, always: &case.always };
     loop {
-        let of = |names: &[usize]| case.left_white(&search.solve(names).solved, &case.sets.look);
+        let of =
+            |names: &[usize]| case.left_white(&search.solve(names).solved, &case.sets.validation);
         let whole = of(&names);
         let harm = |name: &usize| of(&others(&names, *name)) - whole;
         let asked = names.iter().filter(|name| !case.library.families[**name].revises);
@@ -305,7 +307,7 @@ fn begun(model: &Model, recording: &Recording, signal: &Signal) -> Result<(Case,
             noise: vec![(Colour::default(), 1.0); 3],
         },
         measured,
-        library: crate::torque::library::Library {
+        library: Library {
             columns: Vec::new(),
             prior: Vec::new(),
             families: Vec::new(),

@@ -3,13 +3,14 @@
 //! Promises: a harmonic of the spindle speed, aliased or not, is forced; a line that is also in air does not belong to the cut; other
 //! lines count as self-excited only if they carry a large part of the oscillation.
 
+use crate::engine::statistics::median;
 use recording::series::{Channel, Recording};
 use spectrum::folded_hz;
 use spectrum::offline::{Averaged, line_near, speed_of_pulses};
 use spectrum::welch::Segments;
 
 use super::phases::{Phase, State};
-use super::signal::{Signal, median};
+use super::signal::Signal;
 
 /// Length of a segment, s: lines this close are one.
 const SEGMENT_S: f64 = 0.5;
@@ -121,8 +122,8 @@ fn spindle(recording: &Recording, cut: &[&Phase], rate_hz: f64) -> Option<f64> {
         }
     };
     let here = cut.iter().filter_map(|phase| speed.get(phase.rows.clone())).flatten();
-    let mut known: Vec<f64> = here.copied().filter(|rpm| *rpm > 0.0).collect();
-    (!known.is_empty()).then(|| median(&mut known) / 60.0)
+    let rpm = median(here.copied().filter(|rpm| *rpm > 0.0));
+    (rpm > 0.0).then_some(rpm / 60.0)
 }
 
 /// Which multiple of the spindle's speed a frequency is, as sampled.

@@ -6,7 +6,8 @@
 //! Promises: without two separate groups, no phases are reported. Never: a threshold in newtons.
 
 use super::Finding;
-use super::signal::{Signal, median};
+use super::signal::Signal;
+use crate::engine::statistics::median;
 
 /// Length of a block, s, and the fewest rows that it has.
 const BLOCK_S: f64 = 0.02;
@@ -115,9 +116,8 @@ pub(super) fn levels(signal: &Signal) -> Levels {
     order.sort_by(|a, b| swing(&blocks[*a]).total_cmp(&swing(&blocks[*b])));
     let quiet = &order[..((QUIET * order.len() as f64) as usize).clamp(1, order.len())];
     let channels = signal.channels.len();
-    let base: Vec<f64> = (0..channels)
-        .map(|k| median(&mut quiet.iter().map(|b| blocks[*b].mean[k]).collect::<Vec<f64>>()))
-        .collect();
+    let base: Vec<f64> =
+        (0..channels).map(|k| median(quiet.iter().map(|b| blocks[*b].mean[k]))).collect();
     for block in &mut blocks {
         let off = block.mean.iter().zip(&base).map(|(mean, base)| (mean - base) * (mean - base));
         block.level = libm::sqrt(off.sum::<f64>() + swing(block));
@@ -181,7 +181,7 @@ pub(super) fn of(signal: &Signal, levels: &Levels) -> Vec<Phase> {
         if states[piece.start] != State::Cut {
             continue;
         }
-        let middle = median(&mut all[piece.clone()].to_vec());
+        let middle = median(all[piece.clone()].iter().copied());
         let is_whole = |block: &usize| all[*block] >= WHOLE * middle;
         let first = piece.clone().find(is_whole).unwrap_or(piece.start);
         let last = piece.clone().rev().find(is_whole).map_or(piece.end, |block| block + 1);
@@ -239,7 +239,7 @@ pub(super) fn bias(levels: &Levels, phases: &[Phase]) -> Option<Finding> {
     let edge = (blocks.len() / 20).max(1);
     let blocks = blocks.get(edge..blocks.len().saturating_sub(edge))?;
     // Where it stirs the tool begins to touch.
-    let usual = median(&mut blocks.iter().map(|block| block.level).collect::<Vec<f64>>());
+    let usual = median(blocks.iter().map(|block| block.level));
     let blocks: Vec<&Block> = blocks.iter().filter(|block| block.level < STIRS * usual).collect();
     if blocks.len() < 2 * EVERY {
         return None;
@@ -298,12 +298,8 @@ pub(super) fn drift(levels: &Levels, phases: &[Phase]) -> Option<String> {
 pub(super) fn noise(levels: &Levels, phases: &[Phase]) -> f64 {
     let blocks =
         first_air(phases).map_or(&levels.blocks[..], |air| &levels.blocks[air.blocks.clone()]);
-    let mut swings: Vec<f64> = blocks
-        .iter()
-        .map(|block| {
-            let square: f64 = block.scatter.iter().map(|x| x * x).sum();
-            libm::sqrt(square / block.scatter.len().max(1) as f64)
-        })
-        .collect();
-    median(&mut swings)
+    median(blocks.iter().map(|block| {
+        let square: f64 = block.scatter.iter().map(|x| x * x).sum();
+        libm::sqrt(square / block.scatter.len().max(1) as f64)
+    }))
 }

@@ -3,6 +3,7 @@
 //! Promises: an empty or constant channel is excluded and reported; a missing sample in any other channel ends a run.
 //! Never: interpolated samples.
 
+use crate::engine::statistics::median;
 use recording::series::{Channel, Recording};
 use std::ops::Range;
 
@@ -124,16 +125,5 @@ fn limit(taken: &[f64]) -> Option<(f64, f64)> {
 }
 
 fn usual_step(t_s: &[f64]) -> f64 {
-    let mut steps: Vec<f64> = t_s.windows(2).map(|two| two[1] - two[0]).collect();
-    steps.retain(|step| *step > 0.0);
-    median(&mut steps)
-}
-
-/// The middle value; 0 of none.
-pub(super) fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    median(t_s.windows(2).map(|two| two[1] - two[0]).filter(|step| *step > 0.0))
 }

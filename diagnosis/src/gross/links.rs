@@ -4,8 +4,9 @@
 //!
 //! Promises: a valid recording raises no suspicion. Never: use of tool measurements.
 
-use super::{HOPELESS, REMEDY, Suspicion, median};
+use super::{HOPELESS, REMEDY, Suspicion};
 use crate::campaign::{Campaign, Reading};
+use crate::engine::statistics::median;
 use physics::{Arm, JointKind};
 use std::f64::consts::PI;
 

@@ -2,8 +2,9 @@
 //!
 //! Promises: none for recordings with fewer than two targets: errors of all points are handled in the parent. Never: a change of an approximately correct target.
 
-use super::{GROSS, LEAST_M, median, reach};
+use super::{GROSS, LEAST_M, reach};
 use crate::campaign::{Campaign, Place, Reading};
+use crate::engine::statistics::median;
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::Hypothesis;
 use crate::robust::Influence;

@@ -135,19 +135,6 @@ fn the_sign_of_a_quaternion_means_nothing() {
 }
 
 #[test]
-fn the_way_to_a_pose_shows_in_the_largest_pair() {
-    let way = |x: f64, c: f64| [off(DVec3::X * x, DVec3::Z * c), off(DVec3::X * x, DVec3::Z * c)];
-    let (one, two, three) = (way(1e-4, 1e-3), way(-2e-4, 4e-3), way(0.0, -1e-3));
-    let found = variation(&COMMAND, &[&one, &two, &three]).expect("figures");
-    assert!(near(found.position_m, 3e-4));
-    assert!(close(found.abc_rad.expect("angles"), DVec3::Z * 5e-3));
-    // Spread within a way is none between them.
-    let spread = [off(DVec3::Y * 1e-3, DVec3::ZERO), off(-DVec3::Y * 1e-3, DVec3::ZERO)];
-    let still = [off(DVec3::ZERO, DVec3::ZERO); 2];
-    assert!(near(variation(&COMMAND, &[&spread, &still]).expect("figures").position_m, 0.0));
-}
-
-#[test]
 fn drift_is_against_the_first_cycle() {
     let cycle = |place: DVec3, half: f64| {
         [off(place + DVec3::Z * half, DVec3::ZERO), off(place - DVec3::Z * half, DVec3::ZERO)]
@@ -191,7 +178,6 @@ fn the_turn_between_two_poses_is_held_against_the_commanded_one() {
 #[test]
 fn what_gives_no_figures_says_why() {
     assert_eq!(pose(&COMMAND, &[COMMAND]), Err(IsoError::Visits(1)));
-    assert_eq!(variation(&COMMAND, &[&[COMMAND, COMMAND]]), Err(IsoError::Groups(1)));
     assert_eq!(drift(&COMMAND, &[]), Err(IsoError::Groups(0)));
     assert_eq!(distance([COMMAND; 2], &[]), Err(IsoError::Visits(0)));
     let lost = Placement::point(DVec3::new(f64::NAN, 0.0, 0.0));

@@ -3,6 +3,7 @@
 //! Promises: joint test of the columns of a group, separate tests of groups. Never: evaluation of the arm.
 
 use super::{ROWS, Score, turned};
+use crate::engine::partial_cholesky::PartialCholesky;
 use crate::triangle::Triangle;
 use crate::wide::dot;
 use nalgebra::DMatrix;
@@ -99,51 +100,27 @@ impl Sums {
         columns: std::ops::Range<usize>,
         sigmas: &[f64],
     ) -> Option<Score> {
-        let count = columns.len();
-        let mut kept: Vec<usize> = Vec::new();
-        let mut left = Triangle::new(count);
         let first = columns.start;
-        // Cholesky of S with its dependent columns left out, written as rows of a triangle.
-        let mut factor: Vec<Vec<f64>> = Vec::new();
-        let mut pulls: Vec<f64> = Vec::new();
-        for k in columns {
-            let of = |a: usize, b: usize| {
-                let (group, near) = &self.near[self.home[a]];
-                let (i, j) = (a.min(b) - group.start, a.max(b) - group.start);
-                near[(i, j)] - dot(&self.seen[a], &self.seen[b])
-            };
-            let prior = sigmas[k].powi(-2);
-            let mut row: Vec<f64> = Vec::new();
-            for (i, other) in kept.iter().enumerate() {
-                let known: f64 = dot(&factor[i][..i], &row[..i]);
-                row.push((of(*other, k) - known) / factor[i][i]);
-            }
-            let (group, near) = &self.near[self.home[k]];
-            let length = near[(k - group.start, k - group.start)];
-            let own = of(k, k);
-            let rest = own + prior - dot(&row, &row);
-            let pull =
-                self.mixed[(self.width, k)] - dot(&self.seen[k], &self.right) - dot(&row, &pulls);
-            if own > LEFT * length && rest > LEFT * length {
-                let root = rest.sqrt();
-                pulls.push(pull / root);
-                row.push(root);
-                factor.push(row);
-                kept.push(k);
-            }
+        let mut found = vec![0.0; columns.len()];
+        // The projected columns `S`, without their priors.
+        let own = |a: usize, b: usize| {
+            let (group, near) = &self.near[self.home[a]];
+            let (i, j) = (a.min(b) - group.start, a.max(b) - group.start);
+            near[(i, j)] - dot(&self.seen[a], &self.seen[b])
+        };
+        let length = |a: usize| {
+            let (group, near) = &self.near[self.home[a]];
+            near[(a - group.start, a - group.start)]
+        };
+        let solved = PartialCholesky::of(
+            columns,
+            |a, b| own(a, b) + if a == b { sigmas[a].powi(-2) } else { 0.0 },
+            |a| self.mixed[(self.width, a)] - dot(&self.seen[a], &self.right),
+            |a, left| own(a, a) > LEFT * length(a) && left > LEFT * length(a),
+        )?;
+        for (column, x) in solved.kept.iter().zip(solved.solution()) {
+            found[column - first] = x;
         }
-        if kept.is_empty() {
-            return None;
-        }
-        for (i, pull) in pulls.iter().enumerate() {
-            let mut row = vec![0.0; count];
-            for (j, column) in kept.iter().enumerate().skip(i) {
-                row[column - first] = factor[j][i];
-            }
-            left.push(&row, *pull);
-        }
-        left.reduce();
-        let found = left.solve(&vec![1e-12; count]);
-        Some(Score { candidate, gain: dot(&pulls, &pulls), numbers: kept.len(), found })
+        Some(Score { candidate, gain: solved.gain(), numbers: solved.kept.len(), found })
     }
 }

@@ -8,41 +8,26 @@ use std::cell::RefCell;
 
 use super::ROWS_LEAST;
 use super::known::{First, Stated};
-use super::library::Library;
 use super::load::Rubbing;
-use super::motion::Motion;
-use super::noise;
+use super::motion::{Motion, Run};
 use super::rigid::Rigid;
-use super::selection::Selection;
-use super::sums::Sums;
-use super::table::{Products, Solved, Table};
 use crate::colour::Colour;
+use crate::engine::library::Library;
+use crate::engine::noise;
+use crate::engine::normal_equations::{Products, Solved};
+use crate::engine::split::{RowSets, RunRows, SplitSettings, reserved};
+use crate::engine::stepwise::Selection;
+use crate::engine::sums::Sums;
+use crate::engine::table::{Table, residual};
 
-/// Stretches that all runs together are cut into; every fifth is the test set, every fifth of another count the validation set.
-const STRETCHES: usize = 20;
-const EVERY: usize = 5;
-/// From a stretch of the test set to one of the validation set.
-const BESIDE: usize = 2;
-/// Runs from which on whole ones are held out.
-const RUNS_MANY: usize = 10;
 /// Periods of the band's edge beside what is held out that train nothing.
 const GAP_PERIODS: f64 = 2.0;
-
-/// Which rows are for what.
-#[derive(Clone, Debug)]
-pub(super) struct Rows {
-    pub(super) train: Vec<bool>,
-    /// The validation set of the selection; the last fit uses it too.
-    pub(super) look: Vec<bool>,
-    pub(super) held: Vec<bool>,
-    pub(super) says: String,
-}
 
 pub(super) struct Case {
     pub(super) motion: Motion,
     pub(super) table: Table,
     pub(super) library: Library,
-    pub(super) rows: Rows,
+    pub(super) rows: RowSets,
     /// Columns that are in whatever is believed: masses of which nothing is known, numbers with a stated uncertainty.
     pub(super) open: Vec<usize>,
     /// Of these, the model's own numbers: column, the number's effect and place, the effect whose first it is.
@@ -64,76 +49,20 @@ pub(super) struct Case {
     pub(super) sums: RefCell<Option<Sums>>,
 }
 
-impl Rows {
-    fn of(motion: &Motion, recordings: &[Recording], seed: u64) -> Self {
-        let count: usize = motion.runs.iter().map(|run| run.rows.len()).sum();
-        let said = recordings.iter().any(|one| one.about.heldout != Heldout::Unsaid);
-        let whole = motion.runs.len() >= RUNS_MANY;
-        let (mut held, mut look) = (vec![false; count], vec![false; count]);
-        let first = (seed % EVERY as u64) as usize;
-        let (mut from, mut stretch, mut kept) = (0, 0, 0);
-        for run in &motion.runs {
-            let rows = from..from + run.rows.len();
-            from = rows.end;
-            let is_kept = match &recordings[run.recording].about.heldout {
-                Heldout::All => true,
-                Heldout::Segments(list) => list.contains(&run.segment),
-                Heldout::Unsaid => false,
-            };
-            let share = rows.len() as f64 / count.max(1) as f64;
-            let pieces =
-                if whole { 1 } else { ((STRETCHES as f64 * share).round() as usize).max(1) };
-            for piece in 0..pieces {
-                let at = |k: usize| rows.start + k * rows.len() / pieces;
-                let here = at(piece)..at(piece + 1);
-                let turn = (stretch + EVERY - first) % EVERY;
-                let drawn = if said { is_kept } else { turn == 0 };
-                kept += usize::from(drawn);
-                if drawn {
-                    held[here].fill(true);
-                } else if turn == BESIDE {
-                    look[here].fill(true);
-                }
-                stretch += 1;
-            }
-        }
-        let apart = apart(motion, &[&held, &look]);
-        let train = (0..count).map(|row| !held[row] && !look[row] && !apart[row]).collect();
-        let look = (0..count).map(|row| look[row] && !apart[row]).collect();
-        let what = if whole { "runs" } else { "stretches" };
-        let says = if said {
-            "what the recordings keep for validation".to_owned()
-        } else {
-            format!("{kept} of {stretch} {what}, never seen by the selection or the fit")
-        };
-        Self { train, look, held, says }
-    }
-
-    /// All rows but those held out.
-    pub(super) fn seen(&self) -> Vec<bool> {
-        self.train.iter().zip(&self.look).map(|(a, b)| *a || *b).collect()
-    }
-}
-
-/// Rows beside a border of what is set aside: the filter has mixed them.
-fn apart(motion: &Motion, sets: &[&Vec<bool>]) -> Vec<bool> {
-    let mut apart = Vec::new();
-    for run in &motion.runs {
-        let from = apart.len();
+/// The runs of a motion, for the split: rows beside a border are mixed by the filter.
+fn runs(motion: &Motion, recordings: &[Recording]) -> Vec<RunRows> {
+    let said = recordings.iter().any(|one| one.about.heldout != Heldout::Unsaid);
+    let mut from = 0;
+    let run = |run: &Run| {
+        let rows = from..from + run.rows.len();
+        from = rows.end;
         let stride = run.rows.get(1).map_or(1, |second| second - run.rows[0]);
         let row_s = stride as f64 * run.step_s;
         let gap = (GAP_PERIODS / (motion.band_hz * row_s)).ceil() as usize;
-        let side = |row: usize| sets.iter().map(|set| set[from + row]).collect::<Vec<bool>>();
-        let count = run.rows.len();
-        let mut border = vec![false; count];
-        for row in 1..count {
-            if side(row) != side(row - 1) {
-                border[row.saturating_sub(gap)..(row + gap).min(count)].fill(true);
-            }
-        }
-        apart.extend(border);
-    }
-    apart
+        let own = reserved(&recordings[run.recording].about.heldout, run.segment);
+        RunRows { rows, gap, reserved: own.or(said.then_some(false)) }
+    };
+    motion.runs.iter().map(run).collect()
 }
 
 impl Case {
@@ -146,7 +75,7 @@ impl Case {
     ) -> Self {
         let arm = &stated.model.arm;
         let motion = Motion::of(arm, stated.delay_s, recordings, band_hz);
-        let rows = Rows::of(&motion, recordings, seed);
+        let rows = RowSets::of(&runs(&motion, recordings), seed, &SplitSettings::default());
         let rigid = Rigid::new(arm, &motion);
         let mut library = Library {
             columns: rigid.columns[..INERTIAL * arm.count()].to_vec(),
@@ -261,7 +190,7 @@ impl Case {
 
     /// What is left of a joint's torque.
     pub(super) fn residual(&self, solved: &Solved, joint: usize) -> Vec<f64> {
-        noise::residual(&self.table, &self.library.columns, solved, joint)
+        residual(&self.table, &self.library.columns, solved, joint)
     }
 }
 

@@ -1,11 +1,11 @@
 //! Regressors: contribution of each parameter of an effect to the torque of each joint, row by row.
 //!
-//! Sharp laws (a sign, a memory) are evaluated at the rate of the run, on motion in a wider band, and then pass the filter of the torque; smooth ones are
-//! evaluated on what has passed it.
+//! Laws that are not linear in the motion are evaluated at the rate of the run, on motion in a wider band, and then pass the filter of the torque; linear ones are evaluated on
+//! what has passed it, which is the same.
 //!
 //! Promises: a column is the term of docs/reference/effects.md per unit of its parameter. Never: a decision.
 
-use std::sync::Arc;
+use crate::engine::table::Column;
 
 use super::motion::{Motion, ROOM_C, Track};
 
@@ -50,18 +50,12 @@ pub(super) enum Law {
     Slip { distance: f64 },
 }
 
-/// One number's share in the torques: for each joint that it acts on, a value per row.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Column {
-    pub(crate) parts: Vec<(usize, Arc<[f64]>)>,
-}
-
 impl Law {
     /// The column of a law at one joint.
     pub(super) fn column(self, motion: &Motion, joint: usize) -> Column {
         let mut all = Vec::new();
         for (run, samples) in motion.runs.iter().zip(self.at_samples(motion, joint)) {
-            if self.is_sharp() {
+            if self.is_nonlinear() {
                 all.extend(run.at_rows(&samples));
             } else {
                 all.extend(run.rows.iter().map(|row| samples[*row]));
@@ -76,22 +70,16 @@ impl Law {
         motion.runs.iter().map(|run| self.samples(&run.joints[joint], standing)).collect()
     }
 
-    fn is_sharp(self) -> bool {
-        matches!(
-            self,
-            Self::Direction
-                | Self::Stribeck { .. }
-                | Self::AbsoluteSpeed
-                | Self::Memory { .. }
-                | Self::Slip { .. }
-        )
+    /// Whether the law is not linear in the motion: then it is formed before the filter, as the torque was, since the filtered cube is not the cube of what was filtered.
+    fn is_nonlinear(self) -> bool {
+        !matches!(self, Self::One | Self::Speed | Self::Acceleration | Self::Position)
     }
 
     fn samples(self, track: &Track, standing: f64) -> Vec<f64> {
         let sign = |v: f64| libm::tanh(v / standing.max(1e-12));
         let [quick_q, quick_v, _] = track.quick();
         let (places, speeds) =
-            if self.is_sharp() { (quick_q, quick_v) } else { (&*track.q, &*track.v) };
+            if self.is_nonlinear() { (quick_q, quick_v) } else { (&*track.q, &*track.v) };
         let v = speeds.iter().copied();
         let q = places.iter().copied();
         match self {
@@ -105,7 +93,7 @@ impl Law {
             Self::Warmth { .. } | Self::Warmer { .. } if track.temperature.is_empty() => {
                 vec![0.0; track.q.len()]
             }
-            Self::Warm { .. } if track.temperature.is_empty() => track.v.clone(),
+            Self::Warm { .. } if track.temperature.is_empty() => speeds.to_vec(),
             Self::Warmth { per_kelvin } => {
                 let cooled = |t: f64| match per_kelvin {
                     0.0 => t - ROOM_C,
@@ -218,19 +206,6 @@ pub(super) fn shortest_way(motion: &Motion, joint: usize) -> f64 {
 /// The lowest speed that the band can tell from rest: what the joint's usual acceleration reaches in a quarter of a period of its edge.
 pub(super) fn lowest_speed(motion: &Motion, joint: usize) -> f64 {
     0.25 * usual_acceleration(motion, joint) / motion.quick_hz
-}
-
-impl Column {
-    /// Several columns as one, each times its number.
-    pub(crate) fn sum(columns: &[(&Self, f64)], joint: usize, rows: usize) -> Vec<f64> {
-        let mut all = vec![0.0; rows];
-        for (column, number) in columns {
-            for (_, part) in column.parts.iter().filter(|(at, _)| *at == joint) {
-                all.iter_mut().zip(part.iter()).for_each(|(sum, x)| *sum += number * x);
-            }
-        }
-        all
-    }
 }
 
 #[cfg(test)]

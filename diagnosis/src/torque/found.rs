@@ -5,10 +5,11 @@
 use glam::DVec3;
 use nalgebra::DMatrix;
 
-use super::library::{Family, Form};
 use super::payload::REACH_M;
-use super::selection::{Search, Selection, others};
-use super::table::Solved;
+use crate::engine::library::{Family, Form};
+use crate::engine::normal_equations::Solved;
+use crate::engine::posterior::posterior;
+use crate::engine::stepwise::{Search, Selection, others};
 
 /// The share of a number that stays open whatever the noise: scale, geometry, the form of a law.
 const FLOOR: f64 = 5e-3;
@@ -233,11 +234,10 @@ pub(super) fn rivals(search: &Search<'_>, selection: &Selection, name: usize) ->
             None => best.push(rival),
         }
     }
-    let penalty = 0.5 * (search.products.rows.max(3) as f64).ln();
-    let weight = |rival: &Rival| libm::exp(-(rival.behind + rival.dearer * penalty).max(-20.0));
-    let all = 1.0 + best.iter().map(weight).sum::<f64>();
-    let shares: Vec<f64> = best.iter().map(|rival| weight(rival) / all).collect();
+    let penalty = search.criterion().per_parameter();
+    let losses: Vec<f64> = best.iter().map(|one| one.behind + one.dearer * penalty).collect();
+    let (probability, shares) = posterior(&losses);
     best.iter_mut().zip(shares).for_each(|(rival, share)| rival.confidence = share);
     best.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
-    (1.0 / all, best)
+    (probability, best)
 }

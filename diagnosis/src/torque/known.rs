@@ -8,9 +8,10 @@ use physics::dynamics::inverse_dynamics;
 use physics::spec::Range;
 use physics::{AnyEffect, Arm, Given, Inputs, JOINTS_MAX, Memories, Model};
 
-use super::columns::{Column, STANDING, usual_speed};
+use super::columns::{STANDING, usual_speed};
 use super::found::Number;
 use super::motion::{Motion, Run};
+use crate::engine::table::Column;
 
 /// What a model states of an arm and its drives.
 #[derive(Clone, Copy, Debug)]

@@ -5,14 +5,15 @@
 use std::sync::Arc;
 
 use super::case::Case;
-use super::columns::{Column, Law};
+use super::columns::Law;
 use super::filter::{derivative, later};
 use super::known::Stated;
-use super::library::{Family, Form, Sign};
 use super::motion::Motion;
 use super::prove::WITHIN_A_STEP;
-use super::selection::Selection;
-use super::table::Solved;
+use crate::engine::library::{Family, Form, Sign};
+use crate::engine::normal_equations::Solved;
+use crate::engine::stepwise::Selection;
+use crate::engine::table::Column;
 
 const KIND: &str = "load_friction";
 /// Rounds in which masses and the friction that is stated to go with their load are fitted by turns: each leaves at most the coefficient's share of what

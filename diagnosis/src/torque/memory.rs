@@ -7,9 +7,11 @@
 
 use nalgebra::DMatrix;
 
-use super::columns::Column;
-use super::noise;
-use super::table::{Solved, Table};
+use crate::engine::noise;
+use crate::engine::normal_equations::Solved;
+use crate::engine::table::Column;
+use crate::engine::table::Table;
+use crate::engine::table::residual;
 
 /// A covariance of all numbers of a fit, those at `places` as unsure at least as noise with the memory of what is left makes them.
 pub(super) fn at_least(
@@ -40,7 +42,7 @@ fn variances(
     let mut all = vec![0.0; places.len()];
     let each = solved.columns.len() as f64 / table.joints().count().max(1) as f64;
     for joint in table.joints() {
-        let left = noise::residual(table, columns, solved, joint);
+        let left = residual(table, columns, solved, joint);
         let (colour, size) = noise::of_left(table, joint, &left, used, each);
         let own = |(k, column): (usize, &usize)| {
             let mut parts = columns[*column].parts.iter();

@@ -3,6 +3,7 @@
 //! Promises: gaps are never bridged; cubic interpolation through the four nearest samples; motion and torque pass the same filter.
 //! Never: physics, extrapolation beyond the recording.
 
+use crate::engine::statistics::median;
 use std::borrow::Cow;
 
 use physics::{Arm, Inputs, JOINTS_MAX};
@@ -276,10 +277,8 @@ fn report_hz(band_hz: f64) -> String {
 /// The median step of a recording.
 fn step_s(recording: &Recording) -> Option<f64> {
     let pairs = recording.t_s.windows(2).zip(recording.segment.windows(2));
-    let mut steps: Vec<f64> =
-        pairs.filter(|(_, s)| s[0] == s[1]).map(|(t, _)| t[1] - t[0]).collect();
-    steps.sort_by(f64::total_cmp);
-    steps.get(steps.len() / 2).copied().filter(|step| *step > 0.0)
+    let step = median(pairs.filter(|(_, s)| s[0] == s[1]).map(|(t, _)| t[1] - t[0]));
+    (step > 0.0).then_some(step)
 }
 
 /// Rows that are whole and follow each other without a gap, long enough to be told of.

@@ -5,11 +5,11 @@
 use glam::DVec3;
 use physics::dynamics::INERTIAL;
 
-use super::columns::Column;
-use super::library::{Family, Form, Library, Sign};
 use super::motion::Motion;
 use super::rigid::carried;
-use super::table::Solved;
+use crate::engine::library::{Family, Form, Library, Sign};
+use crate::engine::normal_equations::Solved;
+use crate::engine::table::Column;
 
 /// A payload is found within this of the tool centre point, m; a fit that says more says nothing of the place.
 pub(super) const REACH_M: f64 = 2.0;

@@ -6,12 +6,13 @@
 use std::f64::consts::TAU;
 
 use super::case::Case;
-use super::columns::{Column, Law, lowest_speed, shortest_way, usual_speed, waves};
+use super::columns::{Law, lowest_speed, shortest_way, usual_speed, waves};
 use super::known::First;
-use super::library::Form;
 use super::load::Rubbing;
-use super::selection::{Search, Selection};
-use super::table::{Products, Solved};
+use crate::engine::library::Form;
+use crate::engine::normal_equations::{Products, Solved};
+use crate::engine::stepwise::{Search, Selection};
+use crate::engine::table::Column;
 
 /// First and last share by which a number is moved to see the bend.
 const STEPS: [f64; 4] = [0.3, 0.15, 0.07, 0.03];

@@ -4,9 +4,9 @@
 use super::Stated;
 use super::case::Case;
 use super::columns::shortest_way;
-use super::library::Form;
 use super::refine;
-use super::selection::{Search, others};
+use crate::engine::library::Form;
+use crate::engine::stepwise::{Search, others};
 
 /// A spring brings at least this share of its gain beyond what a force brings that is the same at every place.
 const EVEN: f64 = 0.05;

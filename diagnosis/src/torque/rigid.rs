@@ -8,8 +8,8 @@ use glam::{DMat3, DVec3};
 use physics::dynamics::{INERTIAL, Inertial, Regressor};
 use physics::{Arm, Body, Chain, JOINTS_MAX};
 
-use super::columns::Column;
 use super::motion::{Motion, Run};
+use crate::engine::table::Column;
 
 /// What may be believed of masses that nothing is known of: kg, kg m, kg m².
 const UNKNOWN: [f64; 3] = [100.0, 50.0, 50.0];

@@ -9,12 +9,16 @@
 use std::cell::RefCell;
 
 use super::case::Case;
-use super::columns::{Column, Law as Sized};
+use super::columns::Law as Sized;
 use super::motion::{Motion, span};
-use super::sums::Sums;
-use super::table::{Products, Solved, Table};
 use super::unknown::{Law, Word, words};
-use super::{noise, prove, refine};
+use super::{prove, refine};
+use crate::engine::noise;
+use crate::engine::normal_equations::{Products, Solved};
+use crate::engine::sums::Sums;
+use crate::engine::table::Column;
+use crate::engine::table::Table;
+use crate::engine::validation::sum;
 
 /// Polynomials of one word; of time, which may swing more often; of each word of a pair.
 const DEGREE: usize = 5;
@@ -238,13 +242,13 @@ pub(super) fn is_borne_out(
     left: [&Vec<f64>; 2],
     held: &[bool],
 ) -> bool {
-    let [before, after] = left.map(|left| prove::sum(table, joint, left, held));
+    let [before, after] = left.map(|left| sum(table, joint, left, held));
     after < before && prove::is_borne_out(table, joint, left, held)
 }
 
 /// The law of one joint, where held-out rows bear it out.
 fn of_joint(case: &Case, question: &Question<'_>) -> Option<Beyond> {
-    let (seen, held, joint) = (&case.rows.seen(), &case.rows.held, question.joint);
+    let (seen, held, joint) = (&case.rows.seen(), &case.rows.test, question.joint);
     let mut table = case.table.clone();
     let mut looked = question.look(&table, seen);
     for _ in 1..ROUNDS {
@@ -260,11 +264,11 @@ fn of_joint(case: &Case, question: &Question<'_>) -> Option<Beyond> {
         let after = question.left(&solved);
         (best, solved, after)
     });
-    let sum = |left: &Vec<f64>| prove::sum(&table, joint, left, seen);
-    let unseen = |left: &Vec<f64>| prove::sum(&table, joint, left, held);
+    let seen_sum = |left: &Vec<f64>| sum(&table, joint, left, seen);
+    let unseen = |left: &Vec<f64>| sum(&table, joint, left, held);
     let stands = |(best, _, after): &(Best, Solved, Vec<f64>)| {
         let is_patched = best.kept > 0;
-        (is_patched || sum(after) < (1.0 - SHARE) * sum(&before))
+        (is_patched || seen_sum(after) < (1.0 - SHARE) * seen_sum(&before))
             && is_borne_out(&table, joint, [&before, after], held)
     };
     let (best, solved, after) = fits.find(stands)?;

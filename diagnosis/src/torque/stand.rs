@@ -3,9 +3,11 @@
 //! Promises: held-out rows can remove an effect, never select one.
 
 use super::case::Case;
-use super::library::Form;
-use super::selection::{MARGIN, Search};
 use super::{Rival, Weighed, found, prove};
+use crate::engine::library::Form;
+use crate::engine::normal_equations::Solved;
+use crate::engine::stepwise::{MARGIN, Search};
+use crate::engine::validation;
 
 /// A stated number that a name stood for is off by so many times its uncertainty, from blocks of time, before it is told itself.
 const OFF: f64 = 4.0;
@@ -82,13 +84,14 @@ fn borne_out(
     mut names: Vec<usize>,
     seen: &[bool],
 ) -> (Vec<usize>, Vec<usize>) {
+    let covariance = |solved: &Solved| prove::covariance(case, solved, seen);
     let mut refuted = Vec::new();
     loop {
         let before = names.len();
         let (kept, fell) =
-            prove::borne_out(case, search, search.admissible(names), &case.rows.held);
+            prove::borne_out(case, search, search.admissible(names), &case.rows.test);
         refuted.extend(fell);
-        names = search.admissible(prove::told(case, search, kept, seen));
+        names = search.admissible(validation::significant(search, kept, &covariance, &|_| false));
         if names.len() == before {
             return (names, refuted);
         }

@@ -7,12 +7,13 @@
 use physics::JointKind;
 
 use super::case::Case;
-use super::columns::Column;
 use super::found::{Number, Rival};
 use super::library::GAIN;
-use super::table::Products;
-use super::{Finding, Stated, noise};
+use super::{Finding, Stated};
 use crate::colour::Colour;
+use crate::engine::noise;
+use crate::engine::normal_equations::Products;
+use crate::engine::table::Column;
 use crate::size::Size;
 
 /// What a constant must bring beyond its penalty, in log-likelihood.

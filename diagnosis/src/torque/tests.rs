@@ -14,10 +14,11 @@ use rand_distr::StandardNormal;
 use recording::series::{Channel, Recording};
 
 use super::case::Case;
-use super::library::{GAIN, Sign};
+use super::library::GAIN;
 use super::refine;
 use super::{Diagnosis, Doubt, Stated, diagnose};
 use crate::diagnose::Verdict;
+use crate::engine::library::Sign;
 use glam::{DMat3, DVec3};
 
 const MASS: f64 = 90.0;

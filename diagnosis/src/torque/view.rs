@@ -3,7 +3,7 @@
 //! Promises: complete rows, evenly subsampled. Never: an estimate of its own.
 
 use super::case::Case;
-use super::selection::Selection;
+use crate::engine::stepwise::Selection;
 
 /// Points of a trace at most.
 const POINTS: usize = 1500;
@@ -62,6 +62,6 @@ pub(super) fn trace(
         speed: some(&speed),
         torque: some(&torque),
         off: off.map(|list| some(&list)),
-        held: case.rows.held.iter().copied().step_by(thin).collect(),
+        held: case.rows.test.iter().copied().step_by(thin).collect(),
     }
 }

@@ -7,7 +7,7 @@
 use physics::{Arm, JointKind};
 
 use super::motion::Motion;
-use super::table::Table;
+use crate::engine::table::Table;
 
 /// Shares of the rows that are tried.
 const SHARES: [f64; 8] = [0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06];

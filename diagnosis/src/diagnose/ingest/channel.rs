@@ -10,9 +10,9 @@ use std::ops::Range;
 use physics::{Arm, Chain};
 use recording::series::{Channel, Kind, Recording};
 
-use super::stamps::middle;
 use super::straight::{Followed, line, spread};
 use super::{finite, groups, name, named};
+use crate::engine::statistics::median;
 use crate::from_recording::Positions;
 
 /// The same value on so many rows, or so many times the middle run, is looked into.
@@ -179,7 +179,7 @@ impl<'a> Looking<'a> {
             let off = rows.windows(2).map(|pair| (values[pair[1]] - values[pair[0]]).abs());
             let off: Vec<f64> = off.filter(|off| *off > 0.0).collect();
             let least = off.iter().copied().fold(f64::INFINITY, f64::min);
-            middle(off) > STEPS * least
+            median(off) > STEPS * least
         };
         if !all.iter().any(jumps) {
             return None;
@@ -258,7 +258,7 @@ fn runs(rows: &[usize], same: impl Fn(usize, usize) -> bool) -> Vec<Range<usize>
 
 /// Those that are long beside the others.
 fn long(runs: &[Range<usize>]) -> Vec<Range<usize>> {
-    let usual = middle(runs.iter().map(|run| run.len() as f64).collect()) as usize;
+    let usual = median(runs.iter().map(|run| run.len() as f64)) as usize;
     let least = if runs.len() > 1 { RUN.max(RUNS * usual) } else { RUN };
     runs.iter().filter(|run| run.len() >= least).cloned().collect()
 }

@@ -2,6 +2,7 @@
 //!
 //! Promises: no remarks on settled poses, whose times are irrelevant. Never: a changed row.
 
+use crate::engine::statistics::median;
 use recording::series::{Kind, Recording};
 
 /// A step this many times the middle one is a gap.
@@ -20,7 +21,7 @@ pub(super) fn notes(recording: &Recording) -> Vec<String> {
     if recording.about.kind != Kind::Path || steps.len() < STEPS_LEAST {
         return Vec::new();
     }
-    let middle = middle(steps.iter().map(|step| step.1).collect());
+    let middle = median(steps.iter().map(|step| step.1));
     let mut notes = Vec::new();
     let (gaps, even): (Vec<_>, Vec<_>) = steps.into_iter().partition(|step| step.1 > GAP * middle);
     if let Some((row, longest)) = gaps.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
@@ -40,10 +41,4 @@ pub(super) fn notes(recording: &Recording) -> Vec<String> {
         ));
     }
     notes
-}
-
-/// The middle of values; 0 where there are none.
-pub(super) fn middle(mut values: Vec<f64>) -> f64 {
-    let at = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(at, f64::total_cmp).1 }
 }

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use physics::{Arm, Chain};
 use recording::series::Channel;
 
-use super::stamps::middle;
+use crate::engine::statistics::median;
 use crate::from_recording::Positions;
 
 /// Rows per number of the line, at least.
@@ -87,8 +87,8 @@ pub(super) fn line(followed: &Followed, values: &[f64], sound: &[usize]) -> Opti
     let slope = normal.cholesky()?.solve(&right);
     let at = |row| level + off(row).zip(slope.iter()).map(|(x, b)| x * b).sum::<f64>();
     let expected: Vec<f64> = (0..followed.rows()).map(at).collect();
-    let sizes = sound.iter().map(|row| (values[*row] - expected[*row]).abs()).collect();
-    Some(Line { sigma: DEVIATE * middle(sizes), expected })
+    let sizes = sound.iter().map(|row| (values[*row] - expected[*row]).abs());
+    Some(Line { sigma: DEVIATE * median(sizes), expected })
 }
 
 /// The least and the largest standard deviation of what is followed along any direction, over these rows.

@@ -8,14 +8,15 @@ use nalgebra::DMatrix;
 use physics::Bite;
 
 use super::law::{CHIP, EDGE, Law, NUMBERS, Spindle, Stood};
-use super::rows::Sets;
 use crate::colour::Colour;
-use crate::torque::blocks::covariance_of;
-use crate::torque::columns::Column;
-use crate::torque::library::Library;
-use crate::torque::noise;
-use crate::torque::prove::{rms_of, sum};
-use crate::torque::table::{Products, Solved, Table};
+use crate::engine::library::Library;
+use crate::engine::noise;
+use crate::engine::normal_equations::{Products, Solved};
+use crate::engine::split::RowSets;
+use crate::engine::table;
+use crate::engine::table::Column;
+use crate::engine::table::{Table, residual};
+use crate::engine::validation::{rms_of, sum};
 
 /// By so much the spindle is turned to see what that changes, rad.
 const TURNED: f64 = 5e-3;
@@ -81,7 +82,7 @@ pub(super) struct Case {
     pub(super) doubts: Vec<Doubt>,
     /// The noise that is told of each axis, N.
     pub(super) told_noise: [Option<f64>; 3],
-    pub(super) sets: Sets,
+    pub(super) sets: RowSets,
 }
 
 impl Belief {
@@ -339,14 +340,14 @@ impl Case {
     /// Half the sum of squares of what is new in what is left on some rows, in units of the noise: minus log-likelihood.
     pub(super) fn left_white(&self, solved: &Solved, used: &[bool]) -> f64 {
         let of_axis = |axis: usize| {
-            let left = noise::residual(&self.table, &self.library.columns, solved, axis);
+            let left = residual(&self.table, &self.library.columns, solved, axis);
             0.5 * sum(&self.table, axis, &self.table.whitened(axis, &left), used)
         };
         self.table.joints().map(of_axis).sum()
     }
 
     pub(super) fn covariance(&self, solved: &Solved, used: &[bool]) -> DMatrix<f64> {
-        covariance_of(&self.table, &self.library.columns, solved, used)
+        table::covariance(&self.table, &self.library.columns, solved, used)
     }
 
     /// The largest told coefficients: N/m², N/m.

@@ -16,23 +16,17 @@ use super::rest::{self, Rest};
 use super::rows::Rows;
 use super::sets;
 use super::view::{Traced, has_one_feed, not_tested, notes, signal, traces};
-use crate::diagnose::{Verdict, judge};
-use crate::torque::library::Family;
-use crate::torque::prove::{Listed, borne_out_by, order_by, size_of, told_by};
-use crate::torque::selection::{Search, Selection, others};
-use crate::torque::table::Solved;
+use crate::engine::library::Family;
+use crate::engine::normal_equations::Solved;
+use crate::engine::stepwise::{Search, Selection, others};
+use crate::engine::validation::{Listed, attributed, significant, size_of, supported};
+use crate::engine::verdict::{Verdict, VerdictSettings, Weight, claimed, decide_verdict};
 use crate::torque::{Finding, Refit};
 
-/// Names must carry this share of what stands above the noise on held-out rows, as energy; else the structure is unknown.
-const CARRIED: f64 = 0.98;
-/// Where more than this share of what is named cannot be distinguished, nothing is claimed.
-const CLEAR: f64 = 0.5;
 /// A name that is likelier than all its rivals together by so much is a claim, its rivals told beside it.
 const LIKELY: f64 = 0.95;
 /// Rounds in which a likelier rival takes a name's place once all rows are seen.
 const SWAPS: usize = 3;
-/// Beside a name that brings so much and is alike none other, the alike ones are told as sets.
-const SURE: f64 = 20.0;
 /// One law says more than all names where it is worth more by this share, rows that train and rows held out together: names are the cut's own law to about as much.
 const CLEARLY: f64 = 0.01;
 /// And by so much more than chance makes of it, in log-likelihood.
@@ -90,8 +84,8 @@ pub(super) fn finish(
     let products = case.products(&seen);
     let search = Search { library: &case.library, products: &products, always: &case.always };
     let selection = search.solve(&names);
-    let rms = |solved: &Solved| case.rms(solved, &case.sets.held);
-    let listed = order_by(&search, &selection, &rms);
+    let rms = |solved: &Solved| case.rms(solved, &case.sets.test);
+    let listed = attributed(&search, &selection, &rms);
     let covariance = case.covariance(&selection.solved, &seen);
     let is_tone = |one: &&Listed| case.library.families[one.name].kind == TONE;
     let hum = listed.iter().find(is_tone).map(|one| one.heldout);
@@ -121,7 +115,8 @@ pub(super) fn finish(
     let creeping = rest::creeping(&case, &case.belief);
     let is_strange = is_patched || hum.is_some() || creeping.is_some();
     let verdict = verdict(&case, &findings, (&given, &selection), law.as_ref(), is_strange);
-    let (findings, candidates) = judge::claimed(verdict, findings, |one| one.confidence);
+    let (findings, candidates) =
+        claimed(verdict, findings, &VerdictSettings::DRIVE_OR_CUT, |one| one.confidence);
     let tone = hum.map(|held| a_tone(&case, held));
     let nameless = is_patched.then(|| beyond_names(heldout));
     let unexplained = tone.or(law).or(creeping).or(nameless);
@@ -200,7 +195,7 @@ fn is_patched(case: &Case, names: &[usize]) -> bool {
 
 /// What a selection carries on held-out rows of the energy that is off as given, in units of what is new in the noise.
 fn carried(case: &Case, given: &Selection, selection: &Selection) -> f64 {
-    let left = |selection: &Selection| 2.0 * case.left_white(&selection.solved, &case.sets.held);
+    let left = |selection: &Selection| 2.0 * case.left_white(&selection.solved, &case.sets.test);
     (left(given) - left(selection)).max(0.0)
 }
 
@@ -217,9 +212,9 @@ fn settled(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
         let search = Search { library: &case.library, products: &products, always: &case.always };
         let covariance = |solved: &Solved| case.covariance(solved, seen);
         let is_belief = |name: usize| case.library.families[name].revises;
-        let kept = told_by(&search, names.clone(), &covariance, &is_belief);
-        let left = |solved: &Solved| case.left_white(solved, &case.sets.held);
-        borne_out_by(&search, kept, &left, &is_belief).0
+        let kept = significant(&search, names.clone(), &covariance, &is_belief);
+        let left = |solved: &Solved| case.left_white(solved, &case.sets.test);
+        supported(&search, kept, &left, &is_belief).0
     };
     if kept != names {
         fit(case, &kept, seen);
@@ -358,17 +353,11 @@ fn verdict(
 ) -> Verdict {
     let explained = carried(case, given, selection);
     let share = rest.map(|rest| explained / (explained + rest.carries).max(f64::MIN_POSITIVE));
-    let named: f64 = findings.iter().map(|one| one.gain).sum();
-    let is_alike = |one: &&Finding| one.confidence < LIKELY && !one.rivals.is_empty();
-    let alike: f64 = findings.iter().filter(is_alike).map(|one| one.gain).sum();
-    let clear = findings.iter().filter(|one| !is_alike(one));
-    let surest = clear.map(|one| one.gain).fold(0.0, f64::max);
-    match (findings.is_empty(), share) {
-        _ if is_strange => Verdict::UnknownStructure,
-        (true, None) => Verdict::Consistent,
-        (true, Some(_)) => Verdict::UnknownStructure,
-        (false, Some(share)) if share < CARRIED => Verdict::UnknownStructure,
-        _ if alike > CLEAR * named && surest < SURE => Verdict::Undetermined,
-        _ => Verdict::MissingPhysics,
+    if is_strange {
+        return Verdict::UnknownStructure;
     }
+    let is_ambiguous = |one: &Finding| one.confidence < LIKELY && !one.rivals.is_empty();
+    let weight = |one: &Finding| Weight { gain: one.gain, is_ambiguous: is_ambiguous(one) };
+    let weights: Vec<Weight> = findings.iter().map(weight).collect();
+    decide_verdict(&weights, share, &VerdictSettings::DRIVE_OR_CUT)
 }

@@ -9,8 +9,9 @@ use physics::Model;
 use super::case::Case;
 use super::names::{TONE, slot};
 use super::sets::price_of;
-use crate::torque::library::Family;
-use crate::torque::selection::{Search, Selection, others};
+use crate::engine::library::Family;
+use crate::engine::posterior::posterior;
+use crate::engine::stepwise::{Search, Selection, others};
 use crate::torque::{Number, Rival};
 
 /// The share of a number that stays open whatever the noise.
@@ -36,7 +37,8 @@ pub(super) struct Weighed {
 impl Weighed {
     /// The rival that explains more for its penalty, where there is one.
     pub(super) fn better(&self, search: &Search<'_>) -> Option<usize> {
-        let cost = |one: &Rival| one.behind + one.dearer * penalty(search);
+        let penalty = search.criterion().per_parameter();
+        let cost = |one: &Rival| one.behind + one.dearer * penalty;
         let best = self.rivals.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
         (cost(best) < -BETTER).then_some(best.place)
     }
@@ -58,6 +60,8 @@ pub(super) fn weighed(
     let gain = misfit(&others) - whole;
     let without = search.solve(&others);
     let by_slopes = selection.solved.gain - without.solved.gain;
+    let penalty = search.criterion().per_parameter();
+    let cost = |one: &Rival| one.behind + one.dearer * penalty;
     let mut rivals: Vec<Rival> = Vec::new();
     for (place, family) in families.iter().enumerate() {
         let is_taken = others.iter().any(|n| families[*n].kind == family.kind);
@@ -70,7 +74,7 @@ pub(super) fn weighed(
         let names: Vec<usize> = others.iter().copied().chain([place]).collect();
         let behind = misfit(&names) - whole;
         // In numbers: a selection among many forms is worth a part of one.
-        let dearer = (price_of(search, family) - price_of(search, own)) / penalty(search);
+        let dearer = (price_of(search, family) - price_of(search, own)) / penalty;
         if behind > FAR {
             continue;
         }
@@ -82,10 +86,9 @@ pub(super) fn weighed(
             behind,
             dearer,
             // Whoever takes more numbers to explain the same is no rival on an even footing.
-            alike: behind + dearer.max(0.0) * penalty(search) < ALIKE,
+            alike: behind + dearer.max(0.0) * penalty < ALIKE,
             confidence: 0.0,
         };
-        let cost = |one: &Rival| one.behind + one.dearer * penalty(search);
         match rivals.iter().position(|one| one.kind == rival.kind) {
             Some(at) if cost(&rivals[at]) > cost(&rival) => rivals[at] = rival,
             Some(_) => {}
@@ -93,21 +96,14 @@ pub(super) fn weighed(
         }
     }
     // That nothing is there at all is one more rival.
-    let nothing = libm::exp(-(gain - price_of(search, own)).max(-20.0));
-    let weight =
-        |rival: &Rival| libm::exp(-(rival.behind + rival.dearer * penalty(search)).max(-20.0));
-    let all = 1.0 + nothing + rivals.iter().map(weight).sum::<f64>();
-    let shares: Vec<f64> = rivals.iter().map(|rival| weight(rival) / all).collect();
+    let nothing = gain - price_of(search, own);
+    let losses: Vec<f64> = rivals.iter().map(cost).chain([nothing]).collect();
+    let (confidence, shares) = posterior(&losses);
     rivals.iter_mut().zip(shares).for_each(|(rival, share)| rival.confidence = share);
     rivals.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
     rivals.retain(|rival| rival.kind != TONE);
     let is_idle = gain < price_of(search, own);
-    Weighed { gain, confidence: 1.0 / all, rivals, is_idle }
-}
-
-/// What one more number costs.
-fn penalty(search: &Search<'_>) -> f64 {
-    0.5 * (search.products.rows.max(3) as f64).ln()
+    Weighed { gain, confidence, rivals, is_idle }
 }
 
 /// The names with a likelier rival in the place of one of them, where there is one.

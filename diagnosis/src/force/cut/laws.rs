@@ -12,11 +12,11 @@ use std::f64::consts::TAU;
 use super::case::{Belief, Case};
 use super::law::{CHIP, EDGE};
 use super::rest::Rest;
-use crate::torque::columns::Column;
-use crate::torque::noise::residual;
-use crate::torque::prove::sum;
-use crate::torque::sums::Sums;
-use crate::torque::table::{Products, Solved};
+use crate::engine::normal_equations::{Products, Solved};
+use crate::engine::sums::Sums;
+use crate::engine::table::Column;
+use crate::engine::table::residual;
+use crate::engine::validation::sum;
 
 /// Knots of a word; of a turn, for each tooth.
 const KNOTS: usize = 8;
@@ -250,10 +250,10 @@ fn borne_out(case: &Case, beside: &[usize], law: &Asked, found: &Worth) -> Optio
     let explains = |[without, with]: &[[Vec<f64>; 3]; 2], used: &[bool]| {
         energy(with, used) < (1.0 - SHARE) * energy(without, used)
     };
-    if !explains(&lefts(&case.sets.train), &case.sets.look) {
+    if !explains(&lefts(&case.sets.train), &case.sets.validation) {
         return None;
     }
-    let held = &case.sets.held;
+    let held = &case.sets.test;
     let both = lefts(&case.sets.seen());
     if !explains(&both, held) {
         return None;

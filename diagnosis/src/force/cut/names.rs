@@ -6,8 +6,8 @@
 
 use physics::{AnyEffect, Model};
 
-use crate::torque::columns::Column;
-use crate::torque::library::{Family, Form, Library, Sign};
+use crate::engine::library::{Family, Form, Library, Sign};
+use crate::engine::table::Column;
 
 use super::case::{Anyway, Case, Doubt};
 use super::law::{BIAS, CHIP, EDGE, HUM, LEAK, NUMBERS, RING, RUNOUT, SCALE, Slot, TURN, WEAR};

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use super::case::{Belief, Case, DRIFTS};
 use super::laws::{self, Law};
-use crate::torque::prove::sum;
+use crate::engine::validation::sum;
 
 /// Turns from which on it is asked whether the force wanders from turn to turn.
 const TURNS: f64 = 30.0;
@@ -60,8 +60,8 @@ pub(super) fn creeping(case: &Case, belief: &Belief) -> Option<Rest> {
     let mut still = belief.clone();
     still.drift.fill(0.0);
     let without = case.left(&still);
-    let rows = sum(&case.table, axis, &vec![1.0; left[axis].len()], &case.sets.held).max(1.0);
-    let rms = |all: &[f64]| libm::sqrt(sum(&case.table, axis, all, &case.sets.held) / rows);
+    let rows = sum(&case.table, axis, &vec![1.0; left[axis].len()], &case.sets.test).max(1.0);
+    let rms = |all: &[f64]| libm::sqrt(sum(&case.table, axis, all, &case.sets.test) / rows);
     let held = [rms(&without[axis]), rms(&left[axis])];
     Some(Rest { axis, words: vec!["t_s".to_owned()], held, tone_hz: None, carries: 0.0 })
 }
@@ -102,7 +102,7 @@ fn wandering(case: &Case, belief: &Belief, left: &[Vec<f64>; 3]) -> Option<Rest>
         return None;
     }
     let share = |row: usize| turns.get(&turn(row)).map_or(0.0, |[both, square]| both / square);
-    let held = &case.sets.held;
+    let held = &case.sets.test;
     let of_axis = |axis: usize| {
         let counts = &case.table.counts[axis];
         let rows = (0..held.len()).filter(|row| held[*row] && counts[*row]);

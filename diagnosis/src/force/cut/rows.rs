@@ -3,8 +3,9 @@
 //! Promises: rows without spindle speed or feed are excluded; air is detected by the forces, even with feed;
 //! rows at the border of engagement are excluded. Never: a selection.
 
+use crate::engine::split::{RowSets, RunRows, SplitSettings, reserved};
 use physics::Cutter;
-use recording::series::{Channel, Heldout, Recording};
+use recording::series::{Channel, Recording};
 use spectrum::offline::speed_of_pulses;
 use std::ops::Range;
 use world::milling::{Row, stands};
@@ -18,32 +19,10 @@ use super::ways::heard;
 const ROWS_MOST: usize = 12_000;
 /// Stretches of a recording that is too long.
 const WINDOWS: usize = 20;
-/// Stretches that all rows together are cut into; of every five one is the test set and one the validation set.
-const STRETCHES: usize = 25;
-const EVERY: usize = 5;
-const HELD: usize = 2;
-const LOOK: usize = 4;
-/// Runs from which on whole ones are held out.
-const RUNS_MANY: usize = 10;
 /// Rows beside what is held out that train nothing: the memory of the noise.
 const GAP: usize = 10;
-
-/// Which rows are for what.
-#[derive(Clone, Debug)]
-pub(super) struct Sets {
-    pub(super) train: Vec<bool>,
-    /// The validation set of the selection; the last fit uses it too.
-    pub(super) look: Vec<bool>,
-    pub(super) held: Vec<bool>,
-    pub(super) says: String,
-}
-
-impl Sets {
-    /// All rows but those held out.
-    pub(super) fn seen(&self) -> Vec<bool> {
-        self.train.iter().zip(&self.look).map(|(a, b)| *a || *b).collect()
-    }
-}
+/// Which stretches are held out: the third and every fifth from there on, so that the way into the work is none of them.
+const SEED: u64 = 2;
 
 /// The rows that are compared.
 pub(super) struct Rows {
@@ -148,58 +127,14 @@ impl Rows {
     }
 
     /// Sets rows apart that take no part in choices.
-    pub(super) fn sets(&self, recording: &Recording) -> Sets {
-        let count = self.at.len();
-        let (mut held, mut look) = (vec![false; count], vec![false; count]);
-        let said = recording.about.heldout != Heldout::Unsaid;
-        let whole = self.runs.len() >= RUNS_MANY;
-        let (mut stretch, mut kept) = (0, 0);
-        for run in &self.runs {
-            let is_kept = match &recording.about.heldout {
-                Heldout::All => true,
-                Heldout::Segments(list) => list.contains(&recording.segment[self.at[run.start]]),
-                Heldout::Unsaid => false,
-            };
-            let share = run.len() as f64 / count.max(1) as f64;
-            let pieces =
-                if whole { 1 } else { ((STRETCHES as f64 * share).round() as usize).max(1) };
-            for piece in 0..pieces {
-                let at = |k: usize| run.start + k * run.len() / pieces;
-                let here = at(piece)..at(piece + 1);
-                let drawn = if said { is_kept } else { stretch % EVERY == HELD };
-                kept += usize::from(drawn);
-                if drawn {
-                    held[here].fill(true);
-                } else if stretch % EVERY == LOOK {
-                    look[here].fill(true);
-                }
-                stretch += 1;
-            }
-        }
-        let apart = self.apart(&held, &look);
-        let train = (0..count).map(|row| !held[row] && !look[row] && !apart[row]).collect();
-        let look = (0..count).map(|row| look[row] && !apart[row]).collect();
-        let what = if whole { "runs" } else { "stretches" };
-        let says = if said {
-            "what the recording keeps for validation".to_owned()
-        } else {
-            format!("{kept} of {stretch} {what}, never seen by the selection or the fit")
+    pub(super) fn sets(&self, recording: &Recording) -> RowSets {
+        let run = |run: &Range<usize>| RunRows {
+            rows: run.clone(),
+            gap: GAP,
+            reserved: reserved(&recording.about.heldout, recording.segment[self.at[run.start]]),
         };
-        Sets { train, look, held, says }
-    }
-
-    /// Rows beside a border of what is set aside.
-    fn apart(&self, held: &[bool], look: &[bool]) -> Vec<bool> {
-        let mut apart = vec![false; self.at.len()];
-        for run in &self.runs {
-            for row in run.start + 1..run.end {
-                if (held[row], look[row]) != (held[row - 1], look[row - 1]) {
-                    let first = row.saturating_sub(GAP).max(run.start);
-                    apart[first..(row + GAP).min(run.end)].fill(true);
-                }
-            }
-        }
-        apart
+        let runs: Vec<RunRows> = self.runs.iter().map(run).collect();
+        RowSets::of(&runs, SEED, &SplitSettings::default())
     }
 }
 

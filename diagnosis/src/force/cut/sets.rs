@@ -9,8 +9,8 @@
 use std::collections::BTreeMap;
 
 use super::case::Case;
-use crate::torque::library::Family;
-use crate::torque::selection::{Search, Selection, others};
+use crate::engine::library::Family;
+use crate::engine::stepwise::{Search, Selection, others};
 
 /// What a set must bring beyond its penalty.
 const MARGIN: f64 = 5.0;
@@ -38,13 +38,9 @@ impl Set {
     /// As slopes have it; none where a number is not its name's to have.
     pub(super) fn of(search: &Search<'_>, names: &[usize]) -> Option<Self> {
         let selection = search.solve(names);
-        let families = &search.library.families;
-        let is_wrong = |name: &usize| {
-            let mut numbers = families[*name].signs.iter().zip(&families[*name].columns);
-            numbers.any(|(sign, k)| !sign.admits(selection.solved.value(*k).unwrap_or(0.0)))
-        };
         let score = selection.solved.gain - penalty(search, names);
-        (!names.iter().any(is_wrong)).then(|| Self { names: names.to_vec(), score })
+        let is_admissible = names.iter().all(|name| search.is_admissible(&selection, *name));
+        is_admissible.then(|| Self { names: names.to_vec(), score })
     }
 }
 

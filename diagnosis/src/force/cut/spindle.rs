@@ -3,6 +3,7 @@
 //! The speed is the one at which forces repeat best from turn to turn; the angle of each segment the one at which the tooth model fits best, its coefficients free within
 //! their priors. An angle that fits as well as another (0 where a segment begins) is kept.
 
+use crate::engine::statistics::median;
 use nalgebra::{SMatrix, SVector};
 use std::f64::consts::TAU;
 
@@ -73,9 +74,7 @@ fn faster(case: &Case, used: &[bool]) -> f64 {
     let Some(best) = best.filter(|best| *best > 0 && *best + 1 < gathered.len()) else {
         return 0.0;
     };
-    let mut sorted = gathered.clone();
-    sorted.sort_by(f64::total_cmp);
-    if gathered[best] < STANDS_OUT * sorted[sorted.len() / 2] {
+    if gathered[best] < STANDS_OUT * median(gathered.iter().copied()) {
         return 0.0;
     }
     let [a, b, c] = [gathered[best - 1], gathered[best], gathered[best + 1]];

@@ -9,9 +9,9 @@ use spectrum::folded_hz;
 use spectrum::welch::{Detrend, Segments, Taper, welch};
 use std::f64::consts::TAU;
 
-use super::super::signal::median;
 use super::case::Case;
 use super::law::{HUM, RING, Slot};
+use crate::engine::statistics::median;
 
 /// Points of a grid of time, at least and at most.
 const POINTS_LEAST: usize = 256;
@@ -87,7 +87,7 @@ fn line(
     };
     let spectrum = welch(&grid, &plan).ok()?;
     let power = &spectrum.power;
-    let middle = |some: &[f64]| median(&mut some.to_vec()).max(f64::MIN_POSITIVE);
+    let middle = |some: &[f64]| median(some.iter().copied()).max(f64::MIN_POSITIVE);
     let floors: Vec<f64> = power.chunks(AROUND).map(middle).collect();
     let is_peak = |at: &usize| power[*at] >= power[*at - 1] && power[*at] >= power[*at + 1];
     let peaks = (2..power.len().saturating_sub(2)).filter(is_peak);

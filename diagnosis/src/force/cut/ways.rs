@@ -5,12 +5,13 @@
 //!
 //! Promises: a pass that cuts from its first row has no entry; only changes far above the scatter of revolutions are reported.
 
+use crate::engine::statistics::median;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 use std::ops::Range;
 use world::milling::Stand;
 
-use super::super::signal::{Signal, median};
+use super::super::signal::Signal;
 
 /// A feed that changes by more than this share begins another pass.
 const SAME_FEED: f64 = 0.02;
@@ -157,9 +158,8 @@ fn along(blocks: &[(f64, Vec<f64>)]) -> Option<Vec<(f64, f64)>> {
     if blocks.len() < BLOCKS_LEAST {
         return None;
     }
-    let middle = |some: &[(f64, Vec<f64>)], k: usize| {
-        median(&mut some.iter().map(|(_, traits)| traits[k]).collect::<Vec<f64>>())
-    };
+    let middle =
+        |some: &[(f64, Vec<f64>)], k: usize| median(some.iter().map(|(_, traits)| traits[k]));
     let count = blocks[0].1.len();
     let quiet: Vec<f64> = (0..count).map(|k| middle(&blocks[..FIRST], k)).collect();
     let whole: Vec<f64> = (0..count).map(|k| middle(&blocks[blocks.len() / 2..], k)).collect();

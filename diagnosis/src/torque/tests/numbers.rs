@@ -3,7 +3,8 @@
 use physics::JointKind;
 
 use super::*;
-use crate::torque::library::{Family, Form};
+use crate::engine::library::{Family, Form};
+use crate::engine::validation::significant;
 use crate::torque::motion::Motion;
 use crate::torque::{finish, prove, stand};
 
@@ -126,7 +127,12 @@ fn a_wave_so_long_that_only_its_slope_shows_has_no_height_to_tell() {
         let seen = case.rows.seen();
         let products = case.products(&seen);
         let search = refine::search(&case, &products, &case.open);
-        let told = prove::told(&case, &search, wave.clone(), &seen);
+        let told = significant(
+            &search,
+            wave.clone(),
+            &|solved| prove::covariance(&case, solved, &seen),
+            &|_| false,
+        );
         assert_eq!(told, wave, "beside a height that is known it is plain");
         finish::sized(&case, &stated, &search, wave).1.len()
     };

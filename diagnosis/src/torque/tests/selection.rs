@@ -3,9 +3,11 @@
 use physics::JointKind;
 
 use super::*;
-use crate::torque::table::Solved;
+use crate::engine::normal_equations::Solved;
+use crate::engine::validation::supported;
+use crate::engine::{noise, table};
 use crate::torque::zone::{self, Zone};
-use crate::torque::{blocks, noise, prove, reopened, smooth};
+use crate::torque::{prove, reopened, smooth};
 
 fn kinds(found: &Diagnosis) -> Vec<&'static str> {
     found.findings.iter().map(|finding| finding.kind).collect()
@@ -71,7 +73,7 @@ fn a_delay_is_no_surer_than_a_hundredth_of_a_step() {
     let delay = families.position(|family| family.kind == "torque_delay").unwrap();
     let solved = search.solve(&[delay]).solved;
     let used = &case.rows.train;
-    let of_rows = blocks::covariance_of(&case.table, &case.library.columns, &solved, used)[(0, 0)];
+    let of_rows = table::covariance(&case.table, &case.library.columns, &solved, used)[(0, 0)];
     let told = prove::covariance(&case, &solved, used)[(0, 0)];
     assert!(((told - of_rows).sqrt() - 0.01 * 2e-3).abs() < 1e-9, "{told} {of_rows}");
 }
@@ -85,7 +87,7 @@ fn no_name_falls_for_a_rival_that_alone_would_have_the_wrong_sign() {
     let (loop_, dry) = (find("hysteresis"), find("friction_asymmetry"));
     // The loop alone would have to run backwards here; a measure that likes it best without the other must not have its way.
     let likes = |solved: &Solved| solved.columns.len() as f64;
-    let (names, refuted) = prove::borne_out_by(&search, vec![loop_, dry], &likes, &|_| false);
+    let (names, refuted) = supported(&search, vec![loop_, dry], &likes, &|_| false);
     assert!(!names.contains(&loop_) && refuted.contains(&loop_), "{names:?} {refuted:?}");
     assert_eq!(refuted[0], loop_, "the other fell first, and left what cannot be");
 }
@@ -134,7 +136,7 @@ fn a_law_that_makes_the_plain_error_on_unseen_rows_larger_is_none() {
         slow
     });
     let noise: Vec<f64> = noise.take(case.table.rows()).collect();
-    let held = case.rows.held.clone();
+    let held = case.rows.test.clone();
     case.table.noise[0] = noise::of_left(&case.table, 0, &noise, &case.rows.seen(), 0.0);
     // The law takes away what is quick, and beside noise that remembers itself a level that it leaves instead hardly counts.
     let before: Vec<f64> =

@@ -4,26 +4,12 @@
 //!
 //! Promises: training rows only. Never: less than the resolution of the recording.
 
-use super::columns::Column;
-use super::table::{Solved, Table};
+use super::normal_equations::Solved;
+use super::table::{Column, Table, residual};
 use crate::colour::Colour;
 
 /// Of the torque's own size, noise is at least this.
 const LEAST: f64 = 1e-9;
-
-/// What is left of one joint's torque, row by row.
-pub(crate) fn residual(
-    table: &Table,
-    columns: &[Column],
-    solved: &Solved,
-    joint: usize,
-) -> Vec<f64> {
-    let parts: Vec<(&Column, f64)> =
-        solved.columns.iter().zip(&solved.values).map(|(k, v)| (&columns[*k], *v)).collect();
-    let model = Column::sum(&parts, joint, table.rows());
-    let target = table.target[joint].iter().flatten();
-    target.zip(model).map(|(target, model)| target - model).collect()
-}
 
 /// How each joint's noise is, from a fit of all that may be missing.
 pub(crate) fn of(
@@ -44,7 +30,7 @@ pub(crate) fn of(
 }
 
 /// The same of one joint, from what is left of its torque once `numbers` were fitted.
-pub(super) fn of_left(
+pub(crate) fn of_left(
     table: &Table,
     joint: usize,
     left: &[f64],

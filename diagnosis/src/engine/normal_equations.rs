@@ -1,65 +1,17 @@
-//! The rows of the fit, and the sums of their products.
+//! Normal equations `(XᵀX + P) β = Xᵀr` of columns with Gaussian priors, their solution and what further columns would add (nalgebra's Cholesky factorisation).
 //!
-//! Promises: rows of a joint, columns and right-hand side alike, are whitened by its AR noise model; rows set aside are not
-//! used. Never: a selection.
+//! Columns are scaled to unit length. Columns that those before them explain are left out, by a pivoted elimination. Rows are whitened before they are summed.
+//! Promises: the same sums give the same numbers. Never: a selection.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-use std::borrow::Cow;
-use std::ops::Range;
 
-use super::columns::Column;
 use super::sums::Sums;
-use crate::colour::Colour;
+use super::table::{Column, Table};
 
 /// A column that the others explain but for this share, squared, has no number of its own.
 const OWN: f64 = 1e-7;
 /// A column that is left so little, squared, brings nothing that rounding would not.
-pub(super) const BRINGS: f64 = 1e-4;
-
-/// What was measured and not yet explained by what the model knows.
-#[derive(Clone, Debug)]
-pub(crate) struct Table {
-    /// Rows of each run.
-    pub(crate) runs: Vec<Range<usize>>,
-    /// Per joint, a value per row; none where the joint's torque was not recorded. N m or N.
-    pub(crate) target: Vec<Option<Vec<f64>>>,
-    /// Per joint and row: whether the joint moves. At rest stiction holds whatever it has to: such rows tell nothing and prove nothing.
-    pub(crate) moves: Vec<Vec<bool>>,
-    /// Per joint and row: whether it counts.
-    pub(crate) counts: Vec<Vec<bool>>,
-    /// Per joint: how its noise remembers itself, and its size, N m or N.
-    pub(crate) noise: Vec<(Colour, f64)>,
-}
-
-impl Table {
-    pub(crate) fn rows(&self) -> usize {
-        self.runs.last().map_or(0, |run| run.end)
-    }
-
-    /// The joints whose torque was recorded.
-    pub(crate) fn joints(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.target.len()).filter(|joint| self.target[*joint].is_some())
-    }
-
-    /// Values of one joint in units of what is new in its noise.
-    pub(crate) fn whitened(&self, joint: usize, values: &[f64]) -> Vec<f64> {
-        let size = self.noise[joint].1;
-        let mut all = self.freed(joint, values).into_owned();
-        all.iter_mut().for_each(|x| *x /= size);
-        all
-    }
-
-    /// The same in units of torque.
-    pub(super) fn freed<'v>(&self, joint: usize, values: &'v [f64]) -> Cow<'v, [f64]> {
-        let colour = &self.noise[joint].0;
-        if colour.is_white() {
-            return Cow::Borrowed(values);
-        }
-        let mut all = Vec::with_capacity(values.len());
-        self.runs.iter().for_each(|run| colour.free(&values[run.clone()], &mut all));
-        Cow::Owned(all)
-    }
-}
+pub(crate) const BRINGS: f64 = 1e-4;
 
 /// Sums of products of columns and right-hand side over some rows.
 #[derive(Clone, Debug)]
@@ -128,7 +80,7 @@ impl Products {
     }
 
     /// How many of these columns say something of their own.
-    pub(super) fn rank(&self, columns: &[usize]) -> usize {
+    pub(crate) fn rank(&self, columns: &[usize]) -> usize {
         let mut rest = DMatrix::from_fn(columns.len(), columns.len(), |i, j| {
             self.gram[(columns[i], columns[j])]
         });
@@ -157,7 +109,7 @@ impl Products {
 
     /// How likely the right-hand side is whatever these numbers are, but for what is the same of all columns: rows more raise it by how well those before foretold
     /// them, numbers as unsure as these left them.
-    pub(super) fn likelihood(&self, columns: &[usize]) -> f64 {
+    pub(crate) fn likelihood(&self, columns: &[usize]) -> f64 {
         let own = |k: usize| self.gram[(k, k)] + self.prior[k];
         let scale: Vec<f64> = columns.iter().map(|k| 1.0 / libm::sqrt(own(*k))).collect();
         let count = columns.len();

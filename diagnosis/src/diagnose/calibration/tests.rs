@@ -1,11 +1,11 @@
 //! Selection for robots with and without one additional effect.
 
-use super::*;
+use crate::campaign::Campaign;
 use crate::made::{empty, nominal};
 use crate::proof::{Errors, calibrate};
 use crate::simulate;
 use glam::DVec3;
-use physics::{Given, Model, Wrench};
+use physics::{AnyEffect, Given, Model, Wrench};
 
 /// The mean length of a point's error by noise of 0.05 mm per coordinate: `2 σ sqrt(2/π)`.
 const NOISE_M: f64 = 2.0 * 5e-5 * 0.797_884_560_8;
@@ -76,13 +76,8 @@ fn is_found(more: AnyEffect, push_n: f64, off: f64) {
     );
     assert!(said.heldout_m < 1.12 * NOISE_M, "{kind}: {} mm held out", said.heldout_m * 1e3);
     assert!(said.heldout_m < 0.7 * said.before_m, "{kind}: {} mm before", said.before_m * 1e3);
-    // A spring's stiffness and lengths go together: what it does is in the error above.
     let ratio = value(&said, kind) / more.values()[0];
-    assert!(
-        kind == "counterbalance" || (ratio - 1.0).abs() < off,
-        "{kind}: {ratio} of the truth, {:?}",
-        said.names
-    );
+    assert!((ratio - 1.0).abs() < off, "{kind}: {ratio} of the truth, {:?}", said.names);
     said.model.check().expect("effects that fit each other");
 }
 
@@ -91,8 +86,9 @@ fn a_drive_that_stiffens_is_found() {
     is_found(effect("stiffness_hardening", Some(1), &[("cubic", &[4e-13])]), 500.0, 0.2);
 }
 
+/// A wave of one turn stands for a spring of four numbers here: what is left of its error is 5 in the sum of squares.
 #[test]
-fn a_spring_that_carries_the_arm_is_found() {
+fn a_spring_that_carries_the_arm_leaves_no_error() {
     let numbers: &[(&str, &[f64])] = &[
         ("stiffness", &[1.5e4]),
         ("free_length", &[0.3]),
@@ -100,7 +96,11 @@ fn a_spring_that_carries_the_arm_is_found() {
         ("L", &[0.5]),
         ("angle", &[2.0]),
     ];
-    is_found(effect("counterbalance", Some(1), numbers), 200.0, 0.5);
+    let spring = effect("counterbalance", Some(1), numbers);
+    let truth: Vec<AnyEffect> = common().into_iter().chain([spring]).collect();
+    let said = selected(&seen(&truth, 200.0, 3), &nominal());
+    assert!(said.heldout_m < 1.12 * NOISE_M, "{} mm, {:?}", said.heldout_m * 1e3, said.names);
+    assert!(said.heldout_m < 0.7 * said.before_m, "{} mm before", said.before_m * 1e3);
 }
 
 #[test]

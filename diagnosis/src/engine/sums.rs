@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DMatrixView, DVector};
 
-use super::columns::Column;
-use super::table::{BRINGS, Products, Table};
+use super::normal_equations::{BRINGS, Products};
+use super::table::{Column, Table};
 use crate::colour::Colour;
 
 /// Rows that are multiplied at once: so many stay near while they are turned.

@@ -3,11 +3,12 @@
 //! A candidate with a parameter of the wrong sign is rejected; an effect that a later one makes superfluous is removed. The same sums give the same selection.
 //! Does not use rows that were set apart.
 
+use super::criterion::Ebic;
 use super::library::{Family, Form, Library};
-use super::table::{Products, Solved};
+use super::normal_equations::{Products, Solved};
 
 /// What a name must bring beyond its penalty, in log-likelihood.
-pub(super) const MARGIN: f64 = 5.0;
+pub(crate) const MARGIN: f64 = 5.0;
 /// Names at most.
 const MOST: usize = 80;
 /// Names that are exchanged in a row at most.
@@ -58,14 +59,18 @@ impl Search<'_> {
         (self.products.rank(&family.columns) + family.settings.len()) as f64
     }
 
+    /// The criterion of this run.
+    pub(crate) fn criterion(&self) -> Ebic {
+        Ebic { rows: self.products.rows as f64, candidates: self.library.families.len() }
+    }
+
     /// What a name costs: its numbers, and that so many names were asked.
     pub(crate) fn penalty(&self, family: &Family) -> f64 {
-        let rows = (self.products.rows.max(3) as f64).ln();
-        0.5 * self.numbers(family) * rows + (self.library.families.len().max(1) as f64).ln()
+        self.criterion().penalty(self.numbers(family))
     }
 
     /// The same of a rival: a spring past its dead point pulls away from where it rests.
-    pub(super) fn could_bring(&self, selection: &Selection, name: usize) -> f64 {
+    pub(crate) fn could_bring(&self, selection: &Selection, name: usize) -> f64 {
         let family = &self.library.families[name];
         match family.form {
             Form::Spring => self.products.more(&selection.solved, &family.columns).0,
@@ -84,7 +89,7 @@ impl Search<'_> {
     }
 
     /// Without the names whose numbers are not theirs to have, one after the other.
-    pub(super) fn admissible(&self, mut names: Vec<usize>) -> Vec<usize> {
+    pub(crate) fn admissible(&self, mut names: Vec<usize>) -> Vec<usize> {
         loop {
             let selection = self.solve(&names);
             let wrong = names.iter().find(|name| !self.is_admissible(&selection, **name)).copied();
@@ -94,7 +99,7 @@ impl Search<'_> {
     }
 
     /// Whether the numbers of a name have the signs that are its own.
-    fn is_admissible(&self, selection: &Selection, name: usize) -> bool {
+    pub(crate) fn is_admissible(&self, selection: &Selection, name: usize) -> bool {
         let family = &self.library.families[name];
         let mut numbers = family.signs.iter().zip(&family.columns);
         numbers.all(|(sign, column)| sign.admits(selection.solved.value(*column).unwrap_or(0.0)))
@@ -128,7 +133,7 @@ impl Search<'_> {
     }
 
     /// The same, without any of `never`.
-    pub(super) fn choose_but(&self, start: &[usize], never: &[usize]) -> Selection {
+    pub(crate) fn choose_but(&self, start: &[usize], never: &[usize]) -> Selection {
         let mut selection = self.pruned(self.solve(start));
         let mut barred = never.to_vec();
         while selection.names.len() < MOST {
@@ -153,7 +158,7 @@ impl Search<'_> {
     }
 
     /// Log-likelihood less what the names cost.
-    pub(super) fn score(&self, selection: &Selection) -> f64 {
+    pub(crate) fn score(&self, selection: &Selection) -> f64 {
         selection.solved.gain - selection.names.iter().map(|name| self.price_of(*name)).sum::<f64>()
     }
 
@@ -209,7 +214,7 @@ impl Search<'_> {
     }
 
     /// The same of all joints: a name that stood beside another may not be the one to stand without it.
-    pub(super) fn renamed(&self, selection: Selection) -> Selection {
+    pub(crate) fn renamed(&self, selection: Selection) -> Selection {
         self.exchanged_where(selection, &[], |_| true)
     }
 

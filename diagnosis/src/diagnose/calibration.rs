@@ -1,0 +1,108 @@
+//! Selection of effects for a calibration: the search of a diagnosis ([`super::selection`]) beside the geometry of every joint, without alternatives and without a
+//! verdict.
+//!
+//! The candidates are all effects that the data can show, and at the end descriptions of a joint's error by polynomials. Where no wrench separates them, the compliances of all
+//! drives come first, as one: a single one would absorb the others and part of the geometry.
+//!
+//! Promises: only training poses are used; the same input gives the same selection. Never: use of held-out poses.
+
+use super::gram::Entry;
+use super::jacobian_cache::JacobianCache;
+use super::selection::{Search, Selection as Selected};
+use crate::campaign::Campaign;
+use crate::candidates::{Candidate, candidates, loaded_compliances, put, remainders};
+use crate::fit::{Effort, Settings, fit};
+use crate::geometry::Tolerances;
+use crate::hypothesis::Belief;
+use crate::result::Fit;
+use crate::score::Fitted;
+
+/// An effect that was added.
+#[derive(Clone, Debug)]
+pub struct Chosen {
+    /// Its place in the model's effects.
+    pub effect: usize,
+    /// By how much it lowers the sum of squares, in units of the noise.
+    pub gain: f64,
+    /// Entries that no fit changes, with their numbers, SI.
+    pub settings: Vec<(&'static str, Vec<f64>)>,
+}
+
+/// A fit and what was added for it.
+#[derive(Clone, Debug)]
+pub struct Selection {
+    /// The fit with all that was added.
+    pub fit: Fit,
+    /// What was added, in that order.
+    pub chosen: Vec<Chosen>,
+}
+
+/// Adds to `calibrated` what the poses that take part ask for.
+#[must_use]
+pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) -> Selection {
+    let (base, mut chosen) = with_compliances(campaign, calibrated, settings)
+        .unwrap_or_else(|| (calibrated.clone(), Vec::new()));
+    let model = &base.hypothesis.model;
+    let is_open =
+        |candidate: &Candidate| !model.effects().any(|effect| candidate.is_rival_of(effect));
+    let mut library = candidates(&model.arm, campaign);
+    // Springs are searched for; see `springs`.
+    library.retain(|candidate| !candidate.is_spring() && is_open(candidate));
+    let cache = JacobianCache::default();
+    let search = Search {
+        campaign,
+        known: &base.hypothesis,
+        settings: *settings,
+        library: &library,
+        cache: &cache,
+    };
+    let start = Selected::none(&base);
+    let also = search.searched(&start);
+    let named = search.merged(search.until_stable(start, &also));
+    let described = remainders(&model.arm, campaign, settings.used);
+    let described = described.into_iter().filter(is_open).map(|one| Entry::open(&[], one));
+    let also: Vec<Entry> = search.searched(&named).into_iter().chain(described).collect();
+    let Selected { fit, named } = search.until_stable(named, &also);
+    let together = fit.design_effect;
+    chosen.extend(named.into_iter().map(|one| Chosen {
+        effect: one.effect,
+        gain: 2.0 * one.gain * together,
+        settings: one.candidate.settings,
+    }));
+    Selection { fit, chosen }
+}
+
+/// The fit with the compliances of all drives that carry a load, if together they are worth their numbers (EBIC); each keeps a prior of the drives' tolerance.
+fn with_compliances(
+    campaign: &Campaign,
+    calibrated: &Fit,
+    settings: &Settings<'_>,
+) -> Option<(Fit, Vec<Chosen>)> {
+    let model = &calibrated.hypothesis.model;
+    let mut group = loaded_compliances(&model.arm, campaign);
+    group.retain(|one| !model.effects().any(|effect| one.is_rival_of(effect)));
+    let whole = Candidate::of_group(&group)?;
+    let fitted = Fitted::new(campaign, calibrated, settings);
+    let score = fitted.scores(std::slice::from_ref(&whole)).pop()?;
+    let readings = (calibrated.readings as f64 / calibrated.design_effect).max(2.0);
+    if score.gain / calibrated.design_effect <= score.numbers as f64 * readings.ln() {
+        return None;
+    }
+    let mut hypothesis = calibrated.hypothesis.clone();
+    let mut chosen = Vec::with_capacity(group.len());
+    for (candidate, found) in group.iter().zip(&score.found) {
+        let effect = put(&mut hypothesis, candidate, &[], &[found.max(0.0)])?;
+        for free in hypothesis.free.iter_mut().filter(|free| free.effect == effect) {
+            (free.mean, free.sigma) = (0.0, Tolerances::default().compliance);
+            free.belief = Belief::Tolerance;
+        }
+        let gain = score.gain / group.len() as f64;
+        chosen.push(Chosen { effect, gain, settings: Vec::new() });
+    }
+    let settings =
+        Settings { from: Some(&calibrated.surroundings), effort: Effort::Full, ..*settings };
+    Some((fit(campaign, &hypothesis, &settings), chosen))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,73 @@
+//! How much of an error each of several effects removes: the Shapley value, a mean over all orders in which they can be added.
+//!
+//! With parameters as they are the error energy is quadratic in what effects move, and the Shapley value is half of what an effect removes alone plus half of what it removes
+//! beside all others (Shapley 1953; for quadratic games the two-point formula is exact). Effects that partly explain the same share it equally, whichever was added first.
+
+/// What is left of an energy with some of the effects.
+pub(crate) struct Energies {
+    pub(crate) with_none: f64,
+    /// With one of them, in their order.
+    pub(crate) with_one: Vec<f64>,
+    /// Without one of them, in their order.
+    pub(crate) without_one: Vec<f64>,
+    pub(crate) with_all: f64,
+}
+
+impl Energies {
+    /// The share of each effect in what all remove.
+    pub(crate) fn shares(&self) -> Vec<f64> {
+        let share =
+            |(with, without): (&f64, &f64)| 0.5 * (self.with_none - with + without - self.with_all);
+        self.with_one.iter().zip(&self.without_one).map(share).collect()
+    }
+
+    /// The places of the effects, the one with the largest share first.
+    pub(crate) fn order(&self) -> Vec<usize> {
+        let shares = self.shares();
+        let mut places: Vec<usize> = (0..shares.len()).collect();
+        places.sort_by(|a, b| shares[*b].total_cmp(&shares[*a]));
+        places
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What three effects move, and the error that they are to explain.
+    const MOVED: [[f64; 3]; 3] = [[3.0, 1.0, 0.0], [2.5, -1.0, 0.5], [0.0, 0.4, 2.0]];
+    const ERROR: [f64; 3] = [5.7, 0.3, 2.3];
+
+    fn left(gone: &[usize]) -> f64 {
+        let there = (0..3).filter(|k| !gone.contains(k));
+        let rest = there.fold(ERROR, |rest, k| std::array::from_fn(|i| rest[i] - MOVED[k][i]));
+        rest.iter().map(|x| x * x).sum()
+    }
+
+    #[test]
+    fn a_share_is_the_mean_of_what_an_effect_removes_over_all_orders() {
+        let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+        let mut mean = [0.0; 3];
+        for order in orders {
+            for at in 0..3 {
+                mean[order[at]] += (left(&order[at..]) - left(&order[at + 1..])) / 6.0;
+            }
+        }
+        let energies = Energies {
+            with_none: left(&[0, 1, 2]),
+            with_one: vec![left(&[1, 2]), left(&[0, 2]), left(&[0, 1])],
+            without_one: vec![left(&[0]), left(&[1]), left(&[2])],
+            with_all: left(&[]),
+        };
+        let shares = energies.shares();
+        for (share, mean) in shares.iter().zip(mean) {
+            assert!((share - mean).abs() < 1e-9, "{shares:?} beside {mean:?}");
+        }
+        let all: f64 = shares.iter().sum();
+        assert!((all - (left(&[0, 1, 2]) - left(&[]))).abs() < 1e-9, "they are all that is gained");
+        assert!(
+            shares.windows(2).count() > 0
+                && shares[energies.order()[0]] >= shares[energies.order()[2]]
+        );
+    }
+}

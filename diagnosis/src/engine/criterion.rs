@@ -1,0 +1,37 @@
+//! The extended Bayesian information criterion (Schwarz 1978; Chen and Chen 2008), in log-likelihood: `½ k ln n + ln C` for `k` parameters of one of `C` candidates that
+//! were tried, on `n` rows.
+
+/// Rows and candidates of one selection.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ebic {
+    /// Independent rows: those read over the design effect, where rows err together.
+    pub(crate) rows: f64,
+    /// Candidates that were tried.
+    pub(crate) candidates: usize,
+}
+
+impl Ebic {
+    /// The penalty of one parameter.
+    pub(crate) fn per_parameter(&self) -> f64 {
+        0.5 * self.rows.max(2.0).ln()
+    }
+
+    /// The penalty of a candidate with so many parameters.
+    pub(crate) fn penalty(&self, parameters: f64) -> f64 {
+        parameters * self.per_parameter() + (self.candidates.max(1) as f64).ln()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What one parameter gains by chance, in log-likelihood, is half of a squared normal deviate: the best of a hundred stays below the penalty but in one case in twenty.
+    #[test]
+    fn the_best_of_a_hundred_candidates_seldom_pays_its_penalty_by_chance() {
+        let penalty = Ebic { rows: 1000.0, candidates: 100 }.penalty(1.0);
+        // P(z² > 2 penalty) for one candidate.
+        let one = libm::erfc((penalty).sqrt());
+        assert!(100.0 * one < 0.05, "{}", 100.0 * one);
+    }
+}

@@ -1,0 +1,94 @@
+//! Cholesky factorisation of normal equations, column by column: columns that those before them explain are left out.
+//!
+//! `S = L Lᵀ` over the columns that are kept, `L y = b` along with it (Golub and Van Loan, Matrix Computations, 4.2). `yᵀy` is by how much the sum of squares falls.
+//!
+//! Promises: the first of two columns that say the same is kept. Never: a judgement what is enough of a column; the caller says it.
+
+/// The factor and what it solves.
+pub(crate) struct PartialCholesky {
+    /// Columns that are kept, in order.
+    pub(crate) kept: Vec<usize>,
+    /// Rows of `L`, each up to its diagonal.
+    factor: Vec<Vec<f64>>,
+    /// `y`.
+    forward: Vec<f64>,
+}
+
+impl PartialCholesky {
+    /// Of the normal matrix `cell` and the right-hand side `right` over `columns`. `shows`: whether a column of which so much is left, in its square, is kept. None
+    /// where no column is.
+    pub(crate) fn of(
+        columns: impl IntoIterator<Item = usize>,
+        cell: impl Fn(usize, usize) -> f64,
+        right: impl Fn(usize) -> f64,
+        shows: impl Fn(usize, f64) -> bool,
+    ) -> Option<Self> {
+        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let mut own = Self { kept: Vec::new(), factor: Vec::new(), forward: Vec::new() };
+        for k in columns {
+            let mut row: Vec<f64> = Vec::with_capacity(own.kept.len() + 1);
+            for (other, known) in own.kept.iter().zip(&own.factor) {
+                row.push((cell(*other, k) - product(known, &row)) / known[row.len()]);
+            }
+            let left = cell(k, k) - product(&row, &row);
+            if !shows(k, left) {
+                continue;
+            }
+            let pivot = left.sqrt();
+            own.forward.push((right(k) - product(&row, &own.forward)) / pivot);
+            row.push(pivot);
+            own.factor.push(row);
+            own.kept.push(k);
+        }
+        (!own.kept.is_empty()).then_some(own)
+    }
+
+    /// By how much the sum of squares falls.
+    pub(crate) fn gain(&self) -> f64 {
+        self.forward.iter().map(|y| y * y).sum()
+    }
+
+    /// The number of each column that is kept.
+    pub(crate) fn solution(&self) -> Vec<f64> {
+        let mut x = self.forward.clone();
+        for i in (0..x.len()).rev() {
+            let later: f64 = (i + 1..x.len()).map(|j| self.factor[j][i] * x[j]).sum();
+            x[i] = (x[i] - later) / self.factor[i][i];
+        }
+        x
+    }
+
+    /// The standard deviation of the number in this place of those that are kept, under unit noise: the length of its column in the inverse of the factor.
+    pub(crate) fn sigma(&self, place: usize) -> f64 {
+        let mut column = vec![0.0; self.kept.len()];
+        column[place] = 1.0 / self.factor[place][place];
+        for i in place + 1..column.len() {
+            let known: f64 = (place..i).map(|k| self.factor[i][k] * column[k]).sum();
+            column[i] = -known / self.factor[i][i];
+        }
+        column.iter().map(|x| x * x).sum::<f64>().sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_column_that_is_the_sum_of_two_is_left_out_and_the_others_are_solved() {
+        // Columns (1, 0, 1), (0, 2, 1), their sum, and the right-hand side 3 × the first − the second.
+        let columns = [[1.0, 0.0, 1.0], [0.0, 2.0, 1.0], [1.0, 2.0, 2.0]];
+        let wanted = [3.0, -2.0, 2.0];
+        let dot = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let cell = |a: usize, b: usize| dot(&columns[a], &columns[b]);
+        let right = |a: usize| dot(&columns[a], &wanted);
+        let found = PartialCholesky::of(0..3, cell, right, |_, left| left > 1e-9).expect("columns");
+        assert_eq!(found.kept, [0, 1]);
+        let solution = found.solution();
+        assert!((solution[0] - 3.0).abs() < 1e-12 && (solution[1] + 1.0).abs() < 1e-12);
+        assert!((found.gain() - dot(&wanted, &wanted)).abs() < 1e-12, "all is explained");
+        // The inverse of [[2, 1], [1, 5]] is [[5, −1], [−1, 2]] / 9.
+        assert!((found.sigma(0) - (5.0_f64 / 9.0).sqrt()).abs() < 1e-12);
+        assert!((found.sigma(1) - (2.0_f64 / 9.0).sqrt()).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,30 @@
+//! Posterior probabilities of competing hypotheses from their log-likelihoods and penalties.
+//!
+//! `p_i = exp(−Δ_i) / Σ_k exp(−Δ_k)`, Δ the loss in penalised log-likelihood beside the hypothesis that stands: with the penalty of the Bayesian information criterion
+//! these are approximate posterior probabilities under equal priors (Kass and Raftery 1995, section 4).
+//!
+//! Promises: together they are 1.
+
+/// A hypothesis counts as at most this much better than the one that stands, in log-likelihood: only keeps the exponential finite.
+const GAIN_MAX: f64 = 20.0;
+
+/// The probability of the hypothesis that stands, and that of each alternative, by what each loses in penalised log-likelihood beside it.
+pub(crate) fn posterior(losses: &[f64]) -> (f64, Vec<f64>) {
+    let weights: Vec<f64> = losses.iter().map(|loss| libm::exp(-loss.max(-GAIN_MAX))).collect();
+    let all = 1.0 + weights.iter().sum::<f64>();
+    (1.0 / all, weights.into_iter().map(|weight| weight / all).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_hypotheses_that_explain_as_much_share_their_probability_and_all_add_up_to_one() {
+        let (own, others) = posterior(&[0.0, 3.0_f64.ln(), 100.0]);
+        assert!((own - 3.0 / 7.0).abs() < 1e-12 && (others[1] - 1.0 / 7.0).abs() < 1e-12);
+        assert!((own + others.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert_eq!(posterior(&[]).0, 1.0);
+        assert!(posterior(&[-1e9]).0 > 0.0);
+    }
+}

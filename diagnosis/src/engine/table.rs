@@ -1,0 +1,142 @@
+//! Rows of several channels (joints, or axes of a sensor) with the columns of candidates, and what a fit leaves of them.
+//!
+//! Promises: rows of a channel, columns and right-hand side alike, are whitened by its AR noise model; rows set aside are not used. Never: a selection.
+
+use nalgebra::{DMatrix, DVector};
+use std::borrow::Cow;
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::normal_equations::Solved;
+use super::sandwich::{self, Block, BlockSettings};
+use crate::colour::Colour;
+
+/// What was measured and not yet explained by what the model knows.
+#[derive(Clone, Debug)]
+pub(crate) struct Table {
+    /// Rows of each run.
+    pub(crate) runs: Vec<Range<usize>>,
+    /// Per joint, a value per row; none where the joint's torque was not recorded. N m or N.
+    pub(crate) target: Vec<Option<Vec<f64>>>,
+    /// Per joint and row: whether the joint moves. At rest stiction holds whatever it has to: such rows tell nothing and prove nothing.
+    pub(crate) moves: Vec<Vec<bool>>,
+    /// Per joint and row: whether it counts.
+    pub(crate) counts: Vec<Vec<bool>>,
+    /// Per joint: how its noise remembers itself, and its size, N m or N.
+    pub(crate) noise: Vec<(Colour, f64)>,
+}
+
+impl Table {
+    pub(crate) fn rows(&self) -> usize {
+        self.runs.last().map_or(0, |run| run.end)
+    }
+
+    /// The joints whose torque was recorded.
+    pub(crate) fn joints(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.target.len()).filter(|joint| self.target[*joint].is_some())
+    }
+
+    /// Values of one joint in units of what is new in its noise.
+    pub(crate) fn whitened(&self, joint: usize, values: &[f64]) -> Vec<f64> {
+        let size = self.noise[joint].1;
+        let mut all = self.freed(joint, values).into_owned();
+        all.iter_mut().for_each(|x| *x /= size);
+        all
+    }
+
+    /// The same in units of torque.
+    pub(crate) fn freed<'v>(&self, joint: usize, values: &'v [f64]) -> Cow<'v, [f64]> {
+        let colour = &self.noise[joint].0;
+        if colour.is_white() {
+            return Cow::Borrowed(values);
+        }
+        let mut all = Vec::with_capacity(values.len());
+        self.runs.iter().for_each(|run| colour.free(&values[run.clone()], &mut all));
+        Cow::Owned(all)
+    }
+}
+
+/// One number's share in the torques: for each joint that it acts on, a value per row.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Column {
+    pub(crate) parts: Vec<(usize, Arc<[f64]>)>,
+}
+
+impl Column {
+    /// Several columns as one, each times its number.
+    pub(crate) fn sum(columns: &[(&Self, f64)], joint: usize, rows: usize) -> Vec<f64> {
+        let mut all = vec![0.0; rows];
+        for (column, number) in columns {
+            for (_, part) in column.parts.iter().filter(|(at, _)| *at == joint) {
+                all.iter_mut().zip(part.iter()).for_each(|(sum, x)| *sum += number * x);
+            }
+        }
+        all
+    }
+}
+
+/// What is left of one joint's torque, row by row.
+pub(crate) fn residual(
+    table: &Table,
+    columns: &[Column],
+    solved: &Solved,
+    joint: usize,
+) -> Vec<f64> {
+    let parts: Vec<(&Column, f64)> =
+        solved.columns.iter().zip(&solved.values).map(|(k, v)| (&columns[*k], *v)).collect();
+    let model = Column::sum(&parts, joint, table.rows());
+    let target = table.target[joint].iter().flatten();
+    target.zip(model).map(|(target, model)| target - model).collect()
+}
+
+/// The cluster-robust covariance of the numbers of a fit, from blocks of time ([`sandwich`]).
+pub(crate) fn covariance(
+    table: &Table,
+    columns: &[Column],
+    solved: &Solved,
+    used: &[bool],
+) -> DMatrix<f64> {
+    let settings = BlockSettings::DRIVE_OR_CUT;
+    let blocks = blocks((table, columns), solved, used, settings.blocks);
+    sandwich::covariance(solved.covariance(), blocks, &settings)
+}
+
+/// Rows of block `k`.
+fn rows_of(k: usize, rows: usize, of: usize) -> Range<usize> {
+    (k * rows).div_ceil(of)..((k + 1) * rows).div_ceil(of)
+}
+
+fn blocks(
+    (table, columns): (&Table, &[Column]),
+    solved: &Solved,
+    used: &[bool],
+    of: usize,
+) -> Vec<Block> {
+    let count = solved.columns.len();
+    let mut all: Vec<Block> = (0..of).map(|_| Block::new(count)).collect();
+    let rows = table.rows();
+    for joint in table.joints() {
+        let left = table.whitened(joint, &residual(table, columns, solved, joint));
+        let own = |(k, column): (usize, &usize)| {
+            let mut parts = columns[*column].parts.iter();
+            let (_, values) = parts.find(|(at, _)| *at == joint)?;
+            Some((k, table.whitened(joint, values)))
+        };
+        let white: Vec<(usize, Vec<f64>)> =
+            solved.columns.iter().enumerate().filter_map(own).collect();
+        for (k, block) in all.iter_mut().enumerate() {
+            let counts = |row: &usize| used[*row] && table.counts[joint][*row];
+            let here: Vec<usize> = rows_of(k, rows, of).filter(counts).collect();
+            let part = DMatrix::from_fn(here.len(), white.len(), |i, j| white[j].1[here[i]]);
+            let rest = DVector::from_fn(here.len(), |i, _| left[here[i]]);
+            let (score, gram) = (part.tr_mul(&rest), part.tr_mul(&part));
+            for (i, (a, _)) in white.iter().enumerate() {
+                block.score[*a] += score[i];
+                for (j, (b, _)) in white.iter().enumerate() {
+                    block.gram[(*a, *b)] += gram[(i, j)];
+                }
+            }
+        }
+    }
+    all
+}
