@@ -16,6 +16,11 @@ pub struct Settings {
     pub look_every: Duration,
     /// Timeout of an attempt to connect to the daemon; then its absence is reported and the next attempt starts. 10 ms to 10 s, default 500 ms. Origin: above the time in which a daemon starts.
     pub connect_within: Duration,
+    /// Period in which at most one offered model is judged; another one is told to come again. 0 to 1 h, default 1 s. Origin: every judgement is a message, and a flood of offers must not displace
+    /// the kept messages faster than summaries do.
+    pub offer_every: Duration,
+    /// Timeout of the daemon's answer when it is asked to load a model; no summary is made meanwhile. 1 to 60 s, default 5 s. Origin: as of `trued reload`.
+    pub load_within: Duration,
 }
 
 impl Default for Settings {
@@ -26,6 +31,8 @@ impl Default for Settings {
             page_bytes: 512 << 10,
             look_every: Duration::from_millis(20),
             connect_within: Duration::from_millis(500),
+            offer_every: Duration::from_secs(1),
+            load_within: Duration::from_secs(5),
         }
     }
 }

@@ -11,6 +11,8 @@ mod command;
 mod daemon;
 mod documents;
 mod follower;
+mod models;
+mod offer;
 mod peers;
 mod place;
 mod spool;
