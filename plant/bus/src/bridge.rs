@@ -128,6 +128,12 @@ impl Bridge {
         })
     }
 
+    /// The kept messages, for another reader.
+    #[must_use]
+    pub fn kept(&self) -> Arc<Kept> {
+        Arc::clone(&self.kept)
+    }
+
     /// Takes offered models as `acceptance` says; without this call all are refused.
     #[must_use]
     pub fn accepting(self, acceptance: Acceptance) -> Self {

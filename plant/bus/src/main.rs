@@ -4,15 +4,19 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use bus::acceptance::AcceptanceError;
 use bus::fleet::{Question, ask};
 use bus::offer::{OfferError, Statement};
 use bus::offering::{self, OfferingError};
+use bus::sparkplug::session::NoBroker;
 use bus::zenoh_bus::BusError;
-use bus::{Acceptance, Bridge, BridgeError, Endpoints, FleetError, Keys, Settings, text};
+use bus::{
+    Acceptance, Bridge, BridgeError, Endpoints, FleetError, Keys, Settings, Sparkplug, text,
+};
 use clap::{Args, Parser, Subcommand};
 
 /// Cells on the plant's bus (Zenoh)
@@ -70,6 +74,9 @@ struct BridgeOf {
     /// The cell owner's file that says which offered models are taken; if not given, none
     #[arg(long, value_name = "MODELS.toml")]
     models: Option<PathBuf>,
+    /// MQTT broker to which the messages are sent as Sparkplug B as well
+    #[arg(long, value_name = "HOST:PORT")]
+    mqtt: Option<String>,
 }
 
 /// Print what is signed with a model that is to be offered: hash, robot, counter and expiry
@@ -139,6 +146,8 @@ enum Failure {
     Fleet(#[from] FleetError),
     #[error(transparent)]
     Acceptance(#[from] AcceptanceError),
+    #[error(transparent)]
+    Broker(#[from] NoBroker),
     #[error("{path}: {why}")]
     Model { path: String, why: OfferError },
     #[error("cannot read {path}: {why}")]
@@ -156,7 +165,7 @@ impl Failure {
         match self {
             Self::Bridge(why) => why.is_input(),
             Self::Fleet(FleetError::Name(_) | FleetError::Expected(_)) => true,
-            Self::Acceptance(_) | Self::Model { .. } | Self::Read { .. } => true,
+            Self::Acceptance(_) | Self::Broker(_) | Self::Model { .. } | Self::Read { .. } => true,
             Self::Offering(
                 OfferingError::Name(_) | OfferingError::Cell(_) | OfferingError::Read { .. },
             ) => true,
@@ -197,7 +206,7 @@ fn bridge(options: BridgeOf) -> Result<u8, Failure> {
     let keys = Keys::new(&options.group, &options.cell).map_err(BridgeError::Name)?;
     let endpoints = Endpoints { connect: options.bus.connect, listen: options.listen };
     let acceptance = options.models.as_deref().map(Acceptance::read).transpose()?;
-    let mut bridge = Bridge::open(keys, &endpoints, &options.spool, settings)?;
+    let mut bridge = Bridge::open(keys.clone(), &endpoints, &options.spool, settings)?;
     if let Some(acceptance) = acceptance {
         bridge = bridge.accepting(acceptance);
     }
@@ -215,8 +224,28 @@ fn bridge(options: BridgeOf) -> Result<u8, Failure> {
             found.torn_bytes
         )?;
     }
-    bridge.run(&stop, &mut out)?;
+    let node = options
+        .mqtt
+        .map(|broker| Sparkplug::new(&broker, keys, bridge.kept(), &options.spool, settings));
+    let delivery = node.transpose()?.map(|node| deliver(node, Arc::clone(&stop)));
+    let ended = bridge.run(&stop, &mut out);
+    stop.store(true, Ordering::Relaxed);
+    if let Some(delivery) = delivery {
+        // It panicked: what it had to say is on standard error already.
+        let _ = delivery.join();
+    }
+    ended?;
     Ok(0)
+}
+
+/// Delivers to the broker in a thread of its own, so that the bridge does not wait for it.
+fn deliver(mut node: Sparkplug, stop: Arc<AtomicBool>) -> JoinHandle<()> {
+    std::thread::spawn(move || {
+        node.run(&stop, &mut |words| {
+            // A log that nobody reads any more must not end the delivery.
+            let _ = writeln!(std::io::stdout(), "{words}");
+        });
+    })
 }
 
 fn statement(options: &StatementOf) -> Result<u8, Failure> {

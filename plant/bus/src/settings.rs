@@ -21,6 +21,14 @@ pub struct Settings {
     pub offer_every: Duration,
     /// Timeout of the daemon's answer when it is asked to load a model; no summary is made meanwhile. 1 to 60 s, default 5 s. Origin: as of `trued reload`.
     pub load_within: Duration,
+    /// Timeout of the MQTT broker's answers; then the connection counts as lost. 1 to 60 s, default 5 s. Origin: above the time in which a broker writes its state to disk.
+    pub broker_within: Duration,
+    /// Pause after a lost connection to the broker. 0.1 to 60 s, default 1 s. Origin: a restarted broker is found within a summary or two, and one that is away is not flooded.
+    pub broker_retry_every: Duration,
+    /// Silence after which the broker asks whether the node is there, and sends its death after one and a half of it. 1 s to 1 h, default 10 s. Origin: a historian marks the values of a lost cell as stale within 15 s.
+    pub broker_keep_alive: Duration,
+    /// Size of the kept messages that are sent before the broker has to answer, bytes. Above 0; default 64 KiB. Origin: about twenty summaries, which are sent again after a lost connection.
+    pub broker_page_bytes: usize,
 }
 
 impl Default for Settings {
@@ -33,6 +41,10 @@ impl Default for Settings {
             connect_within: Duration::from_millis(500),
             offer_every: Duration::from_secs(1),
             load_within: Duration::from_secs(5),
+            broker_within: Duration::from_secs(5),
+            broker_retry_every: Duration::from_secs(1),
+            broker_keep_alive: Duration::from_secs(10),
+            broker_page_bytes: 64 << 10,
         }
     }
 }

@@ -121,7 +121,8 @@ impl Kept {
         lock(&self.spool)
     }
 
-    fn last(&self, kind: Kind) -> Option<Vec<u8>> {
+    /// The last message of a kind.
+    pub(crate) fn last(&self, kind: Kind) -> Option<Vec<u8>> {
         lock(&self.last)[kind as usize].clone()
     }
 

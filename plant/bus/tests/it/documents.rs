@@ -59,6 +59,9 @@ fn the_reference_names_every_option_key_and_setting() {
     for reason in reasons.iter().filter_map(|reason| reason["const"].as_str()) {
         assert!(reference.contains(&format!("`{reason}`")), "{reason}");
     }
+    for row in bus::sparkplug::metrics::DEVICE.iter().chain(bus::sparkplug::metrics::NODE) {
+        assert!(reference.contains(&format!("`{}`", row.name)), "{}", row.name);
+    }
     let schemas = [
         schemars::schema_for!(bus::message::Summary),
         schemars::schema_for!(bus::message::CellHealth),

@@ -15,4 +15,5 @@ mod models;
 mod offer;
 mod peers;
 mod place;
+mod sparkplug;
 mod spool;
