@@ -158,6 +158,36 @@ fn an_offered_model_is_loaded_where_the_owner_says_so_and_a_refused_one_changes_
 }
 
 #[test]
+fn an_offer_without_signature_too_large_or_to_many_cells_at_once_is_refused_before_it_is_judged() {
+    let scene = Scene::new("stage");
+    let _bridge = scene.bridge(true);
+    let connect = bus::Endpoints { connect: vec![scene.endpoint.clone()], ..Default::default() };
+    let session = connect.open(bus::zenoh_bus::Part::Client).unwrap();
+    let text = model(SERIAL, 820.0);
+    let signature = scene.owner.sign(&text, 7, in_a_day_unix_ms());
+    let large = "x".repeat(bus::offer::MODEL_BYTES_MAX + 1);
+    let cases = [
+        ("trued/*/*/offer", &text, Some(&signature), "without wildcards"),
+        ("trued/line/cell/summary", &text, Some(&signature), "without wildcards"),
+        ("trued/line/cell/offer", &text, None, "no signature"),
+        ("trued/line/cell/offer", &text, Some(&large), "no signature"),
+        ("trued/line/cell/offer", &large, Some(&signature), "expected at most"),
+    ];
+    let before = scene.owner.kept();
+    for (key, model, signature, words) in cases {
+        let asked = session.get(key).payload(model.clone());
+        let asked = asked.attachment(signature.cloned().map(String::into_bytes));
+        let replies = zenoh::Wait::wait(asked).unwrap();
+        let reply = replies.recv().unwrap();
+        let why = reply.result().unwrap_err().payload().try_to_string().unwrap().into_owned();
+        assert!(why.contains(words), "{words}: {why}");
+    }
+    assert_eq!(scene.owner.kept(), before);
+    let last = scene.last_event();
+    assert!(!last["event"].as_str().unwrap().starts_with("model_"), "{last}");
+}
+
+#[test]
 fn a_staged_model_waits_for_the_owner_and_without_an_owners_file_or_a_daemon_nothing_is_taken() {
     let scene = Scene::new("stage");
     let owner = &scene.owner;
