@@ -1,8 +1,11 @@
 //! The bridge of one cell: reads its daemon as a [`Monitor`], writes every message to the spool, then publishes it.
 //!
+//! With a file of the cell's owner it also judges offered models ([`crate::acceptance`]), and asks the daemon to load one where that file says so; that is the only request it makes.
+//!
 //! The daemon does not wait for a monitor, so nothing here (a full disk, a network that stalls, this process dying) delays its cycle. A message is on disk before it is sent:
 //! what a subscriber missed it finds in the history, also after a restart of the bridge.
 
+use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -10,15 +13,17 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use live::report::Report;
 use shm_schema::{Cell, Current};
-use trued_client::{ConnectionEvent, Monitor, Status};
+use trued_client::{Answer, ConnectionEvent, Monitor, Status};
 
+use crate::acceptance::{Accept, Acceptance, Reason, Refusal};
 use crate::keys::{Keys, NotAName};
 use crate::message::{Content, Event, Message, SCHEMA, SpoolState, Summary};
 use crate::model_age::ModelSince;
+use crate::offer;
 use crate::settings::Settings;
 use crate::spool::{Found, Spool, SpoolError};
 use crate::summary::{Accumulator, Changes, alarms, health};
-use crate::zenoh_bus::{Bus, BusError, Endpoints, Kept};
+use crate::zenoh_bus::{Bus, BusError, Endpoints, Kept, Offered};
 
 /// Why the bridge does not start, or ends.
 #[derive(Debug, thiserror::Error)]
@@ -75,6 +80,9 @@ pub struct Bridge {
     changes: Changes,
     summarised: Instant,
     found: Found,
+    /// Which offered models the cell takes; none: no model.
+    acceptance: Option<Acceptance>,
+    judged: Option<Instant>,
 }
 
 fn now_unix_ms() -> u64 {
@@ -115,7 +123,21 @@ impl Bridge {
             changes: Changes::default(),
             summarised: Instant::now(),
             found,
+            acceptance: None,
+            judged: None,
         })
+    }
+
+    /// The kept messages, for another reader.
+    #[must_use]
+    pub fn kept(&self) -> Arc<Kept> {
+        Arc::clone(&self.kept)
+    }
+
+    /// Takes offered models as `acceptance` says; without this call all are refused.
+    #[must_use]
+    pub fn accepting(self, acceptance: Acceptance) -> Self {
+        Self { acceptance: Some(acceptance), ..self }
     }
 
     /// What was in the spool.
@@ -124,17 +146,18 @@ impl Bridge {
         self.found
     }
 
-    /// Runs until `stop` is set.
+    /// Runs until `stop` is set; what becomes of offered models is written to `log`.
     ///
     /// # Errors
     /// See [`BridgeError`].
-    pub fn run(&mut self, stop: &AtomicBool) -> Result<(), BridgeError> {
+    pub fn run(&mut self, stop: &AtomicBool, log: &mut impl Write) -> Result<(), BridgeError> {
         let version = env!("CARGO_PKG_VERSION").to_owned();
         let torn_bytes = self.found.torn_bytes;
         self.publish(Content::Event(Event::BridgeStarted { version, torn_bytes }))?;
         let period = Duration::from_secs_f64(1.0 / self.settings.summaries_hz);
         while !stop.load(Relaxed) {
             self.look()?;
+            self.judge_offer(log)?;
             if self.summarised.elapsed() >= period {
                 self.summarise()?;
             }
@@ -143,8 +166,67 @@ impl Bridge {
         Ok(())
     }
 
-    /// Writes a message to the spool, then publishes it.
-    fn publish(&mut self, content: Content) -> Result<(), BridgeError> {
+    /// Judges an offered model, and tells the bus, the log and who offered it.
+    fn judge_offer(&mut self, log: &mut impl Write) -> Result<(), BridgeError> {
+        if self.judged.is_some_and(|judged| judged.elapsed() < self.settings.offer_every) {
+            return Ok(());
+        }
+        let Some(offered) = self.bus.next_offer() else { return Ok(()) };
+        let event = self.take_model(&offered).unwrap_or_else(|refusal| Event::ModelRefused {
+            sha256: offer::sha256(&offered.model),
+            reason: refusal.reason,
+            message: refusal.message,
+        });
+        self.judged = Some(Instant::now());
+        // A log that nobody reads any more must not end the bridge.
+        let _ = match &event {
+            Event::ModelRefused { sha256, message, .. } => {
+                writeln!(log, "offered model {sha256}: refused: {message}")
+            }
+            Event::ModelLoaded { sha256, message, .. } => {
+                writeln!(log, "offered model {sha256}: {message}")
+            }
+            Event::ModelStaged { path, .. } => writeln!(log, "offered model staged: {path}"),
+            _ => Ok(()),
+        };
+        offered.answer(self.publish(Content::Event(event))?);
+        Ok(())
+    }
+
+    /// Checks an offered model, stages it, and has it loaded where the owner's file says so.
+    fn take_model(&mut self, offered: &Offered) -> Result<Event, Refusal> {
+        let Some(acceptance) = &mut self.acceptance else {
+            let words = "this cell takes no models: its bridge runs without `--models`";
+            return Err(Refusal::new(Reason::NotAccepted, words));
+        };
+        let checked = acceptance.check(&offered.model, &offered.signature, now_unix_ms())?;
+        let (sha256, counter) = (checked.statement.sha256.clone(), checked.statement.counter);
+        if acceptance.accept() == Accept::Stage {
+            let path = acceptance.stage(&checked)?.display().to_string();
+            return Ok(Event::ModelStaged { sha256, counter, path });
+        }
+        let away = |why: String| Refusal::new(Reason::DaemonAway, why);
+        let monitor = self.monitor.as_mut().ok_or_else(|| away(self.absent.clone()))?;
+        if let Some(why) = monitor.away() {
+            return Err(away(why.to_string()));
+        }
+        let file = acceptance.stage(&checked)?;
+        let response = monitor.reload(Some(&file), self.settings.load_within);
+        let refused = match response {
+            Ok(response) if response.answer() == Ok(Answer::Done) => {
+                let (path, message) = (file.display().to_string(), response.message.to_string());
+                return Ok(Event::ModelLoaded { sha256, counter, path, message });
+            }
+            Ok(response) => Refusal::new(Reason::DaemonRefused, response.message.to_string()),
+            // It may still load it, so the file stays.
+            Err(why) => return Err(away(why.to_string())),
+        };
+        acceptance.discard(&file);
+        Err(refused)
+    }
+
+    /// Writes a message to the spool, then publishes it; returns it.
+    fn publish(&mut self, content: Content) -> Result<Vec<u8>, BridgeError> {
         let kind = content.kind();
         let mut spool = self.kept.spool();
         let message = Message {
@@ -159,7 +241,8 @@ impl Bridge {
         let bytes = serde_json::to_vec(&message).map_err(BridgeError::Json)?;
         spool.append(&bytes)?;
         drop(spool);
-        Ok(self.bus.send(kind, bytes)?)
+        self.bus.send(kind, bytes.clone())?;
+        Ok(bytes)
     }
 
     /// Reads the daemon's messages and publishes what changed.
@@ -191,7 +274,7 @@ impl Bridge {
         }
         let health = health(report.as_ref(), away.as_deref());
         match self.changes.health(health) {
-            Some(health) => self.publish(Content::Health(health)),
+            Some(health) => self.publish(Content::Health(health)).map(drop),
             None => Ok(()),
         }
     }
@@ -250,6 +333,6 @@ impl Bridge {
             spool,
             status,
         };
-        self.publish(Content::Summary(Box::new(summary)))
+        self.publish(Content::Summary(Box::new(summary))).map(drop)
     }
 }

@@ -49,6 +49,12 @@ impl Keys {
         self.key("history")
     }
 
+    /// Where models are offered.
+    #[must_use]
+    pub fn offer(&self) -> String {
+        self.key("offer")
+    }
+
     /// The token that is there while the bridge is.
     #[must_use]
     pub fn alive(&self) -> String {

@@ -4,17 +4,24 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use bus::acceptance::AcceptanceError;
 use bus::fleet::{Question, ask};
+use bus::offer::{OfferError, Statement};
+use bus::offering::{self, OfferingError};
+use bus::sparkplug::session::NoBroker;
 use bus::zenoh_bus::BusError;
-use bus::{Bridge, BridgeError, Endpoints, FleetError, Keys, Settings, text};
+use bus::{
+    Acceptance, Bridge, BridgeError, Endpoints, FleetError, Keys, Settings, Sparkplug, text,
+};
 use clap::{Args, Parser, Subcommand};
 
 /// Cells on the plant's bus (Zenoh)
 ///
-/// Exit codes: 0 done; 1 a cell is missing or has an alarm (fleet); 2 bad input; 3 the system failed, or no cell answers.
+/// Exit codes: 0 done; 1 a cell is missing or has an alarm (fleet), or refuses the model (offer); 2 bad input; 3 the system failed, or no cell answers.
 #[derive(Debug, Parser)]
 #[command(name = "trued-plant", version)]
 struct Options {
@@ -26,6 +33,8 @@ struct Options {
 enum Command {
     Bridge(BridgeOf),
     Fleet(FleetOf),
+    Statement(StatementOf),
+    Offer(OfferOf),
 }
 
 /// Where the bus is.
@@ -38,7 +47,7 @@ struct Where {
 
 /// Publish a cell on the bus: summaries, events, health; keep them for subscribers that missed them
 ///
-/// A separate process that only reads the daemon's status: nothing from the network reaches the daemon, and the daemon does not wait for this process. Runs until interrupted and
+/// A separate process that reads the daemon's status; the daemon does not wait for it. Without `--models` nothing from the network reaches the daemon. Runs until interrupted and
 /// continues after a restart of the daemon or the router.
 #[derive(Debug, Args)]
 struct BridgeOf {
@@ -62,6 +71,49 @@ struct BridgeOf {
     /// Address to listen on, for a plant without a router; repeat for several
     #[arg(long, value_name = "tcp/HOST:PORT")]
     listen: Vec<String>,
+    /// The cell owner's file that says which offered models are taken; if not given, none
+    #[arg(long, value_name = "MODELS.toml")]
+    models: Option<PathBuf>,
+    /// MQTT broker to which the messages are sent as Sparkplug B as well
+    #[arg(long, value_name = "HOST:PORT")]
+    mqtt: Option<String>,
+}
+
+/// Print what is signed with a model that is to be offered: hash, robot, counter and expiry
+///
+/// One line for the trusted comment: minisign -S -s SECRET.key -m MODEL -t "$(trued-plant statement MODEL --valid-days 7)"
+#[derive(Debug, Args)]
+struct StatementOf {
+    /// The model file; its table [robot] states the serial number
+    #[arg(value_name = "MODEL")]
+    model: PathBuf,
+    /// Above the counter of the last model that the cell took; if not given, the present time in s since 1970
+    #[arg(long, value_name = "N")]
+    counter: Option<u64>,
+    /// Days after which the offer is refused
+    #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u64).range(1..=3650))]
+    valid_days: u64,
+}
+
+/// Offer a signed model to a cell, and print what became of it
+///
+/// The cell takes it only where a file of its owner says so (`trued-plant bridge --models`).
+#[derive(Debug, Args)]
+struct OfferOf {
+    /// The cell
+    #[arg(value_name = "GROUP/CELL")]
+    cell: String,
+    /// The model file; its signature MODEL.minisig stands beside it
+    #[arg(value_name = "MODEL")]
+    model: PathBuf,
+    /// Timeout for the answer, s
+    #[arg(long, value_name = "S", default_value_t = 15, value_parser = clap::value_parser!(u64).range(1..=60))]
+    within_s: u64,
+    /// Print the answer as JSON: the event's message (`trued.plant/1`)
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    bus: Where,
 }
 
 /// Show all cells: state, versions, models, corrections, alarms
@@ -92,6 +144,16 @@ enum Failure {
     Bridge(#[from] BridgeError),
     #[error(transparent)]
     Fleet(#[from] FleetError),
+    #[error(transparent)]
+    Acceptance(#[from] AcceptanceError),
+    #[error(transparent)]
+    Broker(#[from] NoBroker),
+    #[error("{path}: {why}")]
+    Model { path: String, why: OfferError },
+    #[error("cannot read {path}: {why}")]
+    Read { path: String, why: std::io::Error },
+    #[error(transparent)]
+    Offering(#[from] OfferingError),
     #[error("cannot be printed: {0}")]
     Print(#[from] std::io::Error),
     #[error("the system refuses a signal handler: {0}")]
@@ -103,7 +165,11 @@ impl Failure {
         match self {
             Self::Bridge(why) => why.is_input(),
             Self::Fleet(FleetError::Name(_) | FleetError::Expected(_)) => true,
-            Self::Fleet(FleetError::Bus(why)) => {
+            Self::Acceptance(_) | Self::Broker(_) | Self::Model { .. } | Self::Read { .. } => true,
+            Self::Offering(
+                OfferingError::Name(_) | OfferingError::Cell(_) | OfferingError::Read { .. },
+            ) => true,
+            Self::Fleet(FleetError::Bus(why)) | Self::Offering(OfferingError::Bus(why)) => {
                 matches!(why, BusError::Endpoint(_) | BusError::NoEndpoint)
             }
             _ => false,
@@ -115,6 +181,8 @@ fn main() -> ExitCode {
     let done = match Options::parse().command {
         Command::Bridge(options) => bridge(options),
         Command::Fleet(options) => fleet(options),
+        Command::Statement(options) => statement(&options),
+        Command::Offer(options) => offer(options),
     };
     match done {
         Ok(code) => ExitCode::from(code),
@@ -137,7 +205,11 @@ fn bridge(options: BridgeOf) -> Result<u8, Failure> {
     };
     let keys = Keys::new(&options.group, &options.cell).map_err(BridgeError::Name)?;
     let endpoints = Endpoints { connect: options.bus.connect, listen: options.listen };
-    let mut bridge = Bridge::open(keys, &endpoints, &options.spool, settings)?;
+    let acceptance = options.models.as_deref().map(Acceptance::read).transpose()?;
+    let mut bridge = Bridge::open(keys.clone(), &endpoints, &options.spool, settings)?;
+    if let Some(acceptance) = acceptance {
+        bridge = bridge.accepting(acceptance);
+    }
     let found = bridge.found();
     let mut out = std::io::stdout();
     writeln!(
@@ -152,8 +224,54 @@ fn bridge(options: BridgeOf) -> Result<u8, Failure> {
             found.torn_bytes
         )?;
     }
-    bridge.run(&stop)?;
+    let node = options
+        .mqtt
+        .map(|broker| Sparkplug::new(&broker, keys, bridge.kept(), &options.spool, settings));
+    let delivery = node.transpose()?.map(|node| deliver(node, Arc::clone(&stop)));
+    let ended = bridge.run(&stop, &mut out);
+    stop.store(true, Ordering::Relaxed);
+    if let Some(delivery) = delivery {
+        // It panicked: what it had to say is on standard error already.
+        let _ = delivery.join();
+    }
+    ended?;
     Ok(0)
+}
+
+/// Delivers to the broker in a thread of its own, so that the bridge does not wait for it.
+fn deliver(mut node: Sparkplug, stop: Arc<AtomicBool>) -> JoinHandle<()> {
+    std::thread::spawn(move || {
+        node.run(&stop, &mut |words| {
+            // A log that nobody reads any more must not end the delivery.
+            let _ = writeln!(std::io::stdout(), "{words}");
+        });
+    })
+}
+
+fn statement(options: &StatementOf) -> Result<u8, Failure> {
+    let path = || options.model.display().to_string();
+    let bytes = std::fs::read(&options.model).map_err(|why| Failure::Read { path: path(), why })?;
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let counter = options.counter.unwrap_or(now.as_secs());
+    let expires = now + Duration::from_secs(86_400 * options.valid_days);
+    let statement = Statement::of(&bytes, counter, expires.as_millis() as u64)
+        .map_err(|why| Failure::Model { path: path(), why })?;
+    let line = serde_json::to_string(&statement).map_err(std::io::Error::from)?;
+    writeln!(std::io::stdout(), "{line}")?;
+    Ok(0)
+}
+
+fn offer(options: OfferOf) -> Result<u8, Failure> {
+    let endpoints = Endpoints { connect: options.bus.connect, listen: Vec::new() };
+    let within = Duration::from_secs(options.within_s);
+    let told = offering::offer(&endpoints, &options.cell, &options.model, within)?;
+    let mut out = std::io::stdout();
+    if options.json {
+        writeln!(out, "{}", told.message)?;
+    } else {
+        writeln!(out, "{}: {}", options.cell, told.words)?;
+    }
+    Ok(u8::from(!told.is_taken))
 }
 
 fn fleet(options: FleetOf) -> Result<u8, Failure> {

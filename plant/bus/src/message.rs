@@ -7,6 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
+use crate::acceptance::Reason;
+
 /// Name of the format of [`Message`].
 pub const SCHEMA: &str = "trued.plant/1";
 
@@ -205,6 +207,35 @@ pub enum Event {
         from: String,
         /// Hash of the model now.
         to: String,
+    },
+    /// An offered model was written into the folder of the cell's owner; the daemon was not asked.
+    ModelStaged {
+        /// SHA-256 of the model file.
+        sha256: String,
+        /// Counter of the offer.
+        counter: u64,
+        /// The file.
+        path: String,
+    },
+    /// An offered model was written, and the daemon loaded it.
+    ModelLoaded {
+        /// SHA-256 of the model file.
+        sha256: String,
+        /// Counter of the offer.
+        counter: u64,
+        /// The file.
+        path: String,
+        /// The daemon's answer.
+        message: String,
+    },
+    /// An offered model was refused; nothing changed.
+    ModelRefused {
+        /// SHA-256 of the bytes that came.
+        sha256: String,
+        /// Why.
+        reason: Reason,
+        /// In words, with what to do.
+        message: String,
     },
     /// An alarm began.
     AlarmRaised {

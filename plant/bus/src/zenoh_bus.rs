@@ -1,8 +1,9 @@
 //! The cell on Zenoh: messages are published, the last of each kind and the kept ones are answered, a token says that the bridge is there.
 //!
 //! A message that cannot be sent at once (no route, a slow or stalled subscriber) is dropped by Zenoh, never waited for: it is in the spool, and whoever sees a gap in
-//! the numbers asks for it at the key `history`. Nothing that arrives from the network reaches the daemon: queries of these keys are all that is answered.
+//! the numbers asks for it at the key `history`. Queries of these keys are all that is answered; an offered model is handed to the bridge, one at a time, and to nobody else.
 
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde_json::value::RawValue;
@@ -14,6 +15,7 @@ use zenoh::{Session, Wait};
 
 use crate::keys::Keys;
 use crate::message::{History, Kind};
+use crate::offer::{MODEL_BYTES_MAX, SIGNATURE_BYTES_MAX};
 use crate::spool::Spool;
 
 /// Why the bus cannot be used.
@@ -119,7 +121,8 @@ impl Kept {
         lock(&self.spool)
     }
 
-    fn last(&self, kind: Kind) -> Option<Vec<u8>> {
+    /// The last message of a kind.
+    pub(crate) fn last(&self, kind: Kind) -> Option<Vec<u8>> {
         lock(&self.last)[kind as usize].clone()
     }
 
@@ -138,10 +141,30 @@ impl Kept {
     }
 }
 
+/// A model that was offered, as it came.
+#[derive(Debug)]
+pub struct Offered {
+    query: Query,
+    /// The bytes of the model file.
+    pub model: Vec<u8>,
+    /// The signature file.
+    pub signature: String,
+}
+
+impl Offered {
+    /// Tells who offered it what became of it, with the message of the event.
+    pub fn answer(&self, message: Vec<u8>) {
+        // Who offered may be gone: the event is on the bus as well.
+        let key = self.query.key_expr();
+        let _ = self.query.reply(key, message).encoding(Encoding::APPLICATION_JSON).wait();
+    }
+}
+
 /// A cell on the bus; it is off when this is dropped.
 #[derive(Debug)]
 pub struct Bus {
     session: Session,
+    offers: Receiver<Offered>,
     keys: Keys,
     kept: Arc<Kept>,
     _answers: Queryable<()>,
@@ -156,14 +179,24 @@ impl Bus {
     pub fn open(endpoints: &Endpoints, keys: Keys, kept: Arc<Kept>) -> Result<Self, BusError> {
         let session = endpoints.open(Part::Peer)?;
         let (asked, answered_by) = (keys.clone(), Arc::clone(&kept));
+        let (hand_over, offers) = sync_channel(1);
         let answers = session
             .declare_queryable(format!("{}/{}/{}/*", crate::keys::ROOT, keys.group, keys.cell))
-            .callback(move |query| answer(&query, &asked, &answered_by))
+            .callback(move |query| match query.payload() {
+                None => answer(&query, &asked, &answered_by),
+                Some(_) => take_offer(&query, &asked, &hand_over),
+            })
             .wait()
             .map_err(zenoh_error("declare what it answers"))?;
         let alive = session.liveliness().declare_token(keys.alive()).wait();
         let alive = alive.map_err(zenoh_error("declare that it is there"))?;
-        Ok(Self { session, keys, kept, _answers: answers, _alive: alive })
+        Ok(Self { session, offers, keys, kept, _answers: answers, _alive: alive })
+    }
+
+    /// The next offered model; `None` where there is none.
+    #[must_use]
+    pub fn next_offer(&self) -> Option<Offered> {
+        self.offers.try_recv().ok()
     }
 
     /// Sends a message, and answers with it from now on.
@@ -174,6 +207,31 @@ impl Bus {
         lock(&self.kept.last)[kind as usize] = Some(message.clone());
         let put = self.session.put(self.keys.of(kind), message);
         put.encoding(Encoding::APPLICATION_JSON).wait().map_err(zenoh_error("send"))
+    }
+}
+
+/// Hands an offered model over, or says why not: a query with the model as payload and its signature as attachment, at the cell's own key alone.
+fn take_offer(query: &Query, keys: &Keys, hand_over: &SyncSender<Offered>) {
+    let refuse = |why: String| {
+        let _ = query.reply_err(why).encoding(Encoding::TEXT_PLAIN).wait();
+    };
+    if query.key_expr().as_str() != keys.offer() {
+        return refuse(format!("a model is offered at `{}`, without wildcards", keys.offer()));
+    }
+    let size = query.payload().map_or(0, zenoh::bytes::ZBytes::len);
+    if size > MODEL_BYTES_MAX {
+        return refuse(format!("the model has {size} bytes; expected at most {MODEL_BYTES_MAX}"));
+    }
+    let signature = query.attachment().filter(|attached| attached.len() <= SIGNATURE_BYTES_MAX);
+    let signature = signature.and_then(|attached| attached.try_to_string().ok());
+    let Some(signature) = signature else {
+        let words = format!("the attachment is no signature of up to {SIGNATURE_BYTES_MAX} bytes");
+        return refuse(words);
+    };
+    let signature = signature.into_owned();
+    let model = query.payload().map_or(Vec::new(), |bytes| bytes.to_bytes().into_owned());
+    if hand_over.try_send(Offered { query: query.clone(), model, signature }).is_err() {
+        refuse("another offer is being judged; offer again in a few seconds".to_owned());
     }
 }
 

@@ -10,13 +10,13 @@ use std::time::Duration;
 
 use crate::place::{Folder, HERE, Process, endpoint, plant, skipped, until};
 
-/// A Python with the package, installed once.
-fn python() -> Result<PathBuf, String> {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("eclipse-zenoh");
+/// A Python with a package, installed once.
+pub(crate) fn python(package: &str, version: &str, import: &str) -> Result<PathBuf, String> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(package);
     let python = folder.join("bin/python");
     let has = |python: &Path| {
         Command::new(python)
-            .args(["-c", "import zenoh"])
+            .args(["-c", &format!("import {import}")])
             .output()
             .is_ok_and(|said| said.status.success())
     };
@@ -25,21 +25,21 @@ fn python() -> Result<PathBuf, String> {
     }
     let made = Command::new("python3").args(["-m", "venv"]).arg(&folder).output();
     made.map_err(|why| format!("python3: {why}"))?;
-    let words =
-        ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "eclipse-zenoh==1.10.2"];
+    let package = format!("{package}=={version}");
+    let words = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", &package];
     let said = Command::new(&python).args(words).output().map_err(|why| why.to_string())?;
     if has(&python) { Ok(python) } else { Err(String::from_utf8_lossy(&said.stderr).into_owned()) }
 }
 
 /// A cable between the follower and the bridge that can be pulled.
-struct Cable {
-    endpoint: String,
+pub(crate) struct Cable {
+    pub(crate) endpoint: String,
     plugged: Arc<AtomicBool>,
     ends: Arc<Mutex<Vec<TcpStream>>>,
 }
 
 impl Cable {
-    fn to(bridge: &str) -> Self {
+    pub(crate) fn to(bridge: &str) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let endpoint = format!("tcp/{}", listener.local_addr().unwrap());
         let plugged = Arc::new(AtomicBool::new(true));
@@ -62,7 +62,11 @@ impl Cable {
         Self { endpoint, plugged, ends }
     }
 
-    fn pull(&self) {
+    pub(crate) fn plug(&self) {
+        self.plugged.store(true, Relaxed);
+    }
+
+    pub(crate) fn pull(&self) {
         self.plugged.store(false, Relaxed);
         for end in self.ends.lock().unwrap().drain(..) {
             let _ = end.shutdown(std::net::Shutdown::Both);
@@ -93,7 +97,7 @@ fn followed(file: &Path) -> Vec<(u64, u64)> {
 #[test]
 fn a_subscriber_in_python_gets_every_message_once_and_in_order_whoever_is_paused_killed_or_cut_off()
 {
-    let python = match python() {
+    let python = match python("eclipse-zenoh", "1.10.2", "zenoh") {
         Ok(python) => python,
         Err(why) => return skipped("a Zenoh subscriber in Python", &why),
     };
@@ -130,7 +134,7 @@ fn a_subscriber_in_python_gets_every_message_once_and_in_order_whoever_is_paused
     let had = numbers();
     std::thread::sleep(Duration::from_secs(2));
     assert!(numbers() <= had + 2, "the cable is pulled");
-    cable.plugged.store(true, Relaxed);
+    cable.plug();
     gets(25);
     one.signal("-STOP");
     std::thread::sleep(Duration::from_secs(2));
