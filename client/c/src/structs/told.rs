@@ -326,7 +326,7 @@ type Name = [c_char; TRUED_NAME_MAX];
 grows! {
     trued_target 144 = [u32; 4], Joints, f64;
     trued_corrected 600 = [u32; 6], [u64; 6], [Joints; 4], [f64; 3];
-    trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words, u64, [u32; 2], [Name; 3], [Joints; 2], [u32; 2], [[f64; 3]; 2], [u64; 2], [u32; 2], [f64; 6], [u64; 2], [u64; TRUED_LATENCY_BUCKETS];
+    trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words, u64, [u32; 2], [Name; 3], [Joints; 2], [u32; 2], [[f64; 3]; 2], [u64; 2], [u32; 2], [f64; 6], [u64; 2], [u64; TRUED_LATENCY_BUCKETS], [u32; 4];
     trued_vibration 680 = [u32; 12], [u64; 4], [f64; 10], Words;
     trued_connection 544 = [u32; 4], u64, Words;
     trued_answer 536 = [u32; 2], u64, Words;
