@@ -1,7 +1,7 @@
 //! Diagnosis of recorded torques.
 //!
 //! Read in this order: `motion` (torque and motion in one band), `rigid` (rigid-body torques), `columns` and `library` (candidates), `case`
-//! (rows and sums), [`crate::engine`] (selected effects), `refine`, `zone`, `prove`, `unknown`, `found`, `finish`.
+//! (rows and sums), `crate::engine` (selected effects), `refine`, `zone`, `prove`, `unknown`, `found`, `finish`.
 //!
 //! Promises: the same input gives the same bits; held-out rows are seen by no selection and no fit. Never: a file, special treatment of a data set, the controller's
 //! tracking error as a covariate.

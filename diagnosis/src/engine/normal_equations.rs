@@ -5,9 +5,6 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::sums::Sums;
-use super::table::{Column, Table};
-
 /// A column that the others explain but for this share, squared, has no number of its own.
 const OWN: f64 = 1e-7;
 /// A column that is left so little, squared, brings nothing that rounding would not.
@@ -37,12 +34,6 @@ pub(crate) struct Solved {
 }
 
 impl Products {
-    /// Over the rows that count and that `used` takes.
-    pub(crate) fn new(table: &Table, columns: &[&Column], prior: Vec<f64>, used: &[bool]) -> Self {
-        let columns: Vec<Column> = columns.iter().copied().cloned().collect();
-        Sums::taken(None, table, &columns, used).products(prior)
-    }
-
     /// The least squares of these columns; those that say nothing of their own are left out.
     pub(crate) fn solve(&self, columns: &[usize]) -> Solved {
         let mut solved = Solved {

@@ -85,6 +85,14 @@ impl Sums {
     }
 }
 
+impl Products {
+    /// Over the rows that count and that `used` takes.
+    pub(crate) fn new(table: &Table, columns: &[&Column], prior: Vec<f64>, used: &[bool]) -> Self {
+        let columns: Vec<Column> = columns.iter().copied().cloned().collect();
+        Sums::taken(None, table, &columns, used).products(prior)
+    }
+}
+
 impl Block {
     /// Of no columns yet; `room`: what is used no more.
     fn none(table: &Table, joint: usize, rows: Vec<usize>, mut room: Vec<f64>) -> Self {
