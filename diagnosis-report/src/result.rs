@@ -355,7 +355,7 @@ impl Report {
             findings: Vec::new(),
             minor: Vec::new(),
             candidates: Vec::new(),
-            attribution: "shapley",
+            attribution: "sequence",
             next_experiment: None,
             experiment: None,
             not_tested: Vec::new(),

@@ -4,7 +4,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::attribution::Energies;
 use super::normal_equations::Solved;
 use super::stepwise::{Search, Selection, others};
 use super::table::{Column, Table, residual};
@@ -132,33 +131,30 @@ pub(crate) struct Listed {
     pub(crate) heldout_without: f64,
 }
 
-/// Names in the order of their Shapley values on the test set ([`Energies`]), with the error before and after each, one after the other.
+/// Names in the order of what each brings on the test set, with the error before and after each, one after the other: first the one that brings most by itself,
+/// which another may stand in for; then by what each brings beside all others. All else is
+/// fitted anew each time, so the energy is not quadratic and the Shapley value of positions ([`super::attribution`]) has no short form.
 pub(crate) fn attributed(
     search: &Search<'_>,
     selection: &Selection,
     rms: &dyn Fn(&Solved) -> f64,
 ) -> Vec<Listed> {
-    let names = &selection.names;
-    let left = |names: &[usize]| rms(&search.solve(names).solved);
-    let without: Vec<f64> = names.iter().map(|name| left(&others(names, *name))).collect();
-    let square = |rms: f64| rms * rms;
-    let energies = Energies {
-        with_none: square(left(&[])),
-        with_one: names.iter().map(|name| square(left(&[*name]))).collect(),
-        without_one: without.iter().copied().map(square).collect(),
-        with_all: square(left(names)),
-    };
-    let mut before = left(&[]);
+    let without = |name: &usize| rms(&search.solve(&others(&selection.names, *name)).solved);
+    let mut names: Vec<(usize, f64)> = selection.names.iter().map(|n| (*n, without(n))).collect();
+    let alone = |name: &usize| rms(&search.solve(&[*name]).solved);
+    let first = selection.names.iter().map(|name| (*name, alone(name)));
+    let first = first.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(first, _)| first);
+    names.sort_by(|(a, a_left), (b, b_left)| {
+        let is_later = |name: &usize| Some(*name) != first;
+        is_later(a).cmp(&is_later(b)).then(b_left.total_cmp(a_left)).then(a.cmp(b))
+    });
+    let mut before = rms(&search.solve(&[]).solved);
     let mut there: Vec<usize> = Vec::new();
     let mut listed = Vec::new();
-    for place in energies.order() {
-        there.push(names[place]);
-        let after = left(&there);
-        listed.push(Listed {
-            name: names[place],
-            heldout: [before, after],
-            heldout_without: without[place],
-        });
+    for (name, heldout_without) in names {
+        there.push(name);
+        let after = rms(&search.solve(&there).solved);
+        listed.push(Listed { name, heldout: [before, after], heldout_without });
         before = after;
     }
     listed
