@@ -16,6 +16,8 @@ use crate::geometry::Tolerances;
 use crate::hypothesis::Belief;
 use crate::result::Fit;
 use crate::score::Fitted;
+use physics::AnyEffect;
+use std::mem::discriminant;
 
 /// An effect that was added.
 #[derive(Clone, Debug)]
@@ -48,21 +50,17 @@ pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) ->
     let mut library = candidates(&model.arm, campaign);
     // Springs are searched for; see `springs`.
     library.retain(|candidate| !candidate.is_spring() && is_open(candidate));
-    let cache = JacobianCache::default();
-    let search = Search {
-        campaign,
-        known: &base.hypothesis,
-        settings: *settings,
-        library: &library,
-        cache: &cache,
+    let Selected { fit, named } = loop {
+        let selected = searched(campaign, &base, settings, &library);
+        let refused: Vec<_> = impossible(&selected).map(discriminant).collect();
+        let count = library.len();
+        library.retain(|one| {
+            one.probes.iter().all(|probe| !refused.contains(&discriminant(&probe.effect)))
+        });
+        if library.len() == count {
+            break selected;
+        }
     };
-    let start = Selected::none(&base);
-    let also = search.searched(&start);
-    let named = search.merged(search.until_stable(start, &also));
-    let described = remainders(&model.arm, campaign, settings.used);
-    let described = described.into_iter().filter(is_open).map(|one| Entry::open(&[], one));
-    let also: Vec<Entry> = search.searched(&named).into_iter().chain(described).collect();
-    let Selected { fit, named } = search.until_stable(named, &also);
     let together = fit.design_effect;
     chosen.extend(named.into_iter().map(|one| Chosen {
         effect: one.effect,
@@ -70,6 +68,42 @@ pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) ->
         settings: one.candidate.settings,
     }));
     Selection { fit, chosen }
+}
+
+/// What the search adds to `base` from a library.
+fn searched(
+    campaign: &Campaign,
+    base: &Fit,
+    settings: &Settings<'_>,
+    library: &[Candidate],
+) -> Selected {
+    let model = &base.hypothesis.model;
+    let is_open =
+        |candidate: &Candidate| !model.effects().any(|effect| candidate.is_rival_of(effect));
+    let cache = JacobianCache::default();
+    let search =
+        Search { campaign, known: &base.hypothesis, settings: *settings, library, cache: &cache };
+    let start = Selected::none(base);
+    let also = search.searched(&start);
+    let named = search.merged(search.until_stable(start, &also));
+    let described = remainders(&model.arm, campaign, settings.used);
+    let described = described.into_iter().filter(is_open).map(|one| Entry::open(&[], one));
+    let also: Vec<Entry> = search.searched(&named).into_iter().chain(described).collect();
+    search.until_stable(named, &also)
+}
+
+/// A base that leans more than this is none of a robot that was set up, rad; above 0. Default 0.06: three times the width of its prior.
+const TILT_MAX_RAD: f64 = 0.06;
+
+/// Effects that were selected and that no robot has: a mass below zero, a base that leans too much. Their numbers absorb what is not in the library.
+fn impossible(selected: &Selected) -> impl Iterator<Item = &AnyEffect> {
+    let effect = |at: usize| selected.fit.hypothesis.model.effects().nth(at);
+    let effects = selected.named.iter().filter_map(move |one| effect(one.effect));
+    effects.filter(|effect| match effect {
+        AnyEffect::Payload(_) => effect.values().first().is_some_and(|mass| *mass < 0.0),
+        AnyEffect::GravityTilt(_) => effect.values().iter().any(|tilt| tilt.abs() > TILT_MAX_RAD),
+        _ => false,
+    })
 }
 
 /// The fit with the compliances of all drives that carry a load, if together they are worth their numbers (EBIC); each keeps a prior of the drives' tolerance.

@@ -150,8 +150,10 @@ impl Wire<'_> {
 
     fn change(&mut self) {
         match self.chance.below(6) {
-            0 => self
-                .set_mode([Mode::Shadow, Mode::Limited, Mode::Full][self.chance.below(3) as usize]),
+            0 => {
+                let drawn = self.chance.below(3) as usize;
+                self.set_mode([Mode::Shadow, Mode::Limited, Mode::Full][drawn]);
+            }
             1 => self.exchange.bypassed.store(self.chance.below(2) == 0, Relaxed),
             2 => self.reload(),
             3 => self.known = self.chance.below(Horizon::POINTS_MAX as u64 + 1) as usize,
