@@ -74,7 +74,7 @@ impl Lead {
         let following = self.following(command);
         let (lead, ahead) = filter.step(&q, command.t_ns, following);
         let state = match ahead.known {
-            0 => LeadState::NoHorizon,
+            _ if !ahead.is_enough() => LeadState::NoHorizon,
             known if known < ahead.used_at_most => LeadState::ShortHorizon,
             _ => LeadState::Horizon,
         };

@@ -1,7 +1,8 @@
 //! The filter over commands that arrive one by one, and the setpoints that are known to follow.
 //!
-//! Setpoints that are not known are assumed to go on at the speed of the last known ones. Without a horizon this is a velocity feedforward: at constant speed the joints are
-//! led exactly; where the speed changes, the lead comes too late by delay and lag. With a horizon as long as delay and lag most of the error is gone.
+//! A delay can be compensated only where the path is known ahead. With a horizon of at least delay plus lags the filter applies; setpoints beyond the horizon are assumed to go on at
+//! the speed of the last known ones. Without it only lags are compensated, `c = Σ T · dq/dt`, which is their exact inverse: joints with the same delay then stay on the path, late by
+//! the delay. (To lead by the delay on the assumption of constant speed shortens the lateness, but leaves the path at each corner.)
 //!
 //! Commands count as equally spaced by the period of the cell: times of commands serve to find missed ones, not to measure speeds, since their jitter would appear as one.
 //!
@@ -22,6 +23,16 @@ pub struct Ahead {
     pub known: usize,
     /// As many as the filter makes use of.
     pub used_at_most: usize,
+    /// As many as it needs to compensate delay and modes.
+    pub needed: usize,
+}
+
+impl Ahead {
+    /// Whether enough is known to compensate delay and modes; otherwise only lags are compensated.
+    #[must_use]
+    pub fn is_enough(&self) -> bool {
+        self.known >= self.needed
+    }
 }
 
 /// The filter of one arm.
@@ -78,14 +89,22 @@ impl Filter {
     /// begin anew.
     pub fn step(&mut self, q: &Joints, t_ns: u64, following: &[Joints]) -> (Joints, Ahead) {
         let following = &following[..following.len().min(self.commands_ahead())];
-        let ahead = Ahead { known: following.len(), used_at_most: self.commands_ahead() };
+        let ahead = Ahead {
+            known: following.len(),
+            used_at_most: self.commands_ahead(),
+            needed: self.taps.commands_needed(),
+        };
         if !q.iter().all(|q| q.is_finite()) {
             return ([0.0; JOINTS_MAX], ahead);
         }
         self.take(q, t_ns);
         let mut lead = [0.0; JOINTS_MAX];
         for (joint, taps) in self.taps.joints().iter().enumerate().filter(|(_, t)| !t.is_empty()) {
-            lead[joint] = self.lead(joint, taps, following);
+            lead[joint] = if ahead.is_enough() {
+                self.lead(joint, taps, following)
+            } else {
+                self.lead_of_lags(joint)
+            };
         }
         (lead, ahead)
     }
@@ -111,6 +130,13 @@ impl Filter {
             .map(|k| taps[half + k] * (end - now + per_step * (k - known) as f64))
             .sum();
         before + foreseen + assumed
+    }
+
+    /// The sum of the lags times the speed over the last stride.
+    fn lead_of_lags(&self, joint: usize) -> f64 {
+        let stride = self.taps.stride();
+        let moved = self.past[self.newest][joint] - self.commanded_before(stride)[joint];
+        self.taps.lags_s()[joint] * moved / (stride as f64 * self.taps.period_s())
     }
 
     fn commanded_before(&self, commands: usize) -> &Joints {

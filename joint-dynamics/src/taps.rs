@@ -6,7 +6,7 @@
 //! the sum of delay and lags.
 //!
 //! The response outlasts the window: the more, the less damped a mode is and the larger the share by which parameters may deviate. With a mode of 2 % damping the window of
-//! 0.3 s leaves out 2 to 4 % of the sum of all taps.
+//! 0.5 s leaves out about a hundredth of the sum of all taps.
 
 use crate::inverse::{Design, Source};
 use crate::plant::{Plant, Plants, Uncertain};
@@ -23,8 +23,8 @@ pub struct TapsSettings {
     pub robust_to: f64,
     /// Standard uncertainty of parameters whose model states none, as a share of each, 0 to 1. Default 0.1, as for whole paths.
     pub unstated: f64,
-    /// How far the filter reaches into the past and into the future, s, 0.05 to 1. Default 0.3: more than two periods of a mode of 8 Hz; for delay and lags alone
-    /// a third is enough.
+    /// How far the filter reaches into the past and into the future, s, 0.05 to 1. Default 0.5: four periods of a mode of 8 Hz; for delay and lags
+    /// alone a fifth is enough.
     pub reach_s: f64,
     /// Spacing of the taps, s, 1e-4 to 0.02; rounded up to a multiple of the commands' period. Default 0.004: a sixth of the period of the default bandwidth.
     pub spacing_s: f64,
@@ -32,7 +32,7 @@ pub struct TapsSettings {
 
 impl Default for TapsSettings {
     fn default() -> Self {
-        Self { bandwidth_hz: 40.0, robust_to: 0.3, unstated: 0.1, reach_s: 0.3, spacing_s: 0.004 }
+        Self { bandwidth_hz: 40.0, robust_to: 0.3, unstated: 0.1, reach_s: 0.5, spacing_s: 0.004 }
     }
 }
 
@@ -66,6 +66,10 @@ pub struct Taps {
     period_s: f64,
     /// Of each joint, from the farthest past to the farthest future; empty where it has no dynamics.
     joints: Vec<Vec<f64>>,
+    /// Sum of the lags of each joint, s.
+    lags_s: Vec<f64>,
+    /// Delay plus lags of the slowest joint, s.
+    lead_s: f64,
 }
 
 impl Taps {
@@ -90,8 +94,14 @@ impl Taps {
         let of_joint = |plant: &Plant| {
             if plant.is_identity() { Vec::new() } else { taps(plant, half, step_s, settings) }
         };
-        let joints = plants.joints.iter().take(JOINTS_MAX).map(of_joint).collect();
-        Ok(Self { stride, period_s, joints })
+        let all = || plants.joints.iter().take(JOINTS_MAX);
+        Ok(Self {
+            stride,
+            period_s,
+            joints: all().map(of_joint).collect(),
+            lags_s: all().map(|plant| sum(&plant.lags_s)).collect(),
+            lead_s: all().map(lead_s).fold(0.0, f64::max),
+        })
     }
 
     /// Commands from one tap to the next.
@@ -110,6 +120,18 @@ impl Taps {
     #[must_use]
     pub fn half(&self) -> usize {
         self.joints.iter().map(|taps| taps.len() / 2).max().unwrap_or(0)
+    }
+
+    /// Setpoints ahead of a command without which the delay cannot be compensated: those of delay plus lags of the slowest joint.
+    #[must_use]
+    pub fn commands_needed(&self) -> usize {
+        ((self.lead_s / self.period_s - 1e-6).ceil() as usize).min(self.commands_ahead())
+    }
+
+    /// Sum of the lags of each joint, s.
+    #[must_use]
+    pub fn lags_s(&self) -> &[f64] {
+        &self.lags_s
     }
 
     /// Setpoints ahead of a command that the filter makes use of.
@@ -151,8 +173,11 @@ fn taps(plant: &Plant, half: usize, step_s: f64, settings: &TapsSettings) -> Vec
 
 /// What a path at constant speed is late by, s.
 fn lead_s(plant: &Plant) -> f64 {
-    let sum = |numbers: &[Uncertain]| numbers.iter().map(|number| number.value).sum::<f64>();
     sum(&plant.delays_s) + sum(&plant.lags_s)
+}
+
+fn sum(numbers: &[Uncertain]) -> f64 {
+    numbers.iter().map(|number| number.value).sum()
 }
 
 /// 1 in the middle, 0 beyond the ends of the window.

@@ -336,7 +336,7 @@ fn the_daemon_leaves_a_fifth_of_the_path_error_where_it_knows_a_tenth_of_a_secon
     let before = cell.uncompensated();
     for sign in [1.0, -1.0] {
         let off = [0.02 * sign, -0.02 * sign, 0.02 * sign, 0.02];
-        for known in [0, 5, 10, 25, 75] {
+        for known in [0, 5, 10, 25, 125] {
             let outcome = cell.lead(off, known, Trouble::default(), 1);
             let after = cell.error_of(&outcome);
             println!(
@@ -347,9 +347,10 @@ fn the_daemon_leaves_a_fifth_of_the_path_error_where_it_knows_a_tenth_of_a_secon
                 after.in_time_rms_m * 1e3
             );
             let state = [LeadState::NoHorizon, LeadState::ShortHorizon, LeadState::Horizon];
-            let state = state[usize::from(known > 0) + usize::from(known >= 75)];
+            let state = state[usize::from(known >= 10) + usize::from(known >= 125)];
             assert!(outcome.ticks_in(state) > outcome.sent.len() / 2, "{:?}", outcome.states);
             assert!(after.in_time_rms_m < before.in_time_rms_m);
+            assert!(after.from_path_m < before.from_path_m);
             if known >= 25 {
                 assert!(after.from_path_m < before.from_path_m / 5.0, "{known}");
                 assert!(after.in_time_rms_m < before.in_time_rms_m / 5.0, "{known}");
@@ -363,7 +364,7 @@ fn a_lead_by_a_model_that_is_off_by_thirty_percent_makes_no_path_worse_in_time()
     let cell = Cell::new();
     let before = cell.uncompensated();
     for off in [[0.3; 4], [-0.3; 4], [0.3, -0.3, -0.3, 0.3], [-0.3, 0.3, 0.3, -0.3]] {
-        for known in [0, 10, 25, 75] {
+        for known in [0, 10, 25, 125] {
             let after = cell.error_of(&cell.lead(off, known, Trouble::default(), 1));
             println!(
                 "{off:?}, {known} ahead: {:.3} then {:.3} mm rms",

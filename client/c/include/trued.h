@@ -481,6 +481,31 @@ typedef uint32_t trued_feed_reason;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
+// What the lead of joints in motion is computed from.
+enum trued_lead_state
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : uint32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // The cell has no [dynamic], or it is switched off.
+  TRUED_LEAD_STATE_OFF = 0,
+  // The model has no delay, lag or mode of a joint.
+  TRUED_LEAD_STATE_NOTHING_IN_TIME = 1,
+  // No setpoint is known ahead: the path is assumed to continue at its speed.
+  TRUED_LEAD_STATE_NO_HORIZON = 2,
+  // Fewer setpoints are known than the lead uses; after the last one the path is assumed to continue at its speed.
+  TRUED_LEAD_STATE_SHORT_HORIZON = 3,
+  // All setpoints that the lead uses are known.
+  TRUED_LEAD_STATE_HORIZON = 4,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum trued_lead_state trued_lead_state;
+#else
+typedef uint32_t trued_lead_state;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
 // State of a vibration event.
 enum trued_vibration_state
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -929,6 +954,14 @@ typedef struct trued_status {
   // Histogram of latencies since the start: the first entry counts those below 2^10 ns, entry n those from 2^(9+n) to below 2^(10+n) ns, the
   // last one all longer ones.
   uint64_t latency_counts[TRUED_LATENCY_BUCKETS];
+  // A trued_lead_state.
+  uint32_t lead_state;
+  // Setpoints after the last command that were known, of those that the lead uses.
+  uint32_t horizon_points;
+  // Setpoints after a command that the lead uses.
+  uint32_t horizon_points_used;
+  // Horizons that a command differed from.
+  uint32_t horizons_refused;
 } trued_status;
 
 // One verdict on one line of the force spectrum. Unknown values are NaN.
