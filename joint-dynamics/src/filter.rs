@@ -2,7 +2,8 @@
 //!
 //! A delay can be compensated only where the path is known ahead. With a horizon of at least delay plus lags the filter applies; setpoints beyond the horizon are assumed to go on at
 //! the speed of the last known ones. Without it only lags are compensated, `c = Σ T · dq/dt`, which is their exact inverse: joints with the same delay then stay on the path, late by
-//! the delay. (To lead by the delay on the assumption of constant speed shortens the lateness, but leaves the path at each corner.)
+//! the delay. (To lead by the delay on the assumption of constant speed shortens the lateness, but leaves the path at each corner.) If a joint has a mode, nothing is compensated without a
+//! horizon: the lag keeps corners from exciting the mode.
 //!
 //! Commands count as equally spaced by the period of the cell: times of commands serve to find missed ones, not to measure speeds, since their jitter would appear as one.
 //!

@@ -66,7 +66,7 @@ pub struct Taps {
     period_s: f64,
     /// Of each joint, from the farthest past to the farthest future; empty where it has no dynamics.
     joints: Vec<Vec<f64>>,
-    /// Sum of the lags of each joint, s.
+    /// Sum of the lags of each joint, s; zero where a joint has a mode.
     lags_s: Vec<f64>,
     /// Delay plus lags of the slowest joint, s.
     lead_s: f64,
@@ -94,12 +94,14 @@ impl Taps {
         let of_joint = |plant: &Plant| {
             if plant.is_identity() { Vec::new() } else { taps(plant, half, step_s, settings) }
         };
+        // Without a lag in front of it a mode is excited more.
+        let rings = plants.joints.iter().any(|plant| !plant.modes.is_empty());
         let all = || plants.joints.iter().take(JOINTS_MAX);
         Ok(Self {
             stride,
             period_s,
             joints: all().map(of_joint).collect(),
-            lags_s: all().map(|plant| sum(&plant.lags_s)).collect(),
+            lags_s: all().map(|plant| if rings { 0.0 } else { sum(&plant.lags_s) }).collect(),
             lead_s: all().map(lead_s).fold(0.0, f64::max),
         })
     }
@@ -128,7 +130,7 @@ impl Taps {
         ((self.lead_s / self.period_s - 1e-6).ceil() as usize).min(self.commands_ahead())
     }
 
-    /// Sum of the lags of each joint, s.
+    /// Sum of the lags of each joint, s, as far as they can be compensated without a horizon: zero if any joint has a mode.
     #[must_use]
     pub fn lags_s(&self) -> &[f64] {
         &self.lags_s

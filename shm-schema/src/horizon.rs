@@ -58,7 +58,7 @@ codes! {
         Off = 0 "off",
         /// The model has no delay, lag or mode of a joint.
         NothingInTime = 1 "nothing_in_time",
-        /// Fewer setpoints are known ahead than delay plus lags take: only lags are compensated.
+        /// Fewer setpoints are known ahead than delay plus lags take: lags alone are compensated, if no joint has a mode.
         NoHorizon = 2 "no_horizon",
         /// Fewer setpoints are known than the lead uses; after the last one the path is assumed to continue at its speed.
         ShortHorizon = 3 "short_horizon",

@@ -349,8 +349,8 @@ fn the_daemon_leaves_a_fifth_of_the_path_error_where_it_knows_a_tenth_of_a_secon
             let state = [LeadState::NoHorizon, LeadState::ShortHorizon, LeadState::Horizon];
             let state = state[usize::from(known >= 10) + usize::from(known >= 125)];
             assert!(outcome.ticks_in(state) > outcome.sent.len() / 2, "{:?}", outcome.states);
-            assert!(after.in_time_rms_m < before.in_time_rms_m);
-            assert!(after.from_path_m < before.from_path_m);
+            assert!(after.in_time_rms_m <= before.in_time_rms_m);
+            assert!(after.from_path_m <= before.from_path_m);
             if known >= 25 {
                 assert!(after.from_path_m < before.from_path_m / 5.0, "{known}");
                 assert!(after.in_time_rms_m < before.in_time_rms_m / 5.0, "{known}");
@@ -371,7 +371,7 @@ fn a_lead_by_a_model_that_is_off_by_thirty_percent_makes_no_path_worse_in_time()
                 before.in_time_rms_m * 1e3,
                 after.in_time_rms_m * 1e3
             );
-            assert!(after.in_time_rms_m < before.in_time_rms_m, "{off:?}, {known}");
+            assert!(after.in_time_rms_m <= before.in_time_rms_m, "{off:?}, {known}");
         }
     }
 }

@@ -214,7 +214,7 @@ pub enum trued_lead_state {
     Off = 0,
     /// The model has no delay, lag or mode of a joint.
     NothingInTime = 1,
-    /// Fewer setpoints are known ahead than delay plus lags take: only lags are compensated.
+    /// Fewer setpoints are known ahead than delay plus lags take: lags alone are compensated, if no joint has a mode.
     NoHorizon = 2,
     /// Fewer setpoints are known than the lead uses; after the last one the path is assumed to continue at its speed.
     ShortHorizon = 3,

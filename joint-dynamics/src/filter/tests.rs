@@ -1,7 +1,7 @@
 use super::*;
 use crate::taps::tests::plants_of;
 use crate::taps::{Taps, TapsSettings};
-use crate::virtual_joint::{JOINT, STEP_S, corners, largest, off, rms};
+use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, rms};
 use proptest::prelude::*;
 
 fn filter(believed: f64) -> Filter {
@@ -52,14 +52,22 @@ fn a_horizon_of_delay_and_lag_leaves_a_tenth_of_the_error_and_a_longer_one_less(
 #[test]
 fn without_a_horizon_lags_are_compensated_and_the_delay_remains() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 1.0), (0.05, 0.5)]);
-    let joint = crate::virtual_joint::VirtualJoint { participation: 0.0, ..JOINT };
-    let late = crate::virtual_joint::VirtualJoint { lag_s: 0.0, ..joint };
-    let delayed = late.run(STEP_S, &path);
+    let joint = VirtualJoint { participation: 0.0, ..JOINT };
+    let delayed = VirtualJoint { lag_s: 0.0, ..joint }.run(STEP_S, &path);
+    let mut plants = plants_of(joint, 0.02);
+    plants.joints[0].modes.clear();
+    let taps = Taps::new(&plants, STEP_S, &TapsSettings::default()).unwrap();
+    let commanded = commands(&mut Filter::new(taps, [f64::INFINITY; JOINTS_MAX]), &path, 0);
     let without = off(&delayed, &joint.run(STEP_S, &path));
-    let commanded = commands(&mut filter(1.0), &path, 0);
     let with = off(&delayed, &joint.run(STEP_S, &commanded));
     let (largest, rms) = (largest(&with) / largest(&without), rms(&with) / rms(&without));
     assert!(largest < 0.3 && rms < 0.15, "{largest}, {rms}");
+}
+
+#[test]
+fn without_a_horizon_joints_with_modes_are_not_led() {
+    let path = corners(STEP_S, &[(0.1, 1.0)]);
+    assert_eq!(commands(&mut filter(1.0), &path, 7), path);
 }
 
 #[test]
@@ -67,7 +75,7 @@ fn a_model_that_is_off_by_30_per_cent_makes_the_rms_error_no_larger() {
     for believed in [0.7, 1.3] {
         for known in [0, 5, 8, 10, 25, 75, 125] {
             let (_, rms) = left(believed, known);
-            assert!(rms < 1.0, "{believed}, {known} points: {rms}");
+            assert!(rms <= 1.0, "{believed}, {known} points: {rms}");
         }
     }
 }
@@ -87,10 +95,11 @@ fn a_command_that_jumps_begins_anew() {
     let taps = Taps::new(&plants_of(JOINT, 0.02), STEP_S, &TapsSettings::default()).unwrap();
     let mut filter = Filter::new(taps, [0.01; JOINTS_MAX]);
     for k in 0..50 {
-        let (lead, _) = filter.step(&joints(1e-3 * k as f64), k * 4_000_000, &[]);
-        assert!(k < 2 || lead[0] > 0.0);
+        let ahead = [joints(1e-3 * k as f64 + 0.01); 20];
+        let (lead, _) = filter.step(&joints(1e-3 * k as f64), k * 4_000_000, &ahead);
+        assert!(lead[0] != 0.0);
     }
-    assert_eq!(filter.step(&joints(0.06), 200_000_000, &[]).0, [0.0; JOINTS_MAX]);
+    assert_eq!(filter.step(&joints(0.06), 200_000_000, &[joints(0.06); 125]).0, [0.0; JOINTS_MAX]);
 }
 
 #[test]
@@ -101,9 +110,9 @@ fn another_model_goes_on_with_the_path_of_the_one_before() {
     }
     kept.continue_from(&before);
     let q = joints(1e-3 * 120_f64.powf(1.3));
-    let (lead, _) = before.step(&q, 480_000_000, &[]);
-    assert_eq!(kept.step(&q, 480_000_000, &[]).0, lead);
-    assert!(lead[0] > 0.0);
+    let (lead, _) = before.step(&q, 480_000_000, &[q; 20]);
+    assert_eq!(kept.step(&q, 480_000_000, &[q; 20]).0, lead);
+    assert!(lead[0] != 0.0);
 }
 
 #[test]
@@ -112,8 +121,9 @@ fn jitter_of_the_times_is_no_speed() {
     for k in 0..500_u64 {
         let q = joints(1e-3 * k as f64);
         let jitter_ns = [0, 900_000, 300_000, 1_700_000][k as usize % 4];
-        let (lead, _) = even.step(&q, k * 4_000_000, &[]);
-        let (found, _) = shaken.step(&q, k * 4_000_000 + jitter_ns, &[]);
+        let ahead = [q; 20];
+        let (lead, _) = even.step(&q, k * 4_000_000, &ahead);
+        let (found, _) = shaken.step(&q, k * 4_000_000 + jitter_ns, &ahead);
         assert_eq!(lead, found);
     }
 }
@@ -123,11 +133,12 @@ fn commands_that_were_missed_are_made_good() {
     let (mut all, mut some) = (filter(1.0), filter(1.0));
     for k in 0..500_u64 {
         let q = joints(1e-3 * k as f64);
-        let (lead, _) = all.step(&q, k * 4_000_000, &[]);
+        let ahead = [q; 20];
+        let (lead, _) = all.step(&q, k * 4_000_000, &ahead);
         if k % 7 == 3 || k % 7 == 4 {
             continue;
         }
-        let (found, _) = some.step(&q, k * 4_000_000, &[]);
+        let (found, _) = some.step(&q, k * 4_000_000, &ahead);
         assert!((lead[0] - found[0]).abs() < 1e-12, "{k}");
     }
 }
@@ -142,7 +153,7 @@ fn after_a_gap_a_restart_or_a_clock_set_back_the_path_begins_anew() {
         if restarts {
             filter.restart();
         }
-        assert_eq!(filter.step(&joints(0.3), t_ns, &[]).0, [0.0; JOINTS_MAX]);
+        assert_eq!(filter.step(&joints(0.3), t_ns, &[joints(0.3); 125]).0, [0.0; JOINTS_MAX]);
     }
 }
 
