@@ -97,8 +97,9 @@ impl Lead {
         let Some(foretold) = place.and_then(|place| self.horizon.points().get(place)) else {
             return;
         };
-        let is_near = |(q, foretold): (&f64, &f64)| (q - foretold).abs() <= SETPOINT_TOLERANCE;
-        if !q.iter().zip(foretold).all(is_near) {
+        // A command without a number is refused elsewhere, and says nothing of the path.
+        let is_off = |(q, foretold): (&f64, &f64)| (q - foretold).abs() > SETPOINT_TOLERANCE;
+        if q.iter().zip(foretold).any(is_off) {
             self.horizon.count = 0;
             self.refused += 1;
         }

@@ -7,12 +7,14 @@ use daemon::exchange::{Exchange, LoadedModel};
 use daemon::robot::{Link, Robot};
 use daemon::setup;
 use envelope::Limits;
+use joint_dynamics::plant::{Plant, Plants, Uncertain};
+use joint_dynamics::{Filter, Taps, TapsSettings};
 use physics::Model;
 use recording::cell::CellConfig;
 use recording::model::presets::preset;
 use shm_schema::{
-    Command, Corrected, DaemonPorts, JOINTS_MAX, MeasuredPoint, PortError, RobotState, SendOutcome,
-    Status,
+    Command, Corrected, DaemonPorts, Horizon, JOINTS_MAX, LeadState, MeasuredPoint, PortError,
+    RobotState, SendOutcome, Status,
 };
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
@@ -84,6 +86,21 @@ impl Link for Even {
         Some(MeasuredPoint { seq, t_ns, flags, point_m, ..MeasuredPoint::default() })
     }
 
+    /// Every 20 commands the setpoints of the next 100; every third time those of another path.
+    fn take_horizon(&mut self, into: &mut Horizon) -> bool {
+        if !self.seq.is_multiple_of(20) {
+            return false;
+        }
+        into.layout = Horizon::default().layout;
+        (into.session, into.command_seq, into.count) = (1, self.seq, 100);
+        let elsewhere = if self.seq.is_multiple_of(60) { 0.1 } else { 0.0 };
+        for (ahead, point) in (1..).zip(&mut into.points[..100]) {
+            point[..JOINTS].copy_from_slice(&path(self.now_ns + ahead * TICK_NS));
+            point[0] += elsewhere;
+        }
+        true
+    }
+
     fn send(&mut self, _: &Corrected) -> SendOutcome {
         self.sent += 1;
         SendOutcome::Delivered
@@ -119,20 +136,31 @@ impl Even {
     }
 }
 
+/// Joints with a delay of 4 ms and a lag of 12 ms.
+fn filter() -> Box<Filter> {
+    let of = |value| vec![Uncertain { value, sigma: 0.0 }];
+    let plant = Plant { delays_s: of(0.004), lags_s: of(0.012), modes: Vec::new() };
+    let plants = Plants { joints: vec![plant; JOINTS], left_out: Vec::new() };
+    let taps = Taps::new(&plants, 1e-9 * TICK_NS as f64, &TapsSettings::default()).unwrap();
+    Box::new(Filter::new(taps, [f64::INFINITY; JOINTS_MAX]))
+}
+
 #[test]
 fn a_million_cycles_take_nothing_from_the_heap() {
     let limits = Limits::new(0.02, 0.05, 5.0).unwrap();
     let settings = Settings { stale_ns: 3_000_000, ..Settings::with_envelope(limits) };
     let physics = preset(MODEL).unwrap().model().unwrap().physics;
     let exchange = Arc::new(Exchange::new(Mode::Full, true));
-    let loaded = |physics, epoch| Box::new(LoadedModel::new(physics, epoch));
+    let loaded = |physics, epoch| {
+        Box::new(LoadedModel { filter: Some(filter()), ..LoadedModel::new(physics, epoch) })
+    };
     let models = [Some(loaded(Model::nominal(physics.arm), 2)), Some(loaded(physics, 3))];
     let (exchange_of_link, now_ns) = (Arc::clone(&exchange), 1 << 40);
     let link = Even { exchange: exchange_of_link, now_ns, seq: 0, sent: 0, measured: 0, models };
     let text = format!(
         "schema = \"trued.cell/1\"\ncell = \"cell\"\nmodel = \"{MODEL}\"\n[measured]\nmode = \"trim\"\n\
          rate_Hz = 250\nlatency_ms = 2\nnoise_mm = 0.02\njump_mm = 100\n\
-         [wrench]\nsource = \"command\"\n[feed]\nmode = \"adapt\"\ndeflection_limit_mm = 0.1\n"
+         [wrench]\nsource = \"command\"\n[feed]\nmode = \"adapt\"\ndeflection_limit_mm = 0.1\n[dynamic]\n"
     );
     let config = CellConfig::parse("cell.toml", &text).unwrap();
     assert!(setup::deflection_limit_fault(&config, &physics).is_none());
@@ -153,6 +181,9 @@ fn a_million_cycles_take_nothing_from_the_heap() {
     let mut status = Status::default();
     counters.trim.put(&mut status);
     assert!(status.trim_measurements > 200_000 && status.trim_refused > 1000, "{status:?}");
+    counters.lead.put(&mut status);
+    assert_eq!(status.lead_state(), Ok(LeadState::ShortHorizon));
+    assert!(status.horizons_refused > 1000, "{status:?}");
     counters.feed.put(&mut status);
     assert!(status.feed_refused > 1000 && status.feed_limit_n > 0.0, "{status:?}");
     assert!(counters.model_epoch.load(Relaxed) > 1, "models were swapped");
