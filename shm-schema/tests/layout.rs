@@ -16,7 +16,7 @@ macro_rules! pinned {
 
 #[test]
 fn the_layout_of_status_stands() {
-    pinned!(Status: 2392 bytes, hash 0xad2d_20ea_a709_aca9,
+    pinned!(Status: 2408 bytes, hash 0xebb3_3ae6_3752_2a69,
         seq at 0, t_ns at 8, started_ns at 16, model_epoch at 24, model_hash at 32,
         geometry_hash at 40, cycles at 48, missed_cycles at 56, commands at 64, rejected
         at 72, held at 80, stale at 88, commands_lost at 96, corrected_lost at 104,
@@ -32,9 +32,10 @@ fn the_layout_of_status_stands() {
         trim_found_m at 504, trim_measurements at 528, trim_refused at 536,
         feed_state at 544, feed_reason at 548, feed_override at 552, feed_wanted at 560, feed_force_n at
         568, feed_programmed_force_n at 576, feed_limit_n at 584, feed_speed_m_s at 592, feed_refused
-        at 600, feed_bounds at 608, latency_sum_ns at 648, latency_counts at 656, bounds at 792,
-        q_command at 1432, correction at 1560, robot_maker at 1688, robot_type at 1752,
-        robot_serial at 1816, message at 1880);
+        at 600, feed_bounds at 608, lead_state at 648, horizon_points at 652, horizon_points_used at 656,
+        horizons_refused at 660, latency_sum_ns at 664, latency_counts at 672, bounds at 808,
+        q_command at 1448, correction at 1576, robot_maker at 1704, robot_type at 1768,
+        robot_serial at 1832, message at 1896);
 }
 
 #[test]
@@ -175,5 +176,5 @@ fn a_horizon_is_copied_without_the_points_that_are_not_set() {
 #[test]
 fn the_contract_stands() {
     assert_eq!(CONTRACT_VERSION, 6);
-    assert_eq!(CONTRACT_HASH, 0x9787_0aae_027e_19ed, "{CONTRACT_HASH:#018x}");
+    assert_eq!(CONTRACT_HASH, 0xe354_c5c7_40d7_e6de, "{CONTRACT_HASH:#018x}");
 }

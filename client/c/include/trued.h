@@ -491,7 +491,7 @@ enum trued_lead_state
   TRUED_LEAD_STATE_OFF = 0,
   // The model has no delay, lag or mode of a joint.
   TRUED_LEAD_STATE_NOTHING_IN_TIME = 1,
-  // No setpoint is known ahead: the path is assumed to continue at its speed.
+  // Fewer setpoints are known ahead than delay plus lags take: lags alone are compensated, if no joint has a mode.
   TRUED_LEAD_STATE_NO_HORIZON = 2,
   // Fewer setpoints are known than the lead uses; after the last one the path is assumed to continue at its speed.
   TRUED_LEAD_STATE_SHORT_HORIZON = 3,

@@ -1,3 +1,5 @@
+//! The filter on a virtual joint: errors left with and without a horizon, rest, jitter, missed commands, new beginnings.
+
 use super::*;
 use crate::taps::tests::plants_of;
 use crate::taps::{Taps, TapsSettings};

@@ -1,3 +1,5 @@
+//! Taps: the lead at constant speed, and what has none.
+
 use super::*;
 use crate::plant::Mode;
 use crate::virtual_joint::{JOINT, VirtualJoint};

@@ -18,7 +18,7 @@ use crate::offer::{self, OfferError, OfferedRobot, Statement};
 pub const SCHEMA: &str = "trued.models/1";
 
 /// What becomes of an offer that passes all checks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Accept {
     /// It is refused.
@@ -30,16 +30,29 @@ pub enum Accept {
     Load,
 }
 
-/// The owner's file as it is written.
-#[derive(Debug, Deserialize)]
+/// The owner's file of a cell, `trued.models/1` (docs/reference/plant.md): which offered models it takes. Relative paths count from the folder of this file.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Written {
+    /// Name and version of the format.
+    #[schemars(extend("const" = "trued.models/1"))]
     schema: String,
+    /// What becomes of a model that passes all checks.
     #[serde(default)]
     accept: Accept,
+    /// A model file of this robot that states its serial number.
     robot: PathBuf,
+    /// Where accepted models and the counter are written.
     folder: PathBuf,
+    /// Public keys of minisign.
+    #[schemars(length(min = 1))]
     keys: Vec<String>,
+}
+
+/// The JSON Schema of the owner's file.
+#[must_use]
+pub fn schema() -> schemars::Schema {
+    schemars::schema_for!(Written)
 }
 
 /// Why the owner's file cannot be used.

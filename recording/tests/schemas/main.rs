@@ -34,7 +34,11 @@ fn known() -> &'static [Known] {
             validator: jsonschema::validator_for(&schema).unwrap(),
             schema,
         };
-        recording::schema::all().into_iter().map(|known| one(known.schema)).collect()
+        let of_plant =
+            concat!(env!("CARGO_MANIFEST_DIR"), "/../plant/bus/schemas/models.schema.json");
+        let of_plant = serde_json::from_str(&std::fs::read_to_string(of_plant).unwrap()).unwrap();
+        let all = recording::schema::all().into_iter().map(|known| known.schema);
+        all.chain([of_plant]).map(one).collect()
     })
 }
 

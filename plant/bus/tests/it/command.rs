@@ -8,6 +8,7 @@ fn the_schemas_are_of_today() {
         ("message", schemars::schema_for!(bus::message::Message)),
         ("history", schemars::schema_for!(bus::message::History)),
         ("fleet", schemars::schema_for!(bus::Fleet)),
+        ("models", bus::acceptance::schema()),
     ];
     for (name, schema) in schemas {
         let schema = format!("{:#}\n", serde_json::to_value(schema).unwrap());
