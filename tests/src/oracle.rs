@@ -6,16 +6,16 @@
 //! 2. `|c| ≤ angle`, to rounding.
 //! 3. `|Δc| ≤ rate · Δt` over the time between two ticks: of their commands' stamps while those stay within 20 ms of the clock, else of the clock.
 //! 4. The third divided difference of any four ticks in a row is at most the jerk. If ticks are
-//! unevenly spaced, the times at which a robot executes them are uncertain by the spread `u` of the
-//! newest intervals (their median at most: a missed cycle is not jitter): the effect of `v u` at
-//! the rate `v` is allowed.
+//!    unevenly spaced, the times at which a robot executes them are uncertain by the spread `u` of the
+//!    newest intervals (their median at most: a missed cycle is not jitter): the effect of `v u` at
+//!    the rate `v` is allowed.
 //! 5. After a silence (longer than 20 ms, and than three times the shorter of the two intervals
-//! before it) the robot has stopped: `c` is unchanged, and continues from rest. This also applies
-//! after an answer that the controller has not used.
+//!    before it) the robot has stopped: `c` is unchanged, and continues from rest. This also applies
+//!    after an answer that the controller has not used.
 //! 6. After the limits changed, the larger of the old and the new ones apply for as long as braking
-//! from the former into the latter may take; then the new ones.
+//!    from the former into the latter may take; then the new ones.
 //! 7. In shadow mode the target is the command, bit for bit, once an existing correction has had
-//! the time of rule 6.
+//!    the time of rule 6.
 
 use crate::cell_loop::JOINTS;
 use shm_schema::JointBounds;
