@@ -1,6 +1,6 @@
 //! Feedforward for a path that is known ahead: commands that compensate dynamic errors of the joints.
 //!
-//! Each joint is a linear plant of the model: delay, first-order lags, flexible modes ([`plant`]). Its commands come from one step, in the frequency domain and
+//! Each joint is a linear plant of the model: delay, first-order lags, flexible modes ([`joint_dynamics::plant`]). Its commands come from one step, in the frequency domain and
 //! therefore without causality: `c ← c + λ L e`, with the error e of the path, the regularised inverse L of the plant and a factor λ ≤ 1 that makes
 //! the step robust for any plant whose parameters deviate by a stated fraction ([`joint_dynamics::inverse`]). With the error that the model predicts this is preview compensation
 //! ([`preview()`]), with an error that was measured it is norm-optimal iterative learning ([`learn()`]).

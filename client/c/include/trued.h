@@ -487,7 +487,7 @@ enum trued_lead_state
   : uint32_t
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
-  // The cell has no [dynamic], or it is switched off.
+  // The cell has no `dynamic` in its configuration, or it is switched off.
   TRUED_LEAD_STATE_OFF = 0,
   // The model has no delay, lag or mode of a joint.
   TRUED_LEAD_STATE_NOTHING_IN_TIME = 1,

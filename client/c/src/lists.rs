@@ -210,7 +210,7 @@ pub enum trued_feed_state {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_lead_state {
-    /// The cell has no [dynamic], or it is switched off.
+    /// The cell has no `dynamic` in its configuration, or it is switched off.
     Off = 0,
     /// The model has no delay, lag or mode of a joint.
     NothingInTime = 1,
