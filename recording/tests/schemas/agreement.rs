@@ -55,7 +55,8 @@ fn is_of_one_key(fault: &Fault) -> bool {
 #[test]
 fn a_schema_and_its_reader_refuse_the_same_changes_of_a_file() {
     let samples = samples();
-    for known in known() {
+    // The owner's file of offered models has its reader in the workspace `plant`.
+    for known in known().iter().filter(|known| known.format != "trued.models/1") {
         let bounds = mutations::bounds(&known.schema);
         let of_format = samples.iter().filter(|sample| sample.format == known.format);
         // A preset is a longer version of the example in the reference.
