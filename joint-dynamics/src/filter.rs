@@ -16,6 +16,8 @@ use physics::{JOINTS_MAX, Joints};
 /// corrector's limiters (`envelope/src/elapsed.rs`).
 const SILENCE_S: f64 = 0.02;
 const SILENT_PERIODS: f64 = 3.0;
+/// Arms with more joints are rare; the sums over fewer take less than half of the time.
+const USUAL_JOINTS: usize = 8;
 
 /// What the lead was computed from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -40,8 +42,10 @@ impl Ahead {
 #[derive(Clone, Debug)]
 pub struct Filter {
     taps: Taps,
-    /// The last commands, every period, the newest at `newest`; a ring.
+    /// The last commands, every period: a ring that is kept twice, one after the other, so that any `length` in a row are the past.
     past: Vec<Joints>,
+    length: usize,
+    /// Place of the newest in the first ring.
     newest: usize,
     last_ns: Option<u64>,
     /// What a joint can move from one command to the next, rad or m; more is a jump.
@@ -55,8 +59,8 @@ impl Filter {
     #[must_use]
     pub fn new(taps: Taps, reach: Joints) -> Self {
         let length = taps.commands_ahead() + 1;
-        let past = vec![[0.0; JOINTS_MAX]; length];
-        Self { taps, past, newest: 0, last_ns: None, reach, unspent: 0.0 }
+        let past = vec![[0.0; JOINTS_MAX]; 2 * length];
+        Self { taps, past, length, newest: 0, last_ns: None, reach, unspent: 0.0 }
     }
 
     /// Setpoints ahead of a command that it makes use of.
@@ -71,10 +75,8 @@ impl Filter {
         if self.taps.period_s() != before.taps.period_s() {
             return;
         }
-        let length = self.past.len();
-        for commands in 0..length {
-            let place = (self.newest + length - commands) % length;
-            self.past[place] = *before.commanded_before(commands);
+        for commands in (0..self.length).rev() {
+            self.push(*before.commanded_before(commands));
         }
         (self.last_ns, self.unspent) = (before.last_ns, before.unspent);
     }
@@ -99,55 +101,61 @@ impl Filter {
             return ([0.0; JOINTS_MAX], ahead);
         }
         self.take(q, t_ns);
-        let mut lead = [0.0; JOINTS_MAX];
-        for (joint, taps) in self.taps.joints().iter().enumerate().filter(|(_, t)| !t.is_empty()) {
-            lead[joint] = if ahead.is_enough() {
-                self.lead(joint, taps, following)
-            } else {
-                self.lead_of_lags(joint)
-            };
-        }
+        let lead = match ahead.is_enough() {
+            true if self.taps.joints() <= USUAL_JOINTS => self.lead::<USUAL_JOINTS>(following),
+            true => self.lead::<JOINTS_MAX>(following),
+            false => self.lead_of_lags(),
+        };
         (lead, ahead)
     }
 
-    /// The sum over the past commands, the known setpoints and their continuation at constant speed.
-    fn lead(&self, joint: usize, taps: &[f64], following: &[Joints]) -> f64 {
-        let (half, stride) = (taps.len() / 2, self.taps.stride());
-        let now = self.past[self.newest][joint];
-        let before: f64 = (1..=half)
-            .map(|k| taps[half - k] * (self.commanded_before(k * stride)[joint] - now))
-            .sum();
+    /// For the first `COUNT` joints the sum over the past commands, the known setpoints and their continuation at constant speed.
+    fn lead<const COUNT: usize>(&self, following: &[Joints]) -> Joints {
+        let (taps, stride) = (&self.taps, self.taps.stride());
+        let now = self.commanded_before(0);
+        let mut lead = [0.0; JOINTS_MAX];
+        for (k, taps) in (1..).zip(taps.past()) {
+            add::<COUNT>(&mut lead, taps, self.commanded_before(k * stride), now);
+        }
+        let known = following.iter().skip(stride - 1).step_by(stride);
+        for (taps, q) in taps.future().zip(known) {
+            add::<COUNT>(&mut lead, taps, q, now);
+        }
         // Whole strides of the horizon; what is known beyond them is less than one stride.
         let known = following.len() / stride;
-        let ahead = |k: usize| following[k * stride - 1][joint];
-        let foreseen: f64 = (1..=known.min(half)).map(|k| taps[half + k] * (ahead(k) - now)).sum();
-        let (end, before_end) = match known {
-            0 => (now, self.commanded_before(stride)[joint]),
-            1 => (ahead(1), now),
-            known => (ahead(known), ahead(known - 1)),
-        };
-        let per_step = end - before_end;
-        let assumed: f64 = (known + 1..=half)
-            .map(|k| taps[half + k] * (end - now + per_step * (k - known) as f64))
-            .sum();
-        before + foreseen + assumed
+        let ahead = |k: usize| if k == 0 { now } else { &following[k * stride - 1] };
+        let end = ahead(known);
+        let before_end = if known == 0 { self.commanded_before(stride) } else { ahead(known - 1) };
+        let [rest, steps] = taps.after(known);
+        add::<COUNT>(&mut lead, rest, end, now);
+        add::<COUNT>(&mut lead, steps, end, before_end);
+        lead
     }
 
     /// The sum of the lags times the speed over the last stride.
-    fn lead_of_lags(&self, joint: usize) -> f64 {
+    fn lead_of_lags(&self) -> Joints {
         let stride = self.taps.stride();
-        let moved = self.past[self.newest][joint] - self.commanded_before(stride)[joint];
-        self.taps.lags_s()[joint] * moved / (stride as f64 * self.taps.period_s())
+        let stride_s = stride as f64 * self.taps.period_s();
+        let (now, before) = (self.commanded_before(0), self.commanded_before(stride));
+        std::array::from_fn(|i| self.taps.lags_s()[i] * (now[i] - before[i]) / stride_s)
     }
 
     fn commanded_before(&self, commands: usize) -> &Joints {
-        let length = self.past.len();
-        &self.past[(self.newest + length - commands.min(length - 1)) % length]
+        &self.past[self.newest + self.length - commands.min(self.length - 1)]
+    }
+
+    fn push(&mut self, q: Joints) {
+        self.newest = if self.newest + 1 == self.length { 0 } else { self.newest + 1 };
+        self.replace(q);
+    }
+
+    fn replace(&mut self, q: Joints) {
+        (self.past[self.newest], self.past[self.newest + self.length]) = (q, q);
     }
 
     /// Whether a joint moved further than it can in so many periods.
     fn jumps(&self, q: &Joints, periods: f64) -> bool {
-        let from = &self.past[self.newest];
+        let from = self.commanded_before(0);
         (0..JOINTS_MAX).any(|i| (q[i] - from[i]).abs() > self.reach[i] * periods.max(1.0))
     }
 
@@ -169,15 +177,21 @@ impl Filter {
         let steps = elapsed.round().max(0.0);
         self.unspent = elapsed - steps;
         if steps == 0.0 {
-            self.past[self.newest] = *q;
+            self.replace(*q);
             return;
         }
-        let from = self.past[self.newest];
+        let from = *self.commanded_before(0);
         for step in 1..=steps as usize {
             let share = step as f64 / steps;
-            self.newest = (self.newest + 1) % self.past.len();
-            self.past[self.newest] = std::array::from_fn(|i| from[i] + share * (q[i] - from[i]));
+            self.push(std::array::from_fn(|i| from[i] + share * (q[i] - from[i])));
         }
+    }
+}
+
+/// Adds to each of the first `COUNT` joints its tap times the way from `from` to `to`.
+fn add<const COUNT: usize>(sum: &mut Joints, taps: &Joints, to: &Joints, from: &Joints) {
+    for i in 0..COUNT {
+        sum[i] += taps[i] * (to[i] - from[i]);
     }
 }
 

@@ -10,7 +10,7 @@
 
 use crate::inverse::{Design, Source};
 use crate::plant::{Plant, Plants, Uncertain};
-use physics::JOINTS_MAX;
+use physics::{JOINTS_MAX, Joints};
 use realfft::RealFftPlanner;
 use std::f64::consts::PI;
 
@@ -52,6 +52,8 @@ pub enum TapsError {
 
 /// Samples per period of the bandwidth that a filter needs.
 const SAMPLES_PER_PERIOD: f64 = 4.0;
+/// Relative rounding of a period.
+const ROUNDING: f64 = 1e-6;
 /// The response is computed over so many windows, so that what lies outside of one does not alias into it.
 const WINDOWS: usize = 16;
 /// The outer share of each side over which taps fade.
@@ -64,10 +66,14 @@ pub struct Taps {
     stride: usize,
     /// Between two commands, s.
     period_s: f64,
-    /// Of each joint, from the farthest past to the farthest future; empty where it has no dynamics.
-    joints: Vec<Vec<f64>>,
+    /// How many joints the arm has.
+    joints: usize,
+    /// Of all joints, from the farthest past to the farthest future; zero for a joint without dynamics.
+    rows: Vec<Joints>,
+    /// Of each number of known steps, see [`Taps::after`].
+    rest: Vec<[Joints; 2]>,
     /// Sum of the lags of each joint, s; zero where a joint has a mode.
-    lags_s: Vec<f64>,
+    lags_s: Joints,
     /// Delay plus lags of the slowest joint, s.
     lead_s: f64,
 }
@@ -82,34 +88,45 @@ impl Taps {
             return Err(TapsError::NothingInTime);
         }
         let longest_s = 1.0 / (SAMPLES_PER_PERIOD * settings.bandwidth_hz);
-        if period_s > longest_s {
+        // A rate that is exactly four times the bandwidth is enough, whatever its period is rounded to.
+        if period_s > longest_s * (1.0 + ROUNDING) {
             return Err(TapsError::Sampling { period_s, longest_s });
         }
-        let spacing_s = settings.spacing_s.min(longest_s);
-        // Rounding of a period that divides the spacing must not double it.
-        let stride = ((spacing_s / period_s - 1e-6).ceil() as usize).max(1);
-        let stride = if stride as f64 * period_s > longest_s { stride - 1 } else { stride }.max(1);
+        let spacing_s = settings.spacing_s.clamp(period_s, longest_s.max(period_s));
+        // Rounded up to whole periods, where the bandwidth allows.
+        let up = (spacing_s / period_s - ROUNDING).ceil();
+        let fits = up * period_s <= longest_s * (1.0 + ROUNDING);
+        let stride = if fits { up as usize } else { (spacing_s / period_s + ROUNDING) as usize };
         let step_s = stride as f64 * period_s;
         let half = (settings.reach_s / step_s).ceil() as usize;
-        let of_joint = |plant: &Plant| {
-            if plant.is_identity() { Vec::new() } else { taps(plant, half, step_s, settings) }
-        };
+        let mut rows = vec![[0.0; JOINTS_MAX]; 2 * half + 1];
+        let mut lags_s = [0.0; JOINTS_MAX];
         // Without a lag in front of it a mode is excited more.
         let rings = plants.joints.iter().any(|plant| !plant.modes.is_empty());
-        let all = || plants.joints.iter().take(JOINTS_MAX);
-        Ok(Self {
-            stride,
-            period_s,
-            joints: all().map(of_joint).collect(),
-            lags_s: all().map(|plant| if rings { 0.0 } else { sum(&plant.lags_s) }).collect(),
-            lead_s: all().map(lead_s).fold(0.0, f64::max),
-        })
+        for (joint, plant) in plants.joints.iter().enumerate().take(JOINTS_MAX) {
+            if plant.is_identity() {
+                continue;
+            }
+            let of_joint = taps(plant, half, step_s, settings);
+            rows.iter_mut().zip(of_joint).for_each(|(row, tap)| row[joint] = tap);
+            lags_s[joint] = if rings { 0.0 } else { sum(&plant.lags_s) };
+        }
+        let rest = rest(&rows[half + 1..]);
+        let lead_s = plants.joints.iter().map(lead_s).fold(0.0, f64::max);
+        let joints = plants.joints.len();
+        Ok(Self { stride, period_s, joints, rows, rest, lags_s, lead_s })
     }
 
     /// Commands from one tap to the next.
     #[must_use]
     pub fn stride(&self) -> usize {
         self.stride
+    }
+
+    /// How many joints the arm has.
+    #[must_use]
+    pub fn joints(&self) -> usize {
+        self.joints
     }
 
     /// Between two commands, s.
@@ -121,7 +138,7 @@ impl Taps {
     /// Taps on each side of the present one.
     #[must_use]
     pub fn half(&self) -> usize {
-        self.joints.iter().map(|taps| taps.len() / 2).max().unwrap_or(0)
+        self.rows.len() / 2
     }
 
     /// Setpoints ahead of a command without which the delay cannot be compensated: those of delay plus lags of the slowest joint.
@@ -132,7 +149,7 @@ impl Taps {
 
     /// Sum of the lags of each joint, s, as far as they can be compensated without a horizon: zero if any joint has a mode.
     #[must_use]
-    pub fn lags_s(&self) -> &[f64] {
+    pub fn lags_s(&self) -> &Joints {
         &self.lags_s
     }
 
@@ -142,11 +159,33 @@ impl Taps {
         self.half() * self.stride
     }
 
-    /// Of each joint, from the farthest past to the farthest future; empty where it has no dynamics.
-    #[must_use]
-    pub fn joints(&self) -> &[Vec<f64>] {
-        &self.joints
+    /// Those of the past, from the nearest on.
+    pub fn past(&self) -> impl Iterator<Item = &Joints> {
+        self.rows[..self.half()].iter().rev()
     }
+
+    /// Those of the future, from the nearest on.
+    pub fn future(&self) -> impl Iterator<Item = &Joints> {
+        self.rows[self.half() + 1..].iter()
+    }
+
+    /// What a path that goes on at constant speed after `known` steps contributes from there on: the sum of the taps, and that of the steps since times the taps.
+    #[must_use]
+    pub fn after(&self, known: usize) -> &[Joints; 2] {
+        &self.rest[known.min(self.half())]
+    }
+}
+
+/// Of each number of known steps, the sums of [`Taps::after`].
+fn rest(future: &[Joints]) -> Vec<[Joints; 2]> {
+    let mut sums = vec![[[0.0; JOINTS_MAX]; 2]];
+    for row in future.iter().rev() {
+        let [taps, steps] = sums[sums.len() - 1];
+        let taps: Joints = std::array::from_fn(|i| taps[i] + row[i]);
+        sums.push([taps, std::array::from_fn(|i| steps[i] + taps[i])]);
+    }
+    sums.reverse();
+    sums
 }
 
 /// Taps of one joint, from `-half` (past) to `half` (future).

@@ -83,6 +83,43 @@ fn a_model_that_is_off_by_30_per_cent_makes_the_rms_error_no_larger() {
 }
 
 #[test]
+fn what_follows_the_horizon_counts_as_going_on_at_its_last_speed() {
+    let (mut stated, mut assumed) = (filter(1.0), filter(1.0));
+    let at = |k: u64| joints(1e-3 * (k.min(230) as f64) + if k > 200 { 2e-3 } else { 0.0 });
+    for k in 0..220_u64 {
+        let all: Vec<Joints> = (k + 1..=k + 125)
+            .map(|ahead| {
+                // From the 20th setpoint on at constant speed.
+                let (from, to) = (at(k + 19)[0], at(k + 20)[0]);
+                if ahead <= k + 20 {
+                    at(ahead)
+                } else {
+                    joints(to + (to - from) * (ahead - k - 20) as f64)
+                }
+            })
+            .collect();
+        let (lead, _) = stated.step(&at(k), k * 4_000_000, &all);
+        let (found, _) = assumed.step(&at(k), k * 4_000_000, &all[..20]);
+        assert!((lead[0] - found[0]).abs() < 1e-12, "{k}: {} and {}", lead[0], found[0]);
+    }
+}
+
+#[test]
+fn an_arm_of_many_joints_leads_with_each_as_an_arm_of_one() {
+    let mut plants = plants_of(JOINT, 0.02);
+    plants.joints = vec![plants.joints[0].clone(); 12];
+    let taps = Taps::new(&plants, STEP_S, &TapsSettings::default()).unwrap();
+    let (mut one, mut many) = (filter(1.0), Filter::new(taps, [f64::INFINITY; JOINTS_MAX]));
+    for k in 0..100 {
+        let q = 1e-3 * (k as f64).powf(1.3);
+        let (lead, _) = one.step(&joints(q), k * 4_000_000, &[joints(q + 0.01); 20]);
+        let (all, _) = many.step(&[q; JOINTS_MAX], k * 4_000_000, &[[q + 0.01; JOINTS_MAX]; 20]);
+        assert_eq!(all[..12], [lead[0]; 12]);
+        assert_eq!(all[12..], [0.0; 4]);
+    }
+}
+
+#[test]
 fn a_robot_at_rest_is_not_led() {
     let mut filter = filter(1.0);
     for k in 0..200 {
