@@ -79,7 +79,7 @@ impl<L: Link> Cycle<L> {
         self.publish(exchange, &command, received_ns, &allowed, feed_override);
         self.corrector.prepare(&self.model.physics);
         self.prepare_feed(exchange);
-        self.expect(exchange, now_ns, &allowed, &world.lead);
+        self.expect(exchange, now_ns, &allowed);
         Some(received_ns)
     }
 
@@ -103,13 +103,12 @@ impl<L: Link> Cycle<L> {
     }
 
     /// Stores the tool pose predicted for what was sent: later measurements are compared with it.
-    fn expect(&mut self, exchange: &Exchange, now_ns: u64, made: &Outcome, lead: &Joints) {
+    fn expect(&mut self, exchange: &Exchange, now_ns: u64, made: &Outcome) {
         let Some(instrument) = &mut self.sensor_inputs.instrument else { return };
         let accepted = made.status != Status::Rejected;
-        // Joints that lead their commands are where they were commanded to be.
-        let at_rest = std::array::from_fn(|i| made.correction[i] - lead[i]);
-        let tool =
-            accepted.then(|| self.corrector.tool_with(&self.model.physics, &at_rest)).flatten();
+        let tool = accepted
+            .then(|| self.corrector.tool_with(&self.model.physics, &made.correction))
+            .flatten();
         instrument.expect(now_ns, tool.as_ref(), &exchange.counters.trim);
     }
 

@@ -43,7 +43,8 @@ impl LeadSettings {
 pub struct Lead {
     /// The newest horizon; without points once the path has left it.
     horizon: Box<Horizon>,
-    session: u64,
+    /// Run and number of the last command.
+    last: Option<(u64, u64)>,
     refused: u64,
 }
 
@@ -64,13 +65,19 @@ impl Lead {
             counters.show(LeadState::NothingInTime, 0, 0, self.refused);
             return [0.0; JOINTS_MAX];
         };
-        if command.session != self.session {
-            self.session = command.session;
-            filter.restart();
+        match self.last {
+            Some((session, seq)) if session == command.session => {
+                if command.seq <= seq {
+                    // The corrector refuses it: it is no part of the path.
+                    return [0.0; JOINTS_MAX];
+                }
+            }
+            _ => filter.restart(),
         }
+        self.last = Some((command.session, command.seq));
         let mut q = [0.0; JOINTS_MAX];
         q[..command.joints().len()].copy_from_slice(command.joints());
-        self.drop_if_left(command.seq, &q);
+        self.drop_if_left(command, &q);
         let following = self.following(command);
         let (lead, ahead) = filter.step(&q, command.t_ns, following);
         let state = match ahead.known {
@@ -82,18 +89,22 @@ impl Lead {
         lead
     }
 
+    /// How many commands ago the horizon began, if it is of the command's run.
+    fn passed(&self, command: &Command) -> Option<usize> {
+        let passed = command.seq.checked_sub(self.horizon.command_seq)?;
+        let is_of_this_run = self.horizon.session == command.session;
+        usize::try_from(passed).ok().filter(|_| is_of_this_run)
+    }
+
     /// The setpoints that are known to follow a command.
     fn following(&self, command: &Command) -> &[Joints] {
-        let of_this_run = self.horizon.session == command.session;
-        let passed = command.seq.checked_sub(self.horizon.command_seq).filter(|_| of_this_run);
-        let passed = passed.and_then(|passed| usize::try_from(passed).ok());
+        let passed = self.passed(command);
         passed.and_then(|passed| self.horizon.points().get(passed..)).unwrap_or(&[])
     }
 
-    /// Drops the horizon where this command is not the setpoint that it foretold.
-    fn drop_if_left(&mut self, seq: u64, q: &Joints) {
-        let passed = seq.checked_sub(self.horizon.command_seq).filter(|passed| *passed > 0);
-        let place = passed.and_then(|passed| usize::try_from(passed - 1).ok());
+    /// Drops the horizon where this command, at `q`, is not the setpoint that it foretold.
+    fn drop_if_left(&mut self, command: &Command, q: &Joints) {
+        let place = self.passed(command).and_then(|passed| passed.checked_sub(1));
         let Some(foretold) = place.and_then(|place| self.horizon.points().get(place)) else {
             return;
         };
@@ -103,5 +114,132 @@ impl Lead {
             self.horizon.count = 0;
             self.refused += 1;
         }
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+mod tests {
+    use super::*;
+    use joint_dynamics::plant::{Plant, Uncertain};
+    use shm_schema::Status;
+
+    const PERIOD_NS: u64 = 4_000_000;
+    /// rad per command.
+    const SPEED: f64 = 1e-3;
+
+    struct Bench {
+        lead: Lead,
+        filter: Filter,
+        counters: LeadCounters,
+    }
+
+    /// One joint with a delay of 20 ms: five commands.
+    fn bench() -> Bench {
+        let delay = Uncertain { value: 0.02, sigma: 0.0 };
+        let plant = Plant { delays_s: vec![delay], ..Plant::default() };
+        let plants = Plants { joints: vec![plant], left_out: Vec::new() };
+        let taps = Taps::new(&plants, 1e-9 * PERIOD_NS as f64, &TapsSettings::default()).unwrap();
+        let filter = Filter::new(taps, [f64::INFINITY; JOINTS_MAX]);
+        Bench { lead: Lead::default(), filter, counters: LeadCounters::default() }
+    }
+
+    fn at(k: u64) -> Joints {
+        let mut q = [0.0; JOINTS_MAX];
+        q[0] = SPEED * k as f64;
+        q
+    }
+
+    impl Bench {
+        /// The horizon after command `seq` of a run.
+        fn know(&mut self, session: u64, seq: u64, count: u32) {
+            let horizon = self.lead.horizon_mut();
+            (horizon.session, horizon.command_seq, horizon.count) = (session, seq, count);
+            for (k, point) in (1..).zip(&mut horizon.points) {
+                *point = at(seq + k);
+            }
+        }
+
+        /// What command `seq` of a run is led by, and what the status says of it.
+        fn step(&mut self, session: u64, seq: u64) -> (f64, Status) {
+            let command = Command {
+                session,
+                seq,
+                t_ns: seq * PERIOD_NS,
+                joints: 1,
+                q: at(seq),
+                ..Command::default()
+            };
+            let lead = self.lead.step(Some(&mut self.filter), &command, &self.counters);
+            let mut status = Status::default();
+            self.counters.put(&mut status);
+            (lead[0], status)
+        }
+    }
+
+    #[test]
+    fn a_horizon_serves_the_commands_that_it_states_until_less_than_the_delay_is_left() {
+        let mut bench = bench();
+        bench.know(7, 1, 100);
+        for seq in 1..=101 {
+            let (lead, status) = bench.step(7, seq);
+            let left = 101 - seq;
+            assert_eq!(u64::from(status.horizon_points), left);
+            assert_eq!(lead > 0.0, left >= 5, "{seq}: {lead}");
+            let state = if left >= 5 { LeadState::ShortHorizon } else { LeadState::NoHorizon };
+            assert_eq!(status.lead_state(), Ok(state));
+            assert_eq!(status.horizons_refused, 0);
+        }
+    }
+
+    #[test]
+    fn a_horizon_ends_with_the_first_command_that_differs_and_is_counted_once() {
+        let mut bench = bench();
+        bench.know(7, 1, 100);
+        (1..20).for_each(|seq| assert!(bench.step(7, seq).0 > 0.0));
+        bench.lead.horizon_mut().points[18][0] += 0.9e-3;
+        assert!(bench.step(7, 20).0 > 0.0, "within a milliradian");
+        bench.lead.horizon_mut().points[19][0] += 1.1e-3;
+        for seq in 21..30 {
+            let (lead, status) = bench.step(7, seq);
+            assert_eq!((lead, status.horizons_refused), (0.0, 1));
+        }
+    }
+
+    #[test]
+    fn a_horizon_of_another_run_or_of_a_later_command_is_not_used() {
+        let mut bench = bench();
+        bench.know(8, 1, 100);
+        assert_eq!(bench.step(7, 2).0, 0.0);
+        bench.know(7, 40, 100);
+        assert_eq!(bench.step(7, 3).0, 0.0);
+        assert_eq!(bench.step(7, 4).1.horizons_refused, 0);
+    }
+
+    #[test]
+    fn commands_that_come_again_or_too_late_are_no_part_of_the_path() {
+        let (mut plain, mut shaken) = (bench(), bench());
+        plain.know(7, 1, 120);
+        shaken.know(7, 1, 120);
+        for seq in 1..60 {
+            let expected = plain.step(7, seq).0;
+            assert_eq!(shaken.step(7, seq).0, expected);
+            if seq > 10 {
+                assert_eq!(shaken.step(7, seq).0, 0.0);
+                assert_eq!(shaken.step(7, seq - 3).0, 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn another_run_begins_at_rest() {
+        let mut bench = bench();
+        for seq in 1..60 {
+            let _ = bench.step(7, seq);
+        }
+        let mut fresh = self::bench();
+        bench.know(8, 60, 100);
+        fresh.know(8, 60, 100);
+        assert_eq!(bench.step(8, 60).0, fresh.step(8, 60).0);
     }
 }

@@ -160,7 +160,7 @@ fn a_million_cycles_take_nothing_from_the_heap() {
     let text = format!(
         "schema = \"trued.cell/1\"\ncell = \"cell\"\nmodel = \"{MODEL}\"\n[measured]\nmode = \"trim\"\n\
          rate_Hz = 250\nlatency_ms = 2\nnoise_mm = 0.02\njump_mm = 100\n\
-         [wrench]\nsource = \"command\"\n[feed]\nmode = \"adapt\"\ndeflection_limit_mm = 0.1\n[dynamic]\n"
+         [wrench]\nsource = \"command\"\n[feed]\nmode = \"adapt\"\ndeflection_limit_mm = 0.1\n"
     );
     let config = CellConfig::parse("cell.toml", &text).unwrap();
     assert!(setup::deflection_limit_fault(&config, &physics).is_none());
@@ -168,7 +168,7 @@ fn a_million_cycles_take_nothing_from_the_heap() {
         robot: Robot::over(link),
         corrector: Corrector::new(settings),
         model: loaded(physics, 1),
-        sensor_inputs: setup::sensor_inputs(&config, false),
+        sensor_inputs: setup::sensor_inputs(&config, false).with_lead(Some(Box::default())),
         stale_ns: settings.stale_ns,
         period_ns: settings.period_ns,
         lockstep: false,

@@ -55,6 +55,12 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
             root.fault(key, message, "cycle.period_ms of 40 or less, or mode = \"off\"");
         }
     }
+    let leads = dynamic.is_some_and(|dynamic| dynamic.mode != DynamicMode::Off);
+    if leads && is_trimmed {
+        // The trim compares what is measured with where the tool was sent `reaction_ms` before; that time would change with bypass, mode and envelope.
+        let message = "leads commands, which an instrument in [measured] would take for an error";
+        root.fault("dynamic", message, "mode = \"off\" in [dynamic] or in [measured]");
+    }
     if is_fed && wrench.source == WrenchSource::None {
         root.fault("feed", "needs the force, and the cell has none", "source in [wrench]");
     }

@@ -234,6 +234,29 @@ fn cycles_too_slow_for_a_trim_are_refused_where_there_is_one() {
     assert!(parse(&slow.replace("[measured]", "[measured]\nmode = \"off\"")).is_ok());
 }
 
+const DYNAMIC: &str = "schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.toml\"\n\
+                       [cycle]\nperiod_ms = 4\nstale_ms = 20\n[dynamic]\n";
+
+#[test]
+fn joints_lead_by_default_where_the_table_is_given_and_the_commands_are_frequent_enough() {
+    let dynamic = parse(DYNAMIC).unwrap().dynamic.expect("a table");
+    let expected = Dynamic { mode: DynamicMode::Compensate, bandwidth_hz: 40.0, robust_to: 0.3 };
+    assert_eq!(dynamic, expected);
+    parse(&format!("{DYNAMIC}bandwidth_Hz = 63\n")).unwrap_err().assert_say("62.5 or less");
+    assert!(parse(&format!("{DYNAMIC}bandwidth_Hz = 62.5\n")).is_ok());
+    assert!(parse(&format!("{DYNAMIC}bandwidth_Hz = 63\nmode = \"off\"\n")).is_ok());
+    parse(&format!("{DYNAMIC}robust_to = 0.6\n")).unwrap_err().assert_say("robust_to");
+    parse(&format!("{DYNAMIC}mode = \"on\"\n")).unwrap_err().assert_say("compensate");
+}
+
+#[test]
+fn a_cell_does_not_lead_its_commands_and_measure_its_tool() {
+    let both = format!("{MEASURED}[dynamic]\n");
+    parse(&both).unwrap_err().assert_say("would take for an error");
+    assert!(parse(&format!("{both}mode = \"off\"\n")).is_ok());
+    assert!(parse(&both.replace("[measured]", "[measured]\nmode = \"off\"")).is_ok());
+}
+
 const FEED: &str = "schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.toml\"\n\
                     [wrench]\nsource = \"command\"\n[feed]\n";
 
