@@ -98,8 +98,11 @@ impl<L: Link> Cycle<L> {
     /// Returns what the joints are to lead the command by, rad or m.
     fn lead(&mut self, exchange: &Exchange, command: &Command) -> Joints {
         let Some(lead) = &mut self.sensor_inputs.lead else { return [0.0; JOINTS_MAX] };
-        self.robot.newest_horizon(exchange, lead.horizon_mut());
-        lead.step(self.model.filter.as_deref_mut(), command, &exchange.counters.lead)
+        let mut filter = self.model.filter.as_deref_mut();
+        if self.robot.newest_horizon(exchange, lead.horizon_mut()) {
+            lead.check_horizon(filter.as_deref());
+        }
+        lead.step(filter.as_deref_mut(), command, &exchange.counters.lead)
     }
 
     /// Stores the tool pose predicted for what was sent: later measurements are compared with it.

@@ -54,6 +54,20 @@ impl Lead {
         &mut self.horizon
     }
 
+    /// Drops a horizon that has just come if a joint would have to move faster in it than it can.
+    pub fn check_horizon(&mut self, filter: Option<&Filter>) {
+        let Some(filter) = filter else { return };
+        let jumps = |ends: &[Joints]| filter.jumps(&ends[0], &ends[1]);
+        if self.horizon.points().windows(2).any(jumps) {
+            self.refuse_horizon();
+        }
+    }
+
+    fn refuse_horizon(&mut self) {
+        self.horizon.count = 0;
+        self.refused += 1;
+    }
+
     /// What the joints are to lead `command` by, rad or m.
     pub fn step(
         &mut self,
@@ -77,7 +91,7 @@ impl Lead {
         self.last = Some((command.session, command.seq));
         let mut q = [0.0; JOINTS_MAX];
         q[..command.joints().len()].copy_from_slice(command.joints());
-        self.drop_if_left(command, &q);
+        self.drop_if_left(filter, command, &q);
         let following = self.following(command);
         let (lead, ahead) = filter.step(&q, command.t_ns, following);
         let state = match ahead.known {
@@ -102,17 +116,16 @@ impl Lead {
         passed.and_then(|passed| self.horizon.points().get(passed..)).unwrap_or(&[])
     }
 
-    /// Drops the horizon where this command, at `q`, is not the setpoint that it foretold.
-    fn drop_if_left(&mut self, command: &Command, q: &Joints) {
-        let place = self.passed(command).and_then(|passed| passed.checked_sub(1));
-        let Some(foretold) = place.and_then(|place| self.horizon.points().get(place)) else {
-            return;
-        };
+    /// Drops the horizon where this command, at `q`, is not the setpoint that it foretold, or cannot be followed by the next one.
+    fn drop_if_left(&mut self, filter: &Filter, command: &Command, q: &Joints) {
+        let Some(passed) = self.passed(command) else { return };
+        let points = self.horizon.points();
         // A command without a number is refused elsewhere, and says nothing of the path.
         let is_off = |(q, foretold): (&f64, &f64)| (q - foretold).abs() > SETPOINT_TOLERANCE;
-        if q.iter().zip(foretold).any(is_off) {
-            self.horizon.count = 0;
-            self.refused += 1;
+        let foretold = passed.checked_sub(1).and_then(|place| points.get(place));
+        let has_left = foretold.is_some_and(|foretold| q.iter().zip(foretold).any(is_off));
+        if has_left || points.get(passed).is_some_and(|next| filter.jumps(q, next)) {
+            self.refuse_horizon();
         }
     }
 }
@@ -136,11 +149,16 @@ mod tests {
 
     /// One joint with a delay of 20 ms: five commands.
     fn bench() -> Bench {
+        bench_of(f64::INFINITY)
+    }
+
+    /// The same for a joint that moves by at most `reach` from one command to the next.
+    fn bench_of(reach: f64) -> Bench {
         let delay = Uncertain { value: 0.02, sigma: 0.0 };
         let plant = Plant { delays_s: vec![delay], ..Plant::default() };
         let plants = Plants { joints: vec![plant], left_out: Vec::new() };
         let taps = Taps::new(&plants, 1e-9 * PERIOD_NS as f64, &TapsSettings::default()).unwrap();
-        let filter = Filter::new(taps, [f64::INFINITY; JOINTS_MAX]);
+        let filter = Filter::new(taps, [reach; JOINTS_MAX]);
         Bench { lead: Lead::default(), filter, counters: LeadCounters::default() }
     }
 
@@ -214,6 +232,25 @@ mod tests {
         bench.know(7, 40, 100);
         assert_eq!(bench.step(7, 3).0, 0.0);
         assert_eq!(bench.step(7, 4).1.horizons_refused, 0);
+    }
+
+    #[test]
+    fn a_horizon_that_no_joint_could_follow_is_refused() {
+        for (place, refused) in [(0, 1), (50, 1), (99, 1), (100, 0)] {
+            let mut bench = bench_of(2.5 * SPEED);
+            bench.know(7, 1, 100);
+            bench.lead.horizon_mut().points[place][0] += 0.1;
+            bench.lead.check_horizon(Some(&bench.filter));
+            let (lead, status) = bench.step(7, 1);
+            assert_eq!((lead > 0.0, status.horizons_refused), (refused == 0, refused), "{place}");
+        }
+        // From the command itself to the first setpoint.
+        let mut bench = bench_of(2.5 * SPEED);
+        bench.know(7, 4, 100);
+        bench.lead.horizon_mut().command_seq = 1;
+        bench.lead.check_horizon(Some(&bench.filter));
+        let (lead, status) = bench.step(7, 1);
+        assert_eq!((lead, status.horizons_refused), (0.0, 1));
     }
 
     #[test]

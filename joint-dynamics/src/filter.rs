@@ -153,10 +153,15 @@ impl Filter {
         (self.past[self.newest], self.past[self.newest + self.length]) = (q, q);
     }
 
-    /// Whether a joint moved further than it can in so many periods.
-    fn jumps(&self, q: &Joints, periods: f64) -> bool {
-        let from = self.commanded_before(0);
-        (0..JOINTS_MAX).any(|i| (q[i] - from[i]).abs() > self.reach[i] * periods.max(1.0))
+    /// Whether a joint cannot get from one setpoint to the next.
+    #[must_use]
+    pub fn jumps(&self, from: &Joints, to: &Joints) -> bool {
+        self.jumps_in(1.0, from, to)
+    }
+
+    /// The same in so many periods.
+    fn jumps_in(&self, periods: f64, from: &Joints, to: &Joints) -> bool {
+        (0..JOINTS_MAX).any(|i| (to[i] - from[i]).abs() > self.reach[i] * periods)
     }
 
     /// Takes a command into the past; where some were missed, the way between is even.
@@ -168,7 +173,7 @@ impl Filter {
         self.last_ns = Some(t_ns);
         let goes_on = passed_ns > 0.0
             && passed_ns <= SILENCE_S.max(SILENT_PERIODS * self.taps.period_s()) * 1e9;
-        if !goes_on || self.jumps(q, periods) {
+        if !goes_on || self.jumps_in(periods.max(1.0), self.commanded_before(0), q) {
             self.past.fill(*q);
             self.unspent = 0.0;
             return;

@@ -197,7 +197,7 @@ impl Metrics<'_, '_> {
             ("feed_refused", "Wrenches that were refused for the feed", report.feed.refused),
             (
                 "horizons_refused",
-                "Horizons that a command differed from",
+                "Horizons that were refused",
                 u64::from(report.lead.horizons_refused),
             ),
             ("recorder_dropped", "Records that the recorder dropped", report.recorder_dropped),

@@ -173,7 +173,7 @@ plain_struct! {
         pub horizon_points: u32,
         /// Setpoints after a command that the lead uses.
         pub horizon_points_used: u32,
-        /// Horizons that a command differed from.
+        /// Horizons that were refused: a command differed from them, or no joint could follow them.
         pub horizons_refused: u32,
         /// Sum of all latencies since the start, ns.
         pub latency_sum_ns: u64,

@@ -960,7 +960,7 @@ typedef struct trued_status {
   uint32_t horizon_points;
   // Setpoints after a command that the lead uses.
   uint32_t horizon_points_used;
-  // Horizons that a command differed from.
+  // Horizons that were refused: a command differed from them, or no joint could follow them.
   uint32_t horizons_refused;
 } trued_status;
 

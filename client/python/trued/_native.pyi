@@ -144,7 +144,7 @@ class Status:
     horizon_points_used: Final[int]
     """Setpoints after a command that the lead uses."""
     horizons_refused: Final[int]
-    """Horizons that a command differed from."""
+    """Horizons that were refused: a command differed from them, or no joint could follow them."""
 
 @final
 class Vibration:

@@ -26,9 +26,10 @@ impl Ebic {
 mod tests {
     use super::*;
 
-    /// What one parameter gains by chance, in log-likelihood, is half of a squared normal deviate: the best of a hundred stays below the penalty but in one case in twenty.
+    /// One parameter gains half of a squared normal deviate by chance, in log-likelihood; the best of a hundred exceeds the penalty with a probability below 0.05.
     #[test]
-    fn the_best_of_a_hundred_candidates_seldom_pays_its_penalty_by_chance() {
+    fn the_best_of_a_hundred_useless_candidates_exceeds_its_penalty_with_a_probability_below_a_twentieth()
+     {
         let penalty = Ebic { rows: 1000.0, candidates: 100 }.penalty(1.0);
         // P(z² > 2 penalty) for one candidate.
         let one = libm::erfc((penalty).sqrt());

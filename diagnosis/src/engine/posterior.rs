@@ -1,14 +1,14 @@
 //! Posterior probabilities of competing hypotheses from their log-likelihoods and penalties.
 //!
-//! `p_i = exp(−Δ_i) / Σ_k exp(−Δ_k)`, Δ the loss in penalised log-likelihood beside the hypothesis that stands: with the penalty of the Bayesian information criterion
+//! `p_i = exp(−Δ_i) / Σ_k exp(−Δ_k)`, Δ the loss in penalised log-likelihood compared with the selected hypothesis. With the penalty of the Bayesian information criterion
 //! these are approximate posterior probabilities under equal priors (Kass and Raftery 1995, section 4).
 //!
-//! Promises: together they are 1.
+//! Invariant: they add up to 1.
 
-/// A hypothesis counts as at most this much better than the one that stands, in log-likelihood: only keeps the exponential finite.
+/// Limit on the gain of an alternative over the selected hypothesis, in log-likelihood; keeps the exponential finite.
 const GAIN_MAX: f64 = 20.0;
 
-/// The probability of the hypothesis that stands, and that of each alternative, by what each loses in penalised log-likelihood beside it.
+/// The probability of the selected hypothesis, and of each alternative, from the losses of the alternatives in penalised log-likelihood.
 pub(crate) fn posterior(losses: &[f64]) -> (f64, Vec<f64>) {
     let weights: Vec<f64> = losses.iter().map(|loss| libm::exp(-loss.max(-GAIN_MAX))).collect();
     let all = 1.0 + weights.iter().sum::<f64>();

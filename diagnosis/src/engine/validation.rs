@@ -11,7 +11,7 @@ use crate::size::Size;
 
 /// A number is at least so many times its uncertainty.
 pub(crate) const SURE: f64 = 2.0;
-/// What the squares of one to four numbers together, in units of their uncertainty, exceed by chance as seldom as one alone exceeds the square of [`SURE`].
+/// Quantiles of the χ² distribution with one to four degrees of freedom, at the probability at which one squared normal deviate exceeds the square of [`SURE`].
 const TOGETHER: [f64; 4] = [SURE * SURE, 6.18, 8.02, 9.72];
 /// Root mean square of what is left on `used` rows that `counts` takes, whitened by each channel's noise and in units of their geometric mean.
 pub(crate) fn rms_of(
@@ -169,7 +169,7 @@ mod tests {
         let values = DVector::from_vec(vec![1.5, -1.5]);
         let alone = DMatrix::identity(2, 2);
         assert!(sureness_of(&values, alone) < 1.0);
-        // Each is as unsure as before, but their difference is well known.
+        // The variance of each is unchanged, but their difference is well determined.
         let tied = DMatrix::from_row_slice(2, 2, &[1.0, 0.9, 0.9, 1.0]);
         assert!(sureness_of(&values, tied) > 5.0);
         // One that is plain is not lost among those that are nothing.

@@ -31,21 +31,21 @@ impl Verdict {
 /// Thresholds of the verdict.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct VerdictSettings {
-    /// Share of what stands above the noise on the test set, as energy, that findings must explain beside unexplained structure; no unit, 0 to 1.
+    /// Share of the energy above the noise on the test set that findings must explain; below it there is unknown structure. No unit, 0 to 1.
     pub(crate) explained_least: f64,
-    /// Share of all gain in log-likelihood that may lie with ambiguous findings; no unit, 0 to 1. Default 0.5: most of what is explained is explained by findings that are clear.
+    /// Largest share of the total gain in log-likelihood that ambiguous findings may have; no unit, 0 to 1. Default 0.5: unambiguous findings explain at least half.
     pub(crate) ambiguous_most: f64,
-    /// Gain in log-likelihood of an unambiguous finding beside which ambiguous ones are told as sets; above 0. Default 20: odds of 5e8, whatever else is unclear.
+    /// An unambiguous finding with this gain in log-likelihood is claimed however much the ambiguous ones explain; above 0. Default 20: odds of 5e8.
     pub(crate) sure_gain: f64,
-    /// Posterior probability from which a finding is claimed; no unit, 0 to 1. Default 0.5: it is likelier than all else (docs/diagnosis.md).
+    /// Posterior probability from which a finding is claimed; no unit, 0 to 1. Default 0.5: more probable than all alternatives together (docs/diagnosis.md).
     pub(crate) claimed_least: f64,
 }
 
 impl VerdictSettings {
-    /// Of positions: 0.999, since what is not explained is a small part of the errors of a whole arm's geometry.
+    /// For positions: 0.999, since unexplained structure is a small part of the errors of a whole arm's geometry.
     pub(crate) const POSITION: Self =
         Self { explained_least: 0.999, ambiguous_most: 0.5, sure_gain: 20.0, claimed_least: 0.5 };
-    /// Of torques and forces: 0.98, since the band-limited motion leaves about a hundredth of dry friction unexplained where a joint reverses.
+    /// For torques and forces: 0.98, since the band-limited motion leaves about a hundredth of dry friction unexplained where a joint reverses.
     pub(crate) const DRIVE_OR_CUT: Self = Self { explained_least: 0.98, ..Self::POSITION };
 }
 
@@ -58,7 +58,7 @@ pub(crate) struct Weight {
     pub(crate) is_ambiguous: bool,
 }
 
-/// The verdict on `findings` that explain the share `explained` of what stands above the noise on the test set; none: all of it.
+/// The verdict on `findings` that explain the share `explained` of the energy above the noise on the test set; `None`: all of it.
 pub(crate) fn decide_verdict(
     findings: &[Weight],
     explained: Option<f64>,
@@ -81,7 +81,7 @@ fn is_clear(findings: &[Weight], settings: &VerdictSettings) -> bool {
     ambiguous <= settings.ambiguous_most * (ambiguous + clear) || surest >= settings.sure_gain
 }
 
-/// Findings that are claimed, and those that are too improbable for that. Where nothing is claimed, all stand as sets of what is alike.
+/// Findings that are claimed, and those with too low a probability. If the verdict is undetermined, all are returned, as sets of alternatives.
 pub(crate) fn claimed<T>(
     verdict: Verdict,
     findings: Vec<T>,
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_alike_takes_no_claim_from_a_finding_that_is_sure_by_itself() {
+    fn ambiguous_findings_do_not_prevent_the_claim_of_one_that_is_certain() {
         assert_eq!(verdict(&[(400.0, true)], None), Verdict::Undetermined);
         assert_eq!(verdict(&[(400.0, true), (60.0, false)], None), Verdict::MissingPhysics);
         assert_eq!(verdict(&[(400.0, true), (9.0, false)], None), Verdict::Undetermined);
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn structure_that_findings_leave_is_unknown_unless_it_is_a_small_share() {
+    fn structure_that_findings_do_not_explain_is_unknown_unless_its_share_is_small() {
         assert_eq!(verdict(&[], None), Verdict::Consistent);
         assert_eq!(verdict(&[], Some(0.0)), Verdict::UnknownStructure);
         assert_eq!(verdict(&[(60.0, false)], Some(0.9)), Verdict::UnknownStructure);

@@ -168,6 +168,27 @@ fn jitter_of_the_times_is_no_speed() {
 }
 
 #[test]
+fn commands_that_come_at_another_pace_than_the_period_are_led_by_their_speed() {
+    for pace in [0.7, 1.4] {
+        let mut filter = filter(1.0);
+        let (mut sum, mut count) = (0.0, 0);
+        for k in 0..1000_u64 {
+            let t_ns = (k as f64 * pace * 4e6) as u64;
+            // 0.25 rad/s.
+            let at = |t_ns: f64| joints(0.25e-9 * t_ns);
+            let ahead: Vec<Joints> =
+                (1..=40).map(|ahead| at(t_ns as f64 + 4e6 * f64::from(ahead))).collect();
+            let (lead, _) = filter.step(&at(t_ns as f64), t_ns, &ahead);
+            if k > 300 {
+                (sum, count) = (sum + lead[0], count + 1);
+            }
+        }
+        let lead_s = sum / f64::from(count) / 0.25;
+        assert!((lead_s - JOINT.delay_s - JOINT.lag_s).abs() < 2e-4, "{pace}: {lead_s} s");
+    }
+}
+
+#[test]
 fn commands_that_were_missed_are_made_good() {
     let (mut all, mut some) = (filter(1.0), filter(1.0));
     for k in 0..500_u64 {

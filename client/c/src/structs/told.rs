@@ -223,7 +223,7 @@ pub struct trued_status {
     pub horizon_points: u32,
     /// Setpoints after a command that the lead uses.
     pub horizon_points_used: u32,
-    /// Horizons that a command differed from.
+    /// Horizons that were refused: a command differed from them, or no joint could follow them.
     pub horizons_refused: u32,
 }
 

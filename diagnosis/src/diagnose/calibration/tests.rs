@@ -109,6 +109,27 @@ fn a_payload_that_the_model_does_not_know_is_found() {
 }
 
 #[test]
+fn no_mass_below_zero_is_selected_where_a_robot_carries_less_than_its_model_says() {
+    let lighter = effect("payload", None, &[("mass", &[-3.0]), ("com", &[0.9, 0.1, 1.2])]);
+    let truth: Vec<AnyEffect> = common().into_iter().chain([lighter]).collect();
+    let said = selected(&seen(&truth, 300.0, 3), &nominal());
+    assert!(!said.names.iter().any(|(kind, _)| *kind == "payload"), "{:?}", said.names);
+}
+
+#[test]
+fn a_base_that_leans_is_found_and_one_that_leans_absurdly_is_not_selected() {
+    for (tilt, is_selected) in [(0.05, true), (0.15, false)] {
+        let leaning = effect("gravity_tilt", None, &[("tilt", &[tilt, 0.0])]);
+        let heavy = effect("payload", None, &[("mass", &[60.0]), ("com", &[0.3, 0.1, 0.6])]);
+        let truth: Vec<AnyEffect> = common().into_iter().chain([heavy, leaning]).collect();
+        let base = Model::new(nominal().arm, &[heavy]).expect("a model");
+        let said = selected(&seen(&truth, 300.0, 3), &base);
+        let found = said.names.iter().any(|(kind, _)| *kind == "gravity_tilt");
+        assert_eq!(found, is_selected, "{tilt}: {:?}", said.names);
+    }
+}
+
+#[test]
 fn a_base_that_yields_is_found() {
     is_found(effect("base_compliance", None, &[("compliance", &[6e-7])]), 300.0, 0.2);
 }
