@@ -12,6 +12,9 @@ pub mod plant;
 pub mod taps;
 #[cfg(test)]
 mod virtual_joint;
+// `virtual_joint.rs` is compiled in the tests of `feedforward` too.
+#[cfg(test)]
+extern crate self as joint_dynamics;
 
 pub use filter::{Ahead, Filter};
 pub use taps::{Taps, TapsError, TapsSettings};

@@ -245,4 +245,4 @@ fn lead_exactly(taps: &mut [f64], step_s: f64, lead_s: f64) {
 }
 
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;

@@ -1,6 +1,8 @@
 //! A joint in the time domain, for tests: a delay line, lags and modes integrated by a Runge-Kutta
 //! method. Independent of the inverse.
 
+use joint_dynamics::plant::{Mode, Plant, Plants, Uncertain};
+
 /// Parameters of a joint with one lag and one mode.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct VirtualJoint {
@@ -27,6 +29,22 @@ pub(crate) const JOINT: VirtualJoint = VirtualJoint {
 const SUBSTEPS: usize = 8;
 
 impl VirtualJoint {
+    /// A model of it whose parameters have this relative standard uncertainty.
+    pub(crate) fn plants(&self, sigma: f64) -> Plants {
+        let number = |value: f64| Uncertain { value, sigma: sigma * value };
+        let mode = Mode {
+            frequency_hz: number(self.frequency_hz),
+            damping_ratio: number(self.damping_ratio),
+            participation: Uncertain { value: self.participation, sigma: 0.0 },
+        };
+        let plant = Plant {
+            delays_s: vec![number(self.delay_s)],
+            lags_s: vec![number(self.lag_s)],
+            modes: vec![mode],
+        };
+        Plants { joints: vec![plant], left_out: Vec::new() }
+    }
+
     /// The same with delay, lag and frequency times `factor`: the parameters of a wrong model.
     pub(crate) fn believed(self, factor: f64) -> Self {
         let Self { delay_s, lag_s, frequency_hz, .. } = self;

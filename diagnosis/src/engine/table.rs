@@ -101,6 +101,21 @@ pub(crate) fn covariance(
     sandwich::covariance(solved.covariance(), blocks, &settings)
 }
 
+/// The columns of a solution that a joint has, whitened, each with its place in the solution.
+pub(crate) fn whitened_columns(
+    table: &Table,
+    columns: &[Column],
+    solved: &Solved,
+    joint: usize,
+) -> Vec<(usize, Vec<f64>)> {
+    let own = |(k, column): (usize, &usize)| {
+        let mut parts = columns[*column].parts.iter();
+        let (_, values) = parts.find(|(at, _)| *at == joint)?;
+        Some((k, table.whitened(joint, values)))
+    };
+    solved.columns.iter().enumerate().filter_map(own).collect()
+}
+
 /// Rows of block `k`.
 fn rows_of(k: usize, rows: usize, of: usize) -> Range<usize> {
     (k * rows).div_ceil(of)..((k + 1) * rows).div_ceil(of)
@@ -117,13 +132,7 @@ fn blocks(
     let rows = table.rows();
     for joint in table.joints() {
         let left = table.whitened(joint, &residual(table, columns, solved, joint));
-        let own = |(k, column): (usize, &usize)| {
-            let mut parts = columns[*column].parts.iter();
-            let (_, values) = parts.find(|(at, _)| *at == joint)?;
-            Some((k, table.whitened(joint, values)))
-        };
-        let white: Vec<(usize, Vec<f64>)> =
-            solved.columns.iter().enumerate().filter_map(own).collect();
+        let white = whitened_columns(table, columns, solved, joint);
         for (k, block) in all.iter_mut().enumerate() {
             let counts = |row: &usize| used[*row] && table.counts[joint][*row];
             let here: Vec<usize> = rows_of(k, rows, of).filter(counts).collect();

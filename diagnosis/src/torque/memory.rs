@@ -9,9 +9,7 @@ use nalgebra::DMatrix;
 
 use crate::engine::noise;
 use crate::engine::normal_equations::Solved;
-use crate::engine::table::Column;
-use crate::engine::table::Table;
-use crate::engine::table::residual;
+use crate::engine::table::{Column, Table, residual, whitened_columns};
 
 /// A covariance of all numbers of a fit, those at `places` as unsure at least as noise with the memory of what is left makes them.
 pub(super) fn at_least(
@@ -44,13 +42,7 @@ fn variances(
     for joint in table.joints() {
         let left = residual(table, columns, solved, joint);
         let (colour, size) = noise::of_left(table, joint, &left, used, each);
-        let own = |(k, column): (usize, &usize)| {
-            let mut parts = columns[*column].parts.iter();
-            let (_, values) = parts.find(|(at, _)| *at == joint)?;
-            Some((k, table.whitened(joint, values)))
-        };
-        let white: Vec<(usize, Vec<f64>)> =
-            solved.columns.iter().enumerate().filter_map(own).collect();
+        let white = whitened_columns(table, columns, solved, joint);
         let scale = size / table.noise[joint].1;
         for (all, place) in all.iter_mut().zip(places) {
             let mut weights = vec![0.0; table.rows()];

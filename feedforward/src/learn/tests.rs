@@ -3,23 +3,7 @@
 use super::*;
 use crate::settings::settings;
 use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, rms};
-use joint_dynamics::plant::{Mode, Plant, Uncertain};
 use proptest::prelude::*;
-
-fn plants(of: &VirtualJoint, sigma: f64) -> Plants {
-    let number = |value: f64| Uncertain { value, sigma: sigma * value };
-    let mode = Mode {
-        frequency_hz: number(of.frequency_hz),
-        damping_ratio: number(of.damping_ratio),
-        participation: Uncertain { value: of.participation, sigma: 0.0 },
-    };
-    let plant = Plant {
-        delays_s: vec![number(of.delay_s)],
-        lags_s: vec![number(of.lag_s)],
-        modes: vec![mode],
-    };
-    Plants { joints: vec![plant], left_out: Vec::new() }
-}
 
 fn previewed(plants: &Plants, path: &[f64]) -> Vec<f64> {
     let first = crate::preview(plants, STEP_S, &[path.to_vec()], &settings());
@@ -76,7 +60,7 @@ fn three_runs_after_a_preview_leave_a_tenth() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 0.8), (0.05, 0.7), (0.0, 0.5), (-0.08, 0.6)]);
     for sign in [-1.0, 1.0] {
         let believed = JOINT.believed(1.0 + 0.03 * sign);
-        let plants = plants(&believed, 0.03);
+        let plants = believed.plants(0.03);
         let mut cell =
             Cell { truth: JOINT, plants: &plants, path: &path, noise: Noise(3), sigma: 1e-5 };
         let before = cell.error(&path);
@@ -98,7 +82,7 @@ fn three_runs_after_a_preview_leave_a_tenth() {
 fn the_plant_is_identified_from_a_run() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 0.8), (0.05, 0.7)]);
     let believed = JOINT.believed(0.8);
-    let plants = plants(&believed, 0.1);
+    let plants = believed.plants(0.1);
     let mut cell =
         Cell { truth: JOINT, plants: &plants, path: &path, noise: Noise(7), sigma: 1e-5 };
     let commanded = previewed(&plants, &path);
@@ -114,7 +98,7 @@ fn the_plant_is_identified_from_a_run() {
 #[test]
 fn differences_between_runs_are_reported_and_not_learned() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 1.0)]);
-    let plants = plants(&JOINT, 0.03);
+    let plants = JOINT.plants(0.03);
     let mut cell =
         Cell { truth: JOINT, plants: &plants, path: &path, noise: Noise(5), sigma: 2e-4 };
     let mut commanded = previewed(&plants, &path);
@@ -134,7 +118,7 @@ fn differences_between_runs_are_reported_and_not_learned() {
 #[test]
 fn from_a_motor_encoder_only_a_joint_without_modes_learns_delay_and_lag() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 1.0)]);
-    let with_mode = plants(&JOINT, 0.03);
+    let with_mode = JOINT.plants(0.03);
     let mut plants = with_mode.clone();
     plants.joints[0].modes.clear();
     let motor = VirtualJoint { participation: 0.0, ..JOINT };
@@ -169,7 +153,7 @@ proptest! {
             ..JOINT
         };
         let path = corners(STEP_S, &speeds.map(|speed| (speed, 0.6)));
-        let plants = plants(&JOINT, 0.05);
+        let plants = JOINT.plants(0.05);
         let noise = 2e-5;
         let mut cell = Cell { truth, plants: &plants, path: &path, noise: Noise(seed), sigma: noise };
         let mut commanded = path.clone();

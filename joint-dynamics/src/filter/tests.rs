@@ -1,13 +1,12 @@
 //! The filter on a virtual joint: errors left with and without a horizon, rest, jitter, missed commands, new beginnings.
 
 use super::*;
-use crate::taps::tests::plants_of;
 use crate::taps::{Taps, TapsSettings};
 use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, rms};
 use proptest::prelude::*;
 
 fn filter(believed: f64) -> Filter {
-    let plants = plants_of(JOINT.believed(believed), 0.02);
+    let plants = JOINT.believed(believed).plants(0.02);
     Filter::new(
         Taps::new(&plants, STEP_S, &TapsSettings::default()).unwrap(),
         [f64::INFINITY; JOINTS_MAX],
@@ -56,7 +55,7 @@ fn without_a_horizon_lags_are_compensated_and_the_delay_remains() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 1.0), (0.05, 0.5)]);
     let joint = VirtualJoint { participation: 0.0, ..JOINT };
     let delayed = VirtualJoint { lag_s: 0.0, ..joint }.run(STEP_S, &path);
-    let mut plants = plants_of(joint, 0.02);
+    let mut plants = joint.plants(0.02);
     plants.joints[0].modes.clear();
     let taps = Taps::new(&plants, STEP_S, &TapsSettings::default()).unwrap();
     let commanded = commands(&mut Filter::new(taps, [f64::INFINITY; JOINTS_MAX]), &path, 0);
@@ -106,7 +105,7 @@ fn what_follows_the_horizon_counts_as_going_on_at_its_last_speed() {
 
 #[test]
 fn an_arm_of_many_joints_leads_with_each_as_an_arm_of_one() {
-    let mut plants = plants_of(JOINT, 0.02);
+    let mut plants = JOINT.plants(0.02);
     plants.joints = vec![plants.joints[0].clone(); 12];
     let taps = Taps::new(&plants, STEP_S, &TapsSettings::default()).unwrap();
     let (mut one, mut many) = (filter(1.0), Filter::new(taps, [f64::INFINITY; JOINTS_MAX]));
@@ -131,7 +130,7 @@ fn a_robot_at_rest_is_not_led() {
 
 #[test]
 fn a_command_that_jumps_begins_anew() {
-    let taps = Taps::new(&plants_of(JOINT, 0.02), STEP_S, &TapsSettings::default()).unwrap();
+    let taps = Taps::new(&JOINT.plants(0.02), STEP_S, &TapsSettings::default()).unwrap();
     let mut filter = Filter::new(taps, [0.01; JOINTS_MAX]);
     for k in 0..50 {
         let ahead = [joints(1e-3 * k as f64 + 0.01); 20];

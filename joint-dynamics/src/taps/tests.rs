@@ -1,28 +1,12 @@
 //! Taps: the lead at constant speed, and what has none.
 
 use super::*;
-use crate::plant::Mode;
-use crate::virtual_joint::{JOINT, VirtualJoint};
-
-pub(crate) fn plants_of(joint: VirtualJoint, sigma: f64) -> Plants {
-    let of = |value: f64| Uncertain { value, sigma: sigma * value };
-    let mode = Mode {
-        frequency_hz: of(joint.frequency_hz),
-        damping_ratio: of(joint.damping_ratio),
-        participation: Uncertain { value: joint.participation, sigma: 0.0 },
-    };
-    let plant = Plant {
-        delays_s: vec![of(joint.delay_s)],
-        lags_s: vec![of(joint.lag_s)],
-        modes: vec![mode],
-    };
-    Plants { joints: vec![plant], left_out: Vec::new() }
-}
+use crate::virtual_joint::JOINT;
 
 #[test]
 fn a_path_at_constant_speed_is_led_by_delay_and_lag() {
     for period_s in [0.0005, 0.001, 0.002, 0.004] {
-        let plants = plants_of(JOINT, 0.02);
+        let plants = JOINT.plants(0.02);
         let taps = Taps::new(&plants, period_s, &TapsSettings::default()).unwrap();
         let step_s = taps.stride() as f64 * period_s;
         let past = (1..).zip(taps.past()).map(|(k, taps)| -f64::from(k) * taps[0]);
@@ -35,7 +19,7 @@ fn a_path_at_constant_speed_is_led_by_delay_and_lag() {
 
 #[test]
 fn commands_that_are_too_slow_for_the_bandwidth_have_no_taps() {
-    let plants = plants_of(JOINT, 0.02);
+    let plants = JOINT.plants(0.02);
     let settings = TapsSettings::default();
     assert!(Taps::new(&plants, 0.006, &settings).is_ok());
     let refused = Taps::new(&plants, 0.012, &settings);
@@ -46,7 +30,7 @@ fn commands_that_are_too_slow_for_the_bandwidth_have_no_taps() {
 
 #[test]
 fn a_rate_of_four_times_the_bandwidth_is_enough_however_its_period_is_rounded() {
-    let plants = plants_of(JOINT, 0.02);
+    let plants = JOINT.plants(0.02);
     for hz in [10.0, 20.0, 40.0, 83.3, 100.0] {
         let settings = TapsSettings { bandwidth_hz: hz, ..TapsSettings::default() };
         for period_s in [0.25 / hz, 0.25 / hz * (1.0 + f64::EPSILON), 250.0 / hz * 1e-3] {
