@@ -47,6 +47,9 @@ impl<L: Link> Cycle<L> {
         if let Some(feed) = &self.sensor_inputs.feed {
             feed.show(&exchange.counters.feed, self.corrector.corrects());
         }
+        if let Some(lead) = &self.sensor_inputs.lead {
+            lead.show(self.model.filter.as_deref(), &exchange.counters.lead);
+        }
         // Silence is counted once, when it begins.
         let mut stale_from_ns = None;
         while exchange.runs() {

@@ -54,6 +54,13 @@ impl Lead {
         &mut self.horizon
     }
 
+    /// Shows the state before the first command.
+    pub fn show(&self, filter: Option<&Filter>, counters: &LeadCounters) {
+        let used_at_most = filter.map_or(0, Filter::commands_ahead) as u32;
+        let state = if filter.is_some() { LeadState::NoHorizon } else { LeadState::NothingInTime };
+        counters.show(state, 0, used_at_most, self.refused);
+    }
+
     /// Drops a horizon that has just come if a joint would have to move faster in it than it can.
     pub fn check_horizon(&mut self, filter: Option<&Filter>) {
         let Some(filter) = filter else { return };
@@ -76,7 +83,7 @@ impl Lead {
         counters: &LeadCounters,
     ) -> Joints {
         let Some(filter) = filter else {
-            counters.show(LeadState::NothingInTime, 0, 0, self.refused);
+            self.show(None, counters);
             return [0.0; JOINTS_MAX];
         };
         match self.last {
@@ -192,6 +199,19 @@ mod tests {
             let mut status = Status::default();
             self.counters.put(&mut status);
             (lead[0], status)
+        }
+    }
+
+    #[test]
+    fn the_state_is_shown_before_the_first_command() {
+        let Bench { lead, filter, counters } = bench();
+        for (filter, state) in
+            [(Some(&filter), LeadState::NoHorizon), (None, LeadState::NothingInTime)]
+        {
+            lead.show(filter, &counters);
+            let mut status = Status::default();
+            counters.put(&mut status);
+            assert_eq!(status.lead_state(), Ok(state));
         }
     }
 
