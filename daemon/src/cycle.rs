@@ -98,7 +98,7 @@ impl<L: Link> Cycle<L> {
         instrument.trim_m(now_ns, self.corrector.corrects())
     }
 
-    /// Returns what the joints are to lead the command by, rad or m.
+    /// Returns what is added to the command to compensate delay, lags and modes, rad or m.
     fn lead(&mut self, exchange: &Exchange, command: &Command) -> Joints {
         let Some(lead) = &mut self.sensor_inputs.lead else { return [0.0; JOINTS_MAX] };
         let mut filter = self.model.filter.as_deref_mut();

@@ -47,12 +47,12 @@ pub struct LoadedModel {
     pub physics: Model,
     /// Number of the model since the start.
     pub epoch: u64,
-    /// What leads the commands by delay and lag of its joints; `None` if the cell does not, or if it has nothing to lead by.
+    /// The filter that compensates delay, lags and modes; `None` if the cell does not use it, or if the model has none of them.
     pub filter: Option<Box<Filter>>,
 }
 
 impl LoadedModel {
-    /// A model that leads by nothing.
+    /// A model without dynamic compensation.
     #[must_use]
     pub fn new(physics: Model, epoch: u64) -> Self {
         Self { physics, epoch, filter: None }

@@ -1,4 +1,4 @@
-//! What the joints lead their commands by in motion: passes commands and the horizon of the robot's client to the filter of the model.
+//! The lead: what is added to the commands of a robot in motion to compensate delay, lags and modes of its joints. Passes commands and the client's horizon to the filter of the model.
 //!
 //! Runs in the cycle, without allocation; a cell without `[dynamic]` computes nothing. The equations are in `joint_dynamics::Filter`.
 
@@ -9,8 +9,8 @@ use physics::{JOINTS_MAX, Joints};
 use recording::model::RobotModel;
 use shm_schema::{Command, Horizon, LeadState};
 
-/// A command may differ so much from its setpoint of the horizon, rad or m; more means that the path has been changed since. Far above rounding, and less than joints in motion
-/// move in a delay.
+/// Largest difference of a command from the setpoint that the horizon stated for it, rad or m; beyond, the path has been changed since. Far above rounding, and below what a joint in motion
+/// moves in a delay.
 const SETPOINT_TOLERANCE: f64 = 1e-3;
 
 /// Settings of the lead.
@@ -20,7 +20,7 @@ pub struct LeadSettings {
     pub taps: TapsSettings,
     /// Between two commands, s; short enough for the bandwidth.
     pub period_s: f64,
-    /// A command that moves a joint faster than so many times its stated speed is a jump: the path begins anew.
+    /// A command that moves a joint faster than this many times its stated speed is a jump, from which the path restarts.
     pub jump_margin: f64,
 }
 
@@ -41,7 +41,7 @@ impl LeadSettings {
 /// The lead of a cell.
 #[derive(Debug, Default)]
 pub struct Lead {
-    /// The newest horizon; without points once the path has left it.
+    /// The newest horizon; without points once it is refused.
     horizon: Box<Horizon>,
     /// Run and number of the last command.
     last: Option<(u64, u64)>,
@@ -49,7 +49,7 @@ pub struct Lead {
 }
 
 impl Lead {
-    /// Where the newest horizon is to be read into.
+    /// Buffer for the newest horizon.
     pub fn horizon_mut(&mut self) -> &mut Horizon {
         &mut self.horizon
     }
@@ -61,7 +61,7 @@ impl Lead {
         counters.show(state, 0, used_at_most, self.refused);
     }
 
-    /// Drops a horizon that has just come if a joint would have to move faster in it than it can.
+    /// Refuses a new horizon in which a joint moves faster than it can.
     pub fn check_horizon(&mut self, filter: Option<&Filter>) {
         let Some(filter) = filter else { return };
         let jumps = |ends: &[Joints]| filter.jumps(&ends[0], &ends[1]);
@@ -75,7 +75,7 @@ impl Lead {
         self.refused += 1;
     }
 
-    /// What the joints are to lead `command` by, rad or m.
+    /// What is added to `command`, rad or m.
     pub fn step(
         &mut self,
         filter: Option<&mut Filter>,
@@ -110,7 +110,7 @@ impl Lead {
         lead
     }
 
-    /// How many commands ago the horizon began, if it is of the command's run.
+    /// Number of commands since the horizon was stated, if it belongs to the command's run.
     fn passed(&self, command: &Command) -> Option<usize> {
         let passed = command.seq.checked_sub(self.horizon.command_seq)?;
         let is_of_this_run = self.horizon.session == command.session;
@@ -123,7 +123,7 @@ impl Lead {
         passed.and_then(|passed| self.horizon.points().get(passed..)).unwrap_or(&[])
     }
 
-    /// Drops the horizon where this command, at `q`, is not the setpoint that it foretold, or cannot be followed by the next one.
+    /// Refuses the horizon if this command, at `q`, differs from the setpoint that it stated, or if no joint could move from here to the next one.
     fn drop_if_left(&mut self, filter: &Filter, command: &Command, q: &Joints) {
         let Some(passed) = self.passed(command) else { return };
         let points = self.horizon.points();
@@ -185,7 +185,7 @@ mod tests {
             }
         }
 
-        /// What command `seq` of a run is led by, and what the status says of it.
+        /// The lead of command `seq` of a run, and the status after it.
         fn step(&mut self, session: u64, seq: u64) -> (f64, Status) {
             let command = Command {
                 session,

@@ -47,7 +47,7 @@ pub struct SensorInputs {
     pub instrument: Option<Box<Instrument>>,
     /// The adaptation of the feed to the force, if configured.
     pub feed: Option<Box<CellFeed>>,
-    /// The lead of joints in motion, if configured.
+    /// The compensation of delay, lags and modes, if configured.
     pub lead: Option<Box<Lead>>,
 }
 
@@ -82,7 +82,7 @@ impl SensorInputs {
         Self { feed, ..self }
     }
 
-    /// The same with a lead of joints in motion.
+    /// The same with a compensation of delay, lags and modes.
     #[must_use]
     pub fn with_lead(self, lead: Option<Box<Lead>>) -> Self {
         Self { lead, ..self }

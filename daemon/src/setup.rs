@@ -150,7 +150,7 @@ pub fn sensor_inputs(config: &CellConfig, lockstep: bool) -> SensorInputs {
     sensor_inputs.with_instrument(instrument(config)).with_feed(feed(config)).with_lead(lead)
 }
 
-/// How joints in motion lead their commands, if they do.
+/// Settings of the compensation of delay, lags and modes; `None` if it is off.
 #[must_use]
 pub fn lead(config: &CellConfig, jump_margin: f64) -> Option<LeadSettings> {
     let is_on = |dynamic: &cell::Dynamic| dynamic.mode == cell::DynamicMode::Compensate;

@@ -35,7 +35,7 @@ pub struct Constants {
     robot: RobotEntry,
     model_name: String,
     uncompensated: u32,
-    /// How joints in motion lead their commands, if they do.
+    /// Settings of the compensation of delay, lags and modes; `None` if it is off.
     pub lead: Option<LeadSettings>,
     /// Whether the model has effects that depend on a temperature.
     is_thermal: bool,

@@ -2,12 +2,12 @@
 //!
 //! A delay can be compensated only where the path is known ahead. With a horizon of at least delay plus lags the filter applies; setpoints beyond the horizon are assumed to go on at
 //! the speed of the last known ones. Without it only lags are compensated, `c = Σ T · dq/dt`, which is their exact inverse: joints with the same delay then stay on the path, late by
-//! the delay. (To lead by the delay on the assumption of constant speed shortens the lateness, but leaves the path at each corner.) If a joint has a mode, nothing is compensated without a
+//! the delay. (Extrapolating at constant speed over the delay would reduce the lateness, but the tool would leave the path at each corner.) If a joint has a mode, nothing is compensated without a
 //! horizon: the lag keeps corners from exciting the mode.
 //!
 //! Commands count as equally spaced by the period of the cell: times of commands serve to find missed ones, not to measure speeds, since their jitter would appear as one.
 //!
-//! Promises: the lead is zero at rest, and after a restart until the joints move. Never: an allocation after [`Filter::new`], a limit (the corrector's limiter follows).
+//! The lead is zero at rest, and after a restart until the joints move. [`Filter::new`] allocates; a step does not. Limits are left to the corrector's limiter.
 
 use crate::taps::Taps;
 use physics::{JOINTS_MAX, Joints};
@@ -88,7 +88,7 @@ impl Filter {
 
     /// What the joints are to be commanded beyond `q`, the command for the time `t_ns`, rad or m; `following` are the setpoints after it, a period apart.
     ///
-    /// A command that is not finite is ignored, and led by nothing. One whose time is not later than that of the command before, or by more than 20 ms and three periods, and one that jumps
+    /// A command that is not finite is ignored; its lead is zero. One whose time is not later than that of the command before, or by more than 20 ms and three periods, and one that jumps
     /// begin anew.
     pub fn step(&mut self, q: &Joints, t_ns: u64, following: &[Joints]) -> (Joints, Ahead) {
         let following = &following[..following.len().min(self.commands_ahead())];

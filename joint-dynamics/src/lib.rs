@@ -1,4 +1,4 @@
-//! How joints follow their commands in time, by the model, and what the commands have to lead by.
+//! Delay, lags and flexible modes of joints, by the model, and their inverse: what has to be added to commands so that joints are on their path at each instant.
 //!
 //! Each joint is a linear plant of the model: delay, first-order lags, flexible modes ([`plant`]). Its regularised inverse in the frequency domain ([`inverse`])
 //! serves whole paths (crate `feedforward`). As taps of a finite impulse response ([`taps`]) it serves a path that arrives point by point: [`filter`] adds up

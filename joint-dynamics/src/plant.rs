@@ -71,7 +71,7 @@ impl Plants {
         }
     }
 
-    /// Effects of a model that are not compensated, by name, where joints lead their commands in motion or not.
+    /// Effects of a model that are not compensated, by name; `leads`: whether delay, lags and modes are.
     #[must_use]
     pub fn not_compensated(model: &RobotModel, leads: bool) -> Vec<String> {
         let entries = model.not_compensated.iter().filter_map(|at| model.file.effects.get(*at));

@@ -1,8 +1,8 @@
-//! The inverse of a joint as taps of a finite impulse response: from the path about an instant to what the command leads by at that instant.
+//! The inverse of a joint as taps of a finite impulse response: from the path around an instant to the lead at that instant.
 //!
 //! `c(t) = Σ_k w_k (q(t + k Δ) − q(t))`, with `w` the inverse Fourier transform of [`Design::gains`] of a path (Wiener's inverse, scaled to be robust), faded out by a
 //! raised cosine towards both ends of the window (window method of filter design; Oppenheim, Schafer, *Discrete-Time Signal Processing*, section 7.5).
-//! Differences to the present point leave a joint at rest uncorrected. The taps are adjusted by a term that is odd in `k`, such that a path at constant speed is led by exactly
+//! Differences to the present point leave a joint at rest uncorrected. The taps are adjusted by a term that is odd in `k`, such that at constant speed the lead corresponds to exactly
 //! the sum of delay and lags.
 //!
 //! The response outlasts the window: the more, the less damped a mode is and the larger the share by which parameters may deviate. With a mode of 2 % damping the window of
@@ -101,7 +101,7 @@ impl Taps {
         let half = (settings.reach_s / step_s).ceil() as usize;
         let mut rows = vec![[0.0; JOINTS_MAX]; 2 * half + 1];
         let mut lags_s = [0.0; JOINTS_MAX];
-        // Without a lag in front of it a mode is excited more.
+        // A lag attenuates the excitation of a mode.
         let rings = plants.joints.iter().any(|plant| !plant.modes.is_empty());
         for (joint, plant) in plants.joints.iter().enumerate().take(JOINTS_MAX) {
             if plant.is_identity() {
@@ -212,7 +212,7 @@ fn taps(plant: &Plant, half: usize, step_s: f64, settings: &TapsSettings) -> Vec
     taps
 }
 
-/// What a path at constant speed is late by, s.
+/// Delay of a path at constant speed, s.
 fn lead_s(plant: &Plant) -> f64 {
     sum(&plant.delays_s) + sum(&plant.lags_s)
 }
@@ -228,7 +228,7 @@ fn faded(k: usize, half: usize) -> f64 {
     0.5 + 0.5 * (PI * share).cos()
 }
 
-/// Adds to the taps what is odd in `k` and fades with them, so that a path at constant speed is led by `lead_s`.
+/// Adds a term to the taps that is odd in `k` and fades with them, so that the lead at constant speed is that of `lead_s`.
 fn lead_exactly(taps: &mut [f64], step_s: f64, lead_s: f64) {
     let half = (taps.len() / 2) as isize;
     let place = |at: usize| at as isize - half;

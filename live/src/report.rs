@@ -53,11 +53,11 @@ pub struct Report {
     pub trim: Trim,
     /// Adaptation of the feed to the force.
     pub feed: Feed,
-    /// What joints in motion lead their commands by.
+    /// Compensation of delay, lags and modes.
     pub lead: Lead,
 }
 
-/// What the lead of joints in motion is computed from.
+/// What the compensation of delay, lags and modes is computed from.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Lead {

@@ -52,7 +52,7 @@ impl Horizon {
 }
 
 codes! {
-    /// What the lead of joints in motion is computed from.
+    /// What the compensation of delay, lags and modes is computed from.
     pub enum LeadState {
         /// The cell has no `[dynamic]`, or it is switched off.
         Off = 0 "off",

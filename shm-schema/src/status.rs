@@ -256,7 +256,7 @@ impl Status {
         self.feed_reason.try_into()
     }
 
-    /// What the lead of joints in motion is computed from.
+    /// What the compensation of delay, lags and modes is computed from.
     ///
     /// # Errors
     /// [`UnknownCode`] where the daemon is of a later version.

@@ -297,7 +297,7 @@ fn a_preview_leaves_a_fifth_of_the_path_error_and_learning_a_tenth() {
 /// Rows at rest before and after the path of a cell.
 const REST_ROWS: usize = 100;
 
-/// A cell whose joints lead their commands: the daemon's cycle with limits that a lag of 30 ms at 100 mm/s does not reach.
+/// A cell with `[dynamic]`, and limits of the correction that a lag of 30 ms at 100 mm/s does not reach.
 const LEADING: &str = "[cycle]\nperiod_ms = 4\nstale_ms = 20\n[envelope]\nangle_mrad = 100\nrate_mrad_s = 1000\n\
                        jerk_mrad_s3 = 5e6\n[dynamic]\n";
 

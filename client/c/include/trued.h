@@ -481,7 +481,7 @@ typedef uint32_t trued_feed_reason;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// What the lead of joints in motion is computed from.
+// What the compensation of delay, lags and modes is computed from.
 enum trued_lead_state
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : uint32_t

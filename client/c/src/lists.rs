@@ -206,7 +206,7 @@ pub enum trued_feed_state {
     Holding = 5,
 }
 
-/// What the lead of joints in motion is computed from.
+/// What the compensation of delay, lags and modes is computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_lead_state {

@@ -138,7 +138,7 @@ class Status:
     """Histogram of latencies since the start: the first entry counts those below 2**10 ns, entry n those from 2**(9 + n) to
     below 2**(10 + n) ns, the last one all longer ones."""
     lead_state: Final[str]
-    """What the lead of joints in motion is computed from: "off", "nothing_in_time", "no_horizon", "short_horizon", "horizon"."""
+    """What the compensation of delay, lags and modes is computed from: "off", "nothing_in_time", "no_horizon", "short_horizon", "horizon"."""
     horizon_points: Final[int]
     """Setpoints after the last command that were known, of those that the lead uses."""
     horizon_points_used: Final[int]

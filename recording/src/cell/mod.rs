@@ -55,7 +55,7 @@ pub struct CellConfig {
     pub temperature: Temperature,
     /// The instrument that measures the tool, where there is one.
     pub measured: Option<Measured>,
-    /// How joints in motion lead their commands, if they do.
+    /// Compensation of delay, lags and modes of the joints, if configured.
     pub dynamic: Option<Dynamic>,
     /// How the feed is adapted to the force, where it is.
     pub feed: Option<Feed>,
@@ -252,12 +252,12 @@ pub struct Feed {
     pub hold_s: f64,
 }
 
-/// What the errors of joints in motion are for.
+/// Whether dynamic errors are compensated.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum DynamicMode {
     /// Nothing.
     Off,
-    /// Joints lead their commands by delay, lags and modes of the model.
+    /// Delay, lags and modes of the joints are compensated by the model.
     #[default]
     Compensate,
 }

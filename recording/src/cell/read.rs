@@ -58,7 +58,8 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
     let leads = dynamic.is_some_and(|dynamic| dynamic.mode != DynamicMode::Off);
     if leads && is_trimmed {
         // The trim compares what is measured with where the tool was sent `reaction_ms` before; that time would change with bypass, mode and envelope.
-        let message = "leads commands, which an instrument in [measured] would take for an error";
+        let message =
+            "compensates delay and lag, which the trim of [measured] would take for an error";
         root.fault("dynamic", message, "mode = \"off\" in [dynamic] or in [measured]");
     }
     if is_fed && wrench.source == WrenchSource::None {

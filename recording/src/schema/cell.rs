@@ -35,7 +35,7 @@ pub(super) struct Cell {
     measured: Option<Measured>,
     /// How the feed is adapted to the force; needs a `source` in `[wrench]`.
     feed: Option<Feed>,
-    /// How joints in motion lead their commands.
+    /// Compensation of delay, lags and modes of the joints.
     dynamic: Option<Dynamic>,
     /// The force stream.
     force: Option<Force>,
@@ -283,7 +283,7 @@ enum FeedMode {
 #[derive(JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Dynamic {
-    /// `off`: nothing; `compensate`: joints lead their commands by delay, lags and modes of the model.
+    /// `off`: nothing; `compensate`: delay, lags and modes of the joints are compensated by the model.
     #[schemars(extend("default" = "compensate"))]
     mode: Option<DynamicMode>,
     /// Where the weight of the correction's third derivative equals that of the path's error, Hz; at most a quarter of the rate of the commands.
