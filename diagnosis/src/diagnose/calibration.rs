@@ -1,10 +1,10 @@
 //! Selection of effects for a calibration: the search of a diagnosis ([`super::selection`]) beside the geometry of every joint, without alternatives and without a
 //! verdict.
 //!
-//! The candidates are all effects that the data can show, and at the end descriptions of a joint's error by polynomials. Where no wrench separates them, the compliances of all
-//! drives come first, as one: a single one would absorb the others and part of the geometry.
+//! The candidates are all effects that the data can show, and finally polynomials that describe the error of a joint. If no wrench separates them, the compliances of all drives are added first and
+//! together: a single one would absorb the others and part of the geometry.
 //!
-//! Promises: only training poses are used; the same input gives the same selection. Never: use of held-out poses.
+//! Only training poses are used; the same input gives the same selection.
 
 use super::gram::Entry;
 use super::jacobian_cache::JacobianCache;
@@ -16,7 +16,7 @@ use crate::geometry::Tolerances;
 use crate::hypothesis::Belief;
 use crate::result::Fit;
 use crate::score::Fitted;
-use physics::AnyEffect;
+use physics::{AnyEffect, Model};
 use std::mem::discriminant;
 
 /// An effect that was added.
@@ -39,17 +39,15 @@ pub struct Selection {
     pub chosen: Vec<Chosen>,
 }
 
-/// Adds to `calibrated` what the poses that take part ask for.
+/// Adds the effects to `calibrated` that the training poses require.
 #[must_use]
 pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) -> Selection {
     let (base, mut chosen) = with_compliances(campaign, calibrated, settings)
         .unwrap_or_else(|| (calibrated.clone(), Vec::new()));
     let model = &base.hypothesis.model;
-    let is_open =
-        |candidate: &Candidate| !model.effects().any(|effect| candidate.is_rival_of(effect));
     let mut library = candidates(&model.arm, campaign);
     // Springs are searched for; see `springs`.
-    library.retain(|candidate| !candidate.is_spring() && is_open(candidate));
+    library.retain(|candidate| !candidate.is_spring() && is_open(candidate, model));
     let Selected { fit, named } = loop {
         let selected = searched(campaign, &base, settings, &library);
         let refused: Vec<_> = impossible(&selected).map(discriminant).collect();
@@ -78,8 +76,6 @@ fn searched(
     library: &[Candidate],
 ) -> Selected {
     let model = &base.hypothesis.model;
-    let is_open =
-        |candidate: &Candidate| !model.effects().any(|effect| candidate.is_rival_of(effect));
     let cache = JacobianCache::default();
     let search =
         Search { campaign, known: &base.hypothesis, settings: *settings, library, cache: &cache };
@@ -87,15 +83,21 @@ fn searched(
     let also = search.searched(&start);
     let named = search.merged(search.until_stable(start, &also));
     let described = remainders(&model.arm, campaign, settings.used);
-    let described = described.into_iter().filter(is_open).map(|one| Entry::open(&[], one));
+    let described =
+        described.into_iter().filter(|one| is_open(one, model)).map(|one| Entry::open(&[], one));
     let also: Vec<Entry> = search.searched(&named).into_iter().chain(described).collect();
     search.until_stable(named, &also)
 }
 
-/// A base that leans more than this is none of a robot that was set up, rad; above 0. Default 0.06: three times the width of its prior.
+/// Whether a model has no effect that describes the same error as a candidate.
+fn is_open(candidate: &Candidate, model: &Model) -> bool {
+    !model.effects().any(|effect| candidate.is_rival_of(effect))
+}
+
+/// Largest plausible tilt of the base against gravity, rad; above 0. Default 0.06: three times the width of its prior.
 const TILT_MAX_RAD: f64 = 0.06;
 
-/// Effects that were selected and that no robot has: a mass below zero, a base that leans too much. Their numbers absorb what is not in the library.
+/// Selected effects with implausible parameters: a negative mass, a tilt beyond [`TILT_MAX_RAD`]. They absorb errors that the library does not contain.
 fn impossible(selected: &Selected) -> impl Iterator<Item = &AnyEffect> {
     let effect = |at: usize| selected.fit.hypothesis.model.effects().nth(at);
     let effects = selected.named.iter().filter_map(move |one| effect(one.effect));
