@@ -101,11 +101,11 @@ impl<L: Link> Cycle<L> {
     /// Returns what is added to the command to compensate delay, lags and modes, rad or m.
     fn lead(&mut self, exchange: &Exchange, command: &Command) -> Joints {
         let Some(lead) = &mut self.sensor_inputs.lead else { return [0.0; JOINTS_MAX] };
-        let mut filter = self.model.filter.as_deref_mut();
+        let filter = self.model.filter.as_deref_mut();
         if self.robot.newest_horizon(exchange, lead.horizon_mut()) {
             lead.check_horizon(filter.as_deref());
         }
-        lead.step(filter.as_deref_mut(), command, &exchange.counters.lead)
+        lead.step(filter, command, &exchange.counters.lead)
     }
 
     /// Stores the tool pose predicted for what was sent: later measurements are compared with it.

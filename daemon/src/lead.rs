@@ -138,7 +138,6 @@ impl Lead {
 }
 
 #[cfg(test)]
-#[expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 mod tests {
     use super::*;
     use joint_dynamics::plant::{Plant, Uncertain};
