@@ -23,12 +23,13 @@ use crate::zenoh_bus::Kept;
 
 /// The device of each node: the cell's robot with its daemon.
 pub const DEVICE_ID: &str = "robot";
-/// Requests that wait for the connection: more than the messages of a page.
+/// Capacity of the queue of requests, more than one page of messages has (512 KiB of at least 200 bytes each).
 const QUEUE: usize = 4096;
+/// Largest packet, bytes: above the largest message of the spool.
 const PACKET_BYTES_MAX: usize = 1 << 20;
 const REBIRTH: &str = "Node Control/Rebirth";
 
-/// An address that is none.
+/// An invalid broker address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("broker `{0}`: expected HOST:PORT")]
 pub struct NoBroker(String);
@@ -105,7 +106,7 @@ impl Sparkplug {
         format!("spBv1.0/{}/{kind}/{}", self.keys.group, self.keys.cell)
     }
 
-    /// One connection, from its begin to its loss or the end of the program.
+    /// One connection, until it is lost or the program ends.
     fn deliver(&mut self, stop: &AtomicBool, tell: &mut dyn FnMut(&str)) -> Result<(), Ended> {
         let bd_seq = self.cursor.connect();
         // No number is used twice, also after a loss of power.
@@ -113,12 +114,12 @@ impl Sparkplug {
         let mut connection = Connection::open(self, bd_seq)?;
         tell(&format!("mqtt: {}:{}: connected", self.host, self.port));
         let born_at = self.kept.spool().next();
-        self.bear(&mut connection)?;
+        self.publish_births(&mut connection)?;
         let mut written = Instant::now();
         while !stop.load(Relaxed) {
             connection.look(self.settings.look_every)?;
             if std::mem::take(&mut connection.is_rebirth_asked) {
-                self.bear(&mut connection)?;
+                self.publish_births(&mut connection)?;
             }
             let page = self.kept.spool().page(self.cursor.next, self.settings.broker_page_bytes)?;
             if page.from > self.cursor.next {
@@ -140,7 +141,7 @@ impl Sparkplug {
     }
 
     /// Birth of the node and of its device, with all metrics that there will be.
-    fn bear(&self, connection: &mut Connection) -> Result<(), Ended> {
+    fn publish_births(&self, connection: &mut Connection) -> Result<(), Ended> {
         let now = now_unix_ms();
         let version = Value::String(env!("CARGO_PKG_VERSION").to_owned());
         let mut node = vec![
