@@ -23,7 +23,7 @@ use crate::zenoh_bus::Kept;
 
 /// The device of each node: the cell's robot with its daemon.
 pub const DEVICE_ID: &str = "robot";
-/// Capacity of the queue of requests, more than one page of messages has (512 KiB of at least 200 bytes each).
+/// Capacity of the queue of requests to the connection: more than the messages of one page.
 const QUEUE: usize = 4096;
 /// Largest packet, bytes: above the largest message of the spool.
 const PACKET_BYTES_MAX: usize = 1 << 20;
