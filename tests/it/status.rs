@@ -91,9 +91,12 @@ fn in_shadow_mode_commands_go_out_bit_for_bit_and_what_is_wanted_is_reported() {
     let mut answers = 0;
     cell.tick_until(Duration::from_secs(1), |cell, tick| {
         let said = said(cell);
-        if tick.source == Source::Corrected {
+        assert_eq!(bits(&tick.target), bits(&tick.q_cmd));
+        if tick.refused {
+            // On a busy machine a command may reach the daemon too late.
+            assert_eq!(said.reason(), Ok(Reason::Stale), "{said:?}");
+        } else if tick.source == Source::Corrected {
             answers += 1;
-            assert_eq!(bits(&tick.target), bits(&tick.q_cmd));
             assert_eq!(said.correction(), [0.0; JOINTS]);
             assert_eq!(said.status(), Ok(CorrectionStatus::Shadow));
             assert_eq!(said.reason(), Ok(Reason::ShadowMode));

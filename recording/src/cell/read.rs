@@ -45,26 +45,14 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
     let measured = root.table("measured").map(|table| measured(&table));
     let feed = root.table("feed").and_then(|table| feed(&table));
     let dynamic = root.table("dynamic").map(|table| dynamic(&table, cycle.period_s));
-    let is_trimmed = measured.is_some_and(|measured| measured.mode != MeasuredMode::Off);
-    let is_fed = feed.is_some_and(|feed| feed.mode != FeedMode::Off);
-    for (key, is_on, what) in [("measured", is_trimmed, "trim"), ("feed", is_fed, "feed override")]
-    {
-        if is_on && cycle.period_s > LATE_PERIOD_MAX_S {
-            let ms = cycle.period_s * 1e3;
-            let message = format!("has cycles of {ms} ms, too slow for a {what}");
-            root.fault(key, message, "cycle.period_ms of 40 or less, or mode = \"off\"");
-        }
-    }
-    let leads = dynamic.is_some_and(|dynamic| dynamic.mode != DynamicMode::Off);
-    if leads && is_trimmed {
-        // The trim compares what is measured with where the tool was sent `reaction_ms` before; that time would change with bypass, mode and envelope.
-        let message =
-            "compensates delay and lag, which the trim of [measured] would take for an error";
-        root.fault("dynamic", message, "mode = \"off\" in [dynamic] or in [measured]");
-    }
-    if is_fed && wrench.source == WrenchSource::None {
-        root.fault("feed", "needs the force, and the cell has none", "source in [wrench]");
-    }
+    check_together(
+        root,
+        cycle.period_s,
+        &wrench,
+        measured.as_ref(),
+        feed.as_ref(),
+        dynamic.as_ref(),
+    );
     let force = root.table("force").map(|table| force(&table, &wrench));
     let vibration = root.table("vibration").map(|table| vibration(&table, force));
     let realtime = root.table("realtime").map(|table| realtime(&table)).unwrap_or_default();
@@ -91,6 +79,37 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
         realtime,
         recorder: recorder.flatten(),
     })
+}
+
+/// Reports tables that exclude or need one another.
+fn check_together(
+    root: &Table<'_, '_>,
+    period_s: f64,
+    wrench: &Wrench,
+    measured: Option<&Measured>,
+    feed: Option<&Feed>,
+    dynamic: Option<&Dynamic>,
+) {
+    let is_trimmed = measured.is_some_and(|measured| measured.mode != MeasuredMode::Off);
+    let is_fed = feed.is_some_and(|feed| feed.mode != FeedMode::Off);
+    for (key, is_on, what) in [("measured", is_trimmed, "trim"), ("feed", is_fed, "feed override")]
+    {
+        if is_on && period_s > LATE_PERIOD_MAX_S {
+            let ms = period_s * 1e3;
+            let message = format!("has cycles of {ms} ms, too slow for a {what}");
+            root.fault(key, message, "cycle.period_ms of 40 or less, or mode = \"off\"");
+        }
+    }
+    let leads = dynamic.is_some_and(|dynamic| dynamic.mode != DynamicMode::Off);
+    if leads && is_trimmed {
+        // The trim compares what is measured with where the tool was sent `reaction_ms` before; that time would change with bypass, mode and envelope.
+        let message =
+            "compensates delay and lag, which the trim of [measured] would take for an error";
+        root.fault("dynamic", message, "mode = \"off\" in [dynamic] or in [measured]");
+    }
+    if is_fed && wrench.source == WrenchSource::None {
+        root.fault("feed", "needs the force, and the cell has none", "source in [wrench]");
+    }
 }
 
 fn is_name(root: &Table<'_, '_>, cell: &str) -> bool {
