@@ -10,7 +10,7 @@ use crate::frame::{self, Frame, Place};
 use crate::heat::{LEVELS, colour, shade};
 use crate::number::{quantity, significant};
 use crate::plot::equalised;
-use crate::scale::{Scale, Span, ticks};
+use crate::scale::{Scale, Span};
 
 /// Limit on the errors drawn; of more, every n-th.
 const VECTORS_MAX: usize = 300;
@@ -21,6 +21,8 @@ const APART_PX: f64 = 14.0;
 const GAP_PX: f64 = 24.0;
 const HEADING_PX: f64 = 22.0;
 const KEY_PX: f64 = 44.0;
+/// Height of a joint's name.
+const NAME_PX: f64 = 12.0;
 const MILLI: f64 = 1e3;
 
 /// A point in the base frame, m.
@@ -223,20 +225,23 @@ impl ArmPicture {
                 None => named.push((at, vec![joint])),
             }
         }
-        for ((x, y), joints) in named {
+        let mut taken: Vec<Area> = Vec::new();
+        for (at, joints) in named {
             let names: Vec<&str> = joints.iter().map(|joint| joint.name.as_str()).collect();
             let names = names.join(", ");
             let class =
                 if joints.iter().any(|j| j.is_lit) { "joint-name lit" } else { "joint-name" };
-            let fits = x + 9.0 + text_width(&names) <= frame.inner.right();
-            let (x, anchor) = if fits { (x + 9.0, Anchor::Start) } else { (x - 9.0, Anchor::End) };
-            canvas.text(class, (x, y - 7.0), anchor, &names);
+            let name = free_place(at, text_width(&names), frame.inner.right(), &taken);
+            canvas.text(class, (name.left, name.bottom()), Anchor::Start, &names);
+            taken.push(name);
         }
     }
 
     /// The colour scale, and the exaggeration of the errors.
     fn draw_key(&self, canvas: &mut Canvas, scale: Scaled<'_>) {
-        let (left, width, top) = (0.0, (0.55 * canvas.width_px()).min(300.0), 18.0);
+        let words = format!("drawn {} times as long", significant(scale.factor, 1));
+        let (left, top) = (0.0, 18.0);
+        let width = (canvas.width_px() - text_width(&words) - 16.0).clamp(40.0, 300.0);
         canvas.text("axis", (left, 11.0), Anchor::Start, "Error at the tool (mm)");
         let step = width / LEVELS as f64;
         for level in 0..LEVELS {
@@ -245,10 +250,9 @@ impl ArmPicture {
             canvas.cells(&colour(level), &format!("M{from} {low}H{to}V{high}H{from}z"));
         }
         let along = Scale { span: scale.span, from_px: left, to_px: left + width };
-        for (value, label) in ticks(scale.span, 4).marks {
+        for (value, label) in frame::spaced(scale.span, width).marks {
             canvas.text("tick", (along.held(value), top + 22.0), Anchor::Middle, &label);
         }
-        let words = format!("drawn {} times as long", significant(scale.factor, 1));
         canvas.text("label", (left + width + 16.0, top + 9.0), Anchor::Start, &words);
     }
 
@@ -307,6 +311,22 @@ fn draw_errors(canvas: &mut Canvas, frame: &Frame, panel: &Panel<'_>) {
         canvas.coloured("vector", &colour(level), &polyline(&[from, to]));
         canvas.spot(&colour(level), from, 2.6);
     }
+}
+
+/// Where the name of a joint at `at` overlaps none that is drawn already: above or below it, to
+/// either side; above to the right if all four are taken.
+fn free_place(at: (f64, f64), width: f64, right_end: f64, taken: &[Area]) -> Area {
+    let place =
+        |left: f64, bottom: f64| Area { left, top: bottom - NAME_PX, width, height: NAME_PX };
+    let (right, left) = (at.0 + 9.0, at.0 - 9.0 - width);
+    let (above, below) = (at.1 - 7.0, at.1 + 17.0);
+    let places = [place(right, above), place(left, above), place(right, below), place(left, below)];
+    let is_free = |one: &&Area| {
+        one.right() <= right_end
+            && one.left >= 0.0
+            && !taken.iter().any(|other| one.overlaps(other))
+    };
+    *places.iter().find(is_free).unwrap_or(&places[0])
 }
 
 /// A path through points in pixels.
@@ -369,6 +389,16 @@ mod tests {
         assert!(drawn.as_str().contains("joint-name lit"));
         assert!(drawn.as_str().contains(">1, 2<"), "two joints that lie in one place");
         assert!(drawn.as_str().contains("Joints that are lit: 2."));
+    }
+
+    #[test]
+    fn names_of_joints_that_lie_close_together_do_not_overlap() {
+        let mut taken = Vec::new();
+        for at in [(100.0, 50.0), (115.0, 52.0), (108.0, 60.0)] {
+            let name = free_place(at, 40.0, 300.0, &taken);
+            assert!(!taken.iter().any(|other| name.overlaps(other)), "{name:?} {taken:?}");
+            taken.push(name);
+        }
     }
 
     #[test]

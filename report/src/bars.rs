@@ -1,7 +1,7 @@
 //! Horizontal bars: rankings, comparisons before and after, parameters with intervals.
 
 use crate::axis::Axis;
-use crate::canvas::{Anchor, Area, Canvas, Svg, shortened, text_width};
+use crate::canvas::{Anchor, Area, Canvas, Svg, shortened, text_width, wrapped};
 use crate::legend::{self, Entry, Swatch};
 use crate::number::{common_decimals, fixed, quantity, significant};
 use crate::role::{Look, Role};
@@ -13,7 +13,9 @@ const BAR_PX: f64 = 15.0;
 /// What a name over its bars takes.
 const OVER_PX: f64 = 17.0;
 const ROW_GAP_PX: f64 = 13.0;
+/// Height of the ticks, and of the caption's first line.
 const BELOW_PX: f64 = 44.0;
+const LINE_PX: f64 = 15.0;
 
 /// One value, with an interval where it has one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -114,7 +116,7 @@ impl Bars {
         let value_px = if is_narrow { 64.0 } else { VALUE_PX };
         let inner = Area { left, top, width: width - left - value_px, height };
         let scale = Scale { span: self.span(), from_px: inner.left, to_px: inner.right() };
-        self.draw_axis(&mut canvas, inner, &scale);
+        let below = self.draw_axis(&mut canvas, inner, &scale);
         let mut at = top + ROW_GAP_PX / 2.0;
         for (name, bars) in &self.rows {
             let first = at + over;
@@ -134,7 +136,7 @@ impl Bars {
         }
         let zero = scale.held(0.0);
         canvas.line("rule", (zero, top), (zero, inner.bottom()));
-        canvas.finish(inner.bottom() + BELOW_PX, &self.title, &self.describe())
+        canvas.finish(inner.bottom() + below, &self.title, &self.describe())
     }
 
     /// Appearance of the bars in a row: by their roles, otherwise by their order.
@@ -152,15 +154,20 @@ impl Bars {
         self.axis.fixed_span().filter(|span| !span.log).unwrap_or_else(found)
     }
 
-    fn draw_axis(&self, canvas: &mut Canvas, inner: Area, scale: &Scale) {
+    /// Draws ticks and caption, and returns their height.
+    fn draw_axis(&self, canvas: &mut Canvas, inner: Area, scale: &Scale) -> f64 {
         let found = ticks(scale.span, if canvas.is_narrow() { 3 } else { 6 });
         for (value, label) in &found.marks {
             let at = scale.held(*value);
             canvas.line("grid", (at, inner.top), (at, inner.bottom()));
             canvas.text("tick", (at, inner.bottom() + 16.0), Anchor::Middle, label);
         }
-        let caption = self.axis.caption(&found.power);
-        canvas.text("axis", (inner.right(), inner.bottom() + 36.0), Anchor::End, &caption);
+        let caption = wrapped(&self.axis.caption(&found.power), canvas.width_px());
+        for (i, line) in caption.iter().enumerate() {
+            let level = inner.bottom() + 36.0 + LINE_PX * i as f64;
+            canvas.text("axis", (inner.right(), level), Anchor::End, line);
+        }
+        BELOW_PX + LINE_PX * caption.len().saturating_sub(1) as f64
     }
 
     fn draw_bar(&self, canvas: &mut Canvas, scale: &Scale, top: f64, whose: Whose<'_>, bar: Bar) {

@@ -13,8 +13,12 @@ use crate::page::STYLE;
 const WIDE_PX: f64 = 832.0;
 /// The width of a drawing on a phone, in its own pixels: a screen of 375 px less its margins.
 const NARROW_PX: f64 = 336.0;
-/// What a character of small text takes, generously.
-pub(crate) const CHARACTER_PX: f64 = 7.3;
+/// Estimated width of a character of small text.
+const CHARACTER_PX: f64 = 7.3;
+/// Estimated width of a digit, which is as wide as any other.
+const DIGIT_PX: f64 = 7.7;
+/// Estimated width of a minus sign.
+const MINUS_PX: f64 = 10.1;
 
 /// A finished drawing: well-formed, self-described, to be put on a [`crate::Page`]. It is laid out twice, for a wide screen and for a phone.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -103,6 +107,13 @@ impl Area {
     pub(crate) fn bottom(&self) -> f64 {
         self.top + self.height
     }
+
+    pub(crate) fn overlaps(&self, other: &Self) -> bool {
+        self.left < other.right()
+            && other.left < self.right()
+            && self.top < other.bottom()
+            && other.top < self.bottom()
+    }
 }
 
 /// Which end of a text is at its point.
@@ -157,7 +168,10 @@ impl Canvas {
         ));
     }
 
+    /// A text with one of its ends, or its middle, at a point; moved sideways where it would
+    /// otherwise leave the drawing.
     pub(crate) fn text(&mut self, class: &str, at: (f64, f64), anchor: Anchor, text: &str) {
+        let x = self.inside(at.0, anchor, text_width(text));
         let anchor = match anchor {
             Anchor::Start => "",
             Anchor::Middle => " text-anchor=\"middle\"",
@@ -165,10 +179,21 @@ impl Canvas {
         };
         self.body.push_str(&format!(
             "<text class=\"{class}\" x=\"{}\" y=\"{}\"{anchor}>{}</text>",
-            Px(at.0),
+            Px(x),
             Px(at.1),
             escape(text)
         ));
+    }
+
+    /// The place next to `x` at which a text of this width is inside the drawing.
+    fn inside(&self, x: f64, anchor: Anchor, text_px: f64) -> f64 {
+        let before = text_px
+            * match anchor {
+                Anchor::Start => 0.0,
+                Anchor::Middle => 0.5,
+                Anchor::End => 1.0,
+            };
+        x.min(self.width_px - text_px + before).max(before)
     }
 
     /// A path; `data` contains only numbers written with [`Px`].
@@ -230,7 +255,12 @@ impl Canvas {
 
 /// Approximate width of a small text.
 pub(crate) fn text_width(text: &str) -> f64 {
-    text.chars().count() as f64 * CHARACTER_PX
+    let width = |c: char| match c {
+        '0'..='9' => DIGIT_PX,
+        '−' => MINUS_PX,
+        _ => CHARACTER_PX,
+    };
+    text.chars().map(width).sum()
 }
 
 /// The text, shortened with an ellipsis to fit into a width.
@@ -242,6 +272,21 @@ pub(crate) fn shortened(text: &str, width_px: f64) -> String {
     text.chars().take(room.saturating_sub(1)).chain(std::iter::once('…')).collect()
 }
 
+/// The text in lines of at most this width, broken between words.
+pub(crate) fn wrapped(text: &str, width_px: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if text_width(line) + text_width(word) + CHARACTER_PX <= width_px => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -251,6 +296,22 @@ mod tests {
         let written: Vec<String> =
             [1.0, -0.04, 2.26, f64::NAN, f64::INFINITY, -3.55].map(|v| Px(v).to_string()).into();
         assert_eq!(written, ["1", "0", "2.3", "0", "100000", "-3.6"]);
+    }
+
+    #[test]
+    fn a_text_never_leaves_the_drawing() {
+        let canvas = Canvas::new(100.0);
+        assert_eq!(canvas.inside(0.0, Anchor::Middle, 20.0), 10.0);
+        assert_eq!(canvas.inside(98.0, Anchor::Start, 20.0), 80.0);
+        assert_eq!(canvas.inside(5.0, Anchor::End, 20.0), 20.0);
+        assert_eq!(canvas.inside(50.0, Anchor::Middle, 20.0), 50.0);
+    }
+
+    #[test]
+    fn long_captions_are_broken_between_words() {
+        let lines = wrapped("The joint alone would have to be off by (mrad)", 180.0);
+        assert_eq!(lines.join(" "), "The joint alone would have to be off by (mrad)");
+        assert!(lines.len() == 2 && lines.iter().all(|line| text_width(line) <= 180.0));
     }
 
     #[test]

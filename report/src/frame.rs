@@ -107,7 +107,7 @@ fn x_axis(canvas: &mut Canvas, frame: &Frame, axis: &Axis) {
 }
 
 /// As many ticks as fit next to each other.
-fn spaced(span: Span, width: f64) -> Ticks {
+pub(crate) fn spaced(span: Span, width: f64) -> Ticks {
     let mut wanted = ((width / 72.0) as usize).clamp(4, 10);
     loop {
         let found = ticks(span, wanted);
@@ -124,16 +124,31 @@ pub(crate) const ON_PAPER: &str = "mark";
 /// The class of a mark across colours.
 pub(crate) const ON_COLOURS: &str = "mark over";
 
-/// Upright marks with their labels at the top, on three levels so that neighbours stay readable.
+/// Levels for the labels of upright marks.
+const LEVELS: usize = 6;
+/// Height of such a level.
+const LEVEL_PX: f64 = 15.0;
+
+/// Upright marks with their labels at the top, each on the highest level on which it overlaps no other.
 pub(crate) fn mark_x(canvas: &mut Canvas, frame: &Frame, marks: &[Mark], class: &str) {
     let inner = frame.inner;
-    for (i, mark) in marks.iter().filter(|mark| shown(mark, frame.x.span)).enumerate() {
+    let mut taken: Vec<Area> = Vec::new();
+    for mark in marks.iter().filter(|mark| shown(mark, frame.x.span)) {
         let at = frame.x.held(mark.value);
         canvas.line(class, (at, inner.top), (at, inner.bottom()));
-        let level = inner.top + 11.0 + 15.0 * (i % 3) as f64;
-        let fits = at + 6.0 + text_width(&mark.label) <= inner.right();
-        let (x, anchor) = if fits { (at + 5.0, Anchor::Start) } else { (at - 5.0, Anchor::End) };
-        canvas.text("note", (x, level), anchor, &shortened(&mark.label, inner.width * 0.6));
+        let label = shortened(&mark.label, inner.width * 0.6);
+        let width = text_width(&label);
+        let fits = at + 6.0 + width <= inner.right();
+        let left = if fits { at + 5.0 } else { at - 5.0 - width };
+        let place = |level: usize| {
+            let top = inner.top + LEVEL_PX * level as f64;
+            Area { left, top, width, height: LEVEL_PX - 1.0 }
+        };
+        let is_free = |place: &Area| !taken.iter().any(|other| place.overlaps(other));
+        let place = (0..LEVELS).map(place).find(is_free).unwrap_or(place(0));
+        let (x, anchor) = if fits { (left, Anchor::Start) } else { (at - 5.0, Anchor::End) };
+        canvas.text("note", (x, place.top + 11.0), anchor, &label);
+        taken.push(place);
     }
 }
 

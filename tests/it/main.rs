@@ -38,6 +38,7 @@ mod kill;
 mod live;
 mod log;
 mod outputs;
+mod pages;
 mod plan;
 mod process;
 mod program;

@@ -5,7 +5,7 @@ use std::fs;
 use tests::clients::root;
 
 /// The blocks of a language in the page of the command.
-fn blocks(language: &str) -> Vec<String> {
+pub(crate) fn blocks(language: &str) -> Vec<String> {
     let page = fs::read_to_string(root().join("docs/stability.md")).unwrap();
     let start = format!("```{language}\n");
     let blocks = page.split(&start).skip(1);

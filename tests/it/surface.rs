@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use std::fmt::Write;
 
 /// A sine of roughness over one of waviness, µm, on a slope, 1 µm apart.
-fn profile(header: &str, row: impl Fn(usize, f64) -> String) -> String {
+pub(crate) fn profile(header: &str, row: impl Fn(usize, f64) -> String) -> String {
     let mut text = header.to_owned();
     for i in 0..12_000 {
         let x = i as f64 * 0.001;

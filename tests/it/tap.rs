@@ -68,7 +68,7 @@ fn csv(blows: &[(f64, f64)], length_s: f64) -> String {
     text
 }
 
-fn four_hits() -> String {
+pub(crate) fn four_hits() -> String {
     csv(
         &[(0.3, 200.0), (2.8, 260.0), (5.3, 300.0), (5.34, 60.0), (7.8, 240.0), (10.3, 220.0)],
         12.8,
