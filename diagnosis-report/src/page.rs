@@ -230,10 +230,9 @@ fn numbers(report: &Report) -> Vec<Number> {
     let rms = "root mean square, held-out readings";
     let held = report.heldout_rms_before.zip(report.heldout_rms_after).map(|(before, after)| {
         let share = format!("{rms}; {} % of that as given", significant(100.0 * after / before, 2));
-        [
-            Number::new("Model as given", before, report.unit).note(rms),
-            Number::new("With what was found", after, report.unit).note(share),
-        ]
+        let given = Number::new("Model as given", before, report.unit).note(rms);
+        let found = Number::new("With what was found", after, report.unit).note(share);
+        if report.claims().count() == 0 { vec![given] } else { vec![given, found] }
     });
     let residual = Number::new("Residual", report.noise_rms, report.unit)
         .note("on the fitted readings: instrument's noise and what nothing explains");

@@ -531,14 +531,19 @@ fn difference(report: &Report) -> String {
     else {
         return report.unexplained.as_ref().map_or(String::new(), |rest| rest.says.clone());
     };
+    let count = report.claims().count();
+    // Without findings the second figure differs by the numbers that are fitted anyway.
+    let found = match count {
+        0 => String::new(),
+        _ => format!(" as given and by {} with what was found", significant(after, 3)),
+    };
     let errors = format!(
-        "held out, the model is off by {} {} (root mean square of single values) as given and by {} with what was found; the residual scatter is {}",
+        "held out, the model is off by {} {} (root mean square of single values){found}; the residual scatter is {}",
         significant(before, 3),
         report.unit,
-        significant(after, 3),
         significant(report.noise_rms, 3)
     );
-    match report.findings.len() + report.minor.len() {
+    match count {
         0 if report.unexplained.is_none() => format!("nothing above the noise; {errors}"),
         0 => format!("no known effect explains it; {errors}"),
         1 => format!("one effect; {errors}"),

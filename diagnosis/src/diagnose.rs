@@ -288,13 +288,14 @@ fn finish(
     let given = held.beside(&Hypothesis::fixed(*model), &last);
     let fitted = Fitted::new(&campaign, &last, &settings);
     let (before, after) = (held.rms(&given), held.rms(&last));
-    let rest = law.map(|law| {
+    // A law that does not reduce the held-out error is not claimed.
+    let rest = law.and_then(|law| {
         let [without, with] = law.on(&fitted, words, &held_out);
-        Unexplained {
+        (with < without).then(|| Unexplained {
             depends_on: law.depends_on(words),
             joint: law.joint,
             heldout: [after, after * (with / without).sqrt()],
-        }
+        })
     });
     let carried = rest.as_ref().map(|rest| {
         let left = after.powi(2) - rest.heldout[1].powi(2);
