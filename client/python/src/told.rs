@@ -339,8 +339,9 @@ impl Connection {
     }
 
     fn joined(pid: u32, epoch: u64) -> Self {
+        let words = format!("connected to the daemon with process ID {pid}");
         let (pid, epoch) = (Some(pid), Some(epoch));
-        Self { is_connected: true, pid, epoch, why: None, words: String::new() }
+        Self { is_connected: true, pid, epoch, why: None, words }
     }
 
     fn lost(away: Option<trued_client::Away>, words: String) -> Self {

@@ -69,6 +69,12 @@ impl Which {
         }
     }
 
+    /// Its model file; none if the cell was given by its name.
+    pub(super) fn model(&self) -> Option<PathBuf> {
+        let path = self.cell.as_ref().map(Path::new).filter(|path| path.is_file())?;
+        Some(CellConfig::read(path).ok()?.model)
+    }
+
     /// Joins the daemon of that cell.
     ///
     /// # Errors
@@ -201,6 +207,9 @@ impl Arm {
 
 impl Mark {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        if self.text.trim().is_empty() {
+            return Err(Failure::input("TEXT is empty, expected what the marker says"));
+        }
         if self.text.len() > MARK_BYTES_MAX {
             let length = self.text.len();
             let words = format!("TEXT has {length} bytes, expected at most {MARK_BYTES_MAX}");
