@@ -8,7 +8,7 @@
 //! | --- | --- | --- |
 //! | `/` | `page.html` | the page |
 //! | `/status` | [`report`] | the status as JSON, schema `trued.status/1` |
-//! | `/events` | `web` | the same with each change, as server-sent events |
+//! | `/events` | `web` | the same with each change, and what is drawn of the robot, as server-sent events |
 //! | `/metrics` | [`metrics_text`] | OpenMetrics text |
 //! | WebSocket | `foxglove` | topics and schemas of the recordings, protocol `foxglove.sdk.v1` |
 
@@ -19,6 +19,8 @@ mod foxglove;
 #[cfg(feature = "views")]
 mod metrics;
 pub mod report;
+#[cfg(feature = "views")]
+mod robot;
 #[cfg(feature = "views")]
 mod serve;
 #[cfg(feature = "views")]

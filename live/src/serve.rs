@@ -1,6 +1,7 @@
 //! Serves page, metrics and stream of one cell, each in a thread.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread;
@@ -8,6 +9,7 @@ use std::thread;
 use trued_client::Monitor;
 
 use crate::access::Access;
+use crate::robot::Robot;
 use crate::watch::{self, Watch};
 use crate::{foxglove, web};
 
@@ -20,6 +22,8 @@ pub struct Settings {
     pub foxglove: Option<SocketAddr>,
     /// Who may view the cell.
     pub access: Access,
+    /// The cell's model file, by which the page draws the robot; `None`: not drawn.
+    pub model: Option<PathBuf>,
 }
 
 /// Why the view cannot be served.
@@ -75,7 +79,8 @@ impl Live {
         let (http, stream) = (web.address(), foxglove.as_ref().map(foxglove::Server::address));
         let mut live = Self { http, foxglove: stream, stop, threads: Vec::new() };
         let (name, seen) = (cell.to_owned(), Arc::clone(&watch));
-        live.spawn("watch", move |stop| watch::run(&name, monitor, &seen, stop))?;
+        let robot = settings.model.clone().map(Robot::new);
+        live.spawn("watch", move |stop| watch::run(&name, monitor, robot, &seen, stop))?;
         let seen = Arc::clone(&watch);
         live.spawn("web", move |stop| web.run(&seen, stop))?;
         if let Some(server) = foxglove {

@@ -8,6 +8,7 @@ use shm_schema::{Status, Verdict};
 use trued_client::Monitor;
 
 use crate::report::Report;
+use crate::robot::{Drawing, Robot};
 
 /// Polling interval; the daemon publishes a status every 40 ms.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -23,6 +24,8 @@ pub(crate) struct Seen {
     pub(crate) report: Report,
     /// The status as received.
     pub(crate) status: Status,
+    /// What is drawn of the robot; `None` if its model file is not known.
+    pub(crate) robot: Option<Drawing>,
 }
 
 /// A vibration verdict and its number, from 0.
@@ -106,7 +109,13 @@ impl Watch {
 }
 
 /// Polls the cell until `stop` is set.
-pub(crate) fn run(cell: &str, mut monitor: Monitor, watch: &Watch, stop: &AtomicBool) {
+pub(crate) fn run(
+    cell: &str,
+    mut monitor: Monitor,
+    mut robot: Option<Robot>,
+    watch: &Watch,
+    stop: &AtomicBool,
+) {
     let mut last: Option<(u64, Option<String>)> = None;
     let mut told = Instant::now();
     while !stop.load(Relaxed) {
@@ -126,7 +135,8 @@ pub(crate) fn run(cell: &str, mut monitor: Monitor, watch: &Watch, stop: &Atomic
             }
             if last.as_ref() != Some(&key) || told.elapsed() > AGAIN_AFTER {
                 let report = Report::of(cell, &status, key.1.clone());
-                watch.see(Seen { report, status });
+                let robot = robot.as_mut().map(|robot| robot.drawing(&status));
+                watch.see(Seen { report, status, robot });
                 (last, told) = (Some(key), Instant::now());
             }
         }

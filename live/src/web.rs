@@ -170,7 +170,13 @@ fn send_events(to: &mut impl Write, watch: &Watch, stop: &AtomicBool) -> io::Res
             write!(to, "event: vibration\ndata: {words}\n\n")?;
         }
         match news.seen {
-            Some(seen) => write!(to, "data: {}\n\n", json(&seen.report))?,
+            Some(seen) => {
+                if let Some(robot) = &seen.robot {
+                    let drawing = serde_json::to_string(robot).unwrap_or_default();
+                    write!(to, "event: robot\ndata: {drawing}\n\n")?;
+                }
+                write!(to, "data: {}\n\n", json(&seen.report))?;
+            }
             None => to.write_all(b":\n\n")?,
         }
         to.flush()?;

@@ -26,8 +26,13 @@ struct View {
 
 impl View {
     fn of(place: &Place) -> Self {
+        Self::of_cell(place, CELL)
+    }
+
+    /// Started with the cell's name or its file.
+    fn of_cell(place: &Place, cell: &str) -> Self {
         let any = "127.0.0.1:0";
-        let arguments = ["live", CELL, "--listen", any, "--foxglove", any];
+        let arguments = ["live", cell, "--listen", any, "--foxglove", any];
         let process = Process::start(TRUED, &arguments, place);
         assert!(process.says("ws://", LIMIT), "{:?}", process.lines());
         let after = |words: &str| {
@@ -51,6 +56,14 @@ impl View {
         stream.read_to_string(&mut answer).expect("an answer");
         let (head, body) = answer.split_once("\r\n\r\n").expect("a head and a body");
         (head.to_owned(), body.to_owned())
+    }
+
+    /// The lines of the server-sent events.
+    fn events(&self) -> impl Iterator<Item = String> + use<> {
+        let mut stream = TcpStream::connect(self.http).expect("a server");
+        stream.set_read_timeout(Some(LIMIT)).expect("a limit");
+        write!(stream, "GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n").unwrap();
+        BufReader::new(stream).lines().map(|line| line.expect("a line"))
     }
 
     fn status(&self) -> Value {
@@ -137,25 +150,63 @@ fn a_change_of_state_comes_as_an_event_within_three_tenths_of_a_second() {
     let place = Place::new("full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let view = View::of(&place);
-    let mut stream = TcpStream::connect(view.http).expect("a server");
-    stream.set_read_timeout(Some(LIMIT)).expect("a limit");
-    write!(stream, "GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n").unwrap();
-    let mut lines = BufReader::new(stream).lines();
+    let mut lines = view.events();
     let mut next = move |bypassed: bool| {
         let wanted = format!("\"bypassed\":{bypassed}");
-        lines.find(|line| line.as_ref().is_ok_and(|line| line.contains(&wanted))).expect("an event")
+        lines.find(|line| line.contains(&wanted)).expect("an event")
     };
-    next(false).expect("a line");
+    next(false);
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).expect("a daemon");
     let mut waits: Vec<Duration> = Vec::new();
     for on in [true, false, true, false, true] {
         let asked = Instant::now();
         monitor.bypass(on, LIMIT).expect("an answer");
-        next(on).expect("a line");
+        next(on);
         waits.push(asked.elapsed());
     }
     waits.sort_unstable();
     assert!(waits[2] < Duration::from_millis(300), "{waits:?}");
+}
+
+/// The next drawing of the robot among the events.
+fn drawing(lines: &mut impl Iterator<Item = String>) -> Value {
+    lines.find(|line| line == "event: robot").expect("a drawing");
+    let data = lines.next().expect("its data");
+    serde_json::from_str(data.strip_prefix("data: ").expect("data")).expect("JSON")
+}
+
+#[test]
+fn the_robot_is_drawn_with_its_correction_while_its_file_is_the_model_in_use() {
+    let place = Place::new("full", "");
+    let _daemon = Process::ready_daemon(TRUED, &place);
+    let mut robot = CellLoop::join(&place.cell(), LIMIT).expect("a daemon");
+    assert!(robot.tick_until(LIMIT, |_, tick| tick.largest() > 1e-4));
+    ticks(&mut robot, 100);
+    let file = place.file("cell.toml");
+    let view = View::of_cell(&place, file.to_str().expect("a plain path"));
+    let mut lines = view.events();
+    let shift_mm = |drawing: &Value| {
+        let shift = drawing["shift_mm"].as_array().expect("a shift").iter();
+        shift.map(|x| x.as_f64().unwrap()).fold(0.0, f64::hypot)
+    };
+    let shown = drawing(&mut lines);
+    assert_eq!(shown["points_mm"].as_array().map(Vec::len), Some(8), "base, six joints, tool");
+    assert!(shift_mm(&shown) > 0.05, "{shown}");
+    assert_eq!(View::of(&place).events().take(4).find(|line| line == "event: robot"), None);
+
+    let text = std::fs::read_to_string(place.file("model.toml")).expect("a model");
+    place.write(
+        "other.toml",
+        &text.replacen("compliance_mrad_per_kNm = 2.2148", "compliance_mrad_per_kNm = 2.3", 1),
+    );
+    let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).expect("a daemon");
+    let answer = monitor.reload(Some(&place.file("other.toml")), LIMIT).expect("an answer");
+    assert_eq!(answer.answer(), Ok(trued_client::Answer::Done), "{answer:?}");
+    let is_left = |shown: Value| shown["why"].as_str().is_some_and(|why| why.contains("in use"));
+    let end = Instant::now() + LIMIT;
+    while !is_left(drawing(&mut lines)) {
+        assert!(Instant::now() < end, "the former model is still drawn");
+    }
 }
 
 #[test]

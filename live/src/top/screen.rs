@@ -205,7 +205,7 @@ mod tests {
 
     fn status(screen: &mut Screen, status: Status) {
         let report = Report::of("cell", &status, None);
-        let seen = Some(Arc::new(Seen { report, status }));
+        let seen = Some(Arc::new(Seen { report, status, robot: None }));
         screen.hear(News { seen, verdicts: Vec::new() });
     }
 

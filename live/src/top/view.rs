@@ -222,8 +222,11 @@ mod tests {
     fn shown(status: &Status, width: u16, height: u16) -> Vec<String> {
         let mut screen = Screen::new("cell");
         let report = Report::of("cell", status, None);
-        let seen =
-            Some(Arc::new(Seen { report: Report { age_s: 0.0, ..report }, status: *status }));
+        let seen = Some(Arc::new(Seen {
+            report: Report { age_s: 0.0, ..report },
+            status: *status,
+            robot: None,
+        }));
         screen.hear(News { seen, verdicts: Vec::new() });
         let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a terminal");
         terminal.draw(|frame| draw(frame, &screen)).expect("drawn");

@@ -56,7 +56,12 @@ impl LiveOf {
         let stop = interrupt::flag()?;
         let token = std::env::var(TOKEN).ok().filter(|token| !token.is_empty());
         let access = token.map_or(Access::ThisMachine, Access::Token);
-        let settings = Settings { http: self.listen, foxglove: Some(self.foxglove), access };
+        let settings = Settings {
+            http: self.listen,
+            foxglove: Some(self.foxglove),
+            access,
+            model: self.which.model(),
+        };
         let live = Live::start(cell, monitor, &settings).map_err(Failure::system)?;
         console.say(format!(
             "cell `{cell}`: page http://{0}/, metrics http://{0}/metrics",
