@@ -4,10 +4,12 @@
 
 use crate::TRUED;
 use shm_schema::{
-    Command, Corrected, CorrectionStatus, ForceBlock, JointBounds, PeerControl, PeerPublisher,
-    PeerSubscriber, Reason, RobotState, Role, Seat, SendOutcome, Status, monotonic_ns,
+    Command, Corrected, CorrectionStatus, ForceBlock, Horizon, JointBounds, PeerControl,
+    PeerPublisher, PeerSubscriber, Reason, RobotState, Role, Seat, SendOutcome, Status,
+    monotonic_ns,
 };
 use std::collections::BTreeMap;
+use std::fs;
 use std::time::{Duration, Instant};
 use tests::cell_loop::JOINTS;
 use tests::gauge::Gauge;
@@ -25,12 +27,14 @@ struct Cell {
     commands: PeerPublisher<Command>,
     answers: PeerSubscriber<Corrected>,
     states: PeerPublisher<RobotState>,
+    horizons: PeerPublisher<Horizon>,
     statuses: PeerSubscriber<Status>,
     control: PeerControl,
     forces: PeerPublisher<ForceBlock>,
     bounds: JointBounds,
     sender: Sender,
     block: Box<ForceBlock>,
+    horizon: Box<Horizon>,
     gauge: Gauge,
     published: u64,
     tally: BTreeMap<String, u64>,
@@ -47,6 +51,7 @@ impl Cell {
             commands: cell.publisher().unwrap(),
             answers: cell.subscriber().unwrap(),
             states: cell.publisher().unwrap(),
+            horizons: cell.publisher().unwrap(),
             control: cell.control().unwrap(),
             forces: force.publisher().unwrap(),
             statuses,
@@ -55,6 +60,7 @@ impl Cell {
             bounds,
             sender: Sender::new(seed),
             block: Box::default(),
+            horizon: Box::default(),
             published: 0,
             tally: BTreeMap::new(),
             last: None,
@@ -154,6 +160,8 @@ impl Cell {
         }
         let state = self.sender.state();
         self.states.send(&state);
+        self.sender.horizon(&mut self.horizon);
+        self.horizons.send(&self.horizon);
         if self.sender.chance.below(20) == 0 {
             let request = self.sender.request();
             let pending = self.control.ask(&request);
@@ -182,15 +190,34 @@ fn number(name: &str) -> Option<u64> {
     std::env::var(name).ok().and_then(|n| n.parse().ok())
 }
 
-/// A campaign against a daemon with this source of the wrench.
-fn campaign(wrench: &str) {
+/// Delay and lags, which `[dynamic]` compensates.
+const LAGS: &str = "
+[[effect]]
+kind = \"time_delay\"
+delay_ms = 3.0
+
+[[effect]]
+kind = \"servo_lag\"
+joint = 1
+time_constant_ms = 10.0
+
+[[effect]]
+kind = \"servo_lag\"
+joint = 2
+time_constant_ms = 10.0
+";
+
+/// A campaign against a daemon with this source of the wrench, and with these tables.
+fn campaign(wrench: &str, more: &str) {
     let seed = number("TRUED_SEED").unwrap_or_else(monotonic_ns);
     println!("TRUED_SEED={seed}");
     let tables = format!(
         "[cycle]\nstale_ms = 300.0\n[wrench]\nsource = \"{wrench}\"\n\
-         [force]\nrate_Hz = 10000.0\nchannels = 3\n[vibration]\nenabled = true\n"
+         [force]\nrate_Hz = 10000.0\nchannels = 3\n[vibration]\nenabled = true\n{more}"
     );
     let place = Place::new("full", &tables);
+    let model = fs::read_to_string(place.file("model.toml")).expect("a model");
+    place.write("model.toml", &(model + LAGS));
     let mut daemon = Process::daemon(TRUED, &place);
     assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
     let mut cell = Cell::join(&place, seed);
@@ -231,10 +258,15 @@ fn goes_on(cell: &mut Cell) {
 
 #[test]
 fn no_target_breaks_an_invariant_whatever_is_commanded() {
-    campaign("force");
+    campaign("force", "");
 }
 
 #[test]
 fn nor_where_the_command_brings_the_wrench() {
-    campaign("command");
+    campaign("command", "");
+}
+
+#[test]
+fn nor_where_delay_and_lags_are_compensated_and_horizons_of_any_kind_are_stated() {
+    campaign("none", "[dynamic]\nmode = \"compensate\"\n");
 }

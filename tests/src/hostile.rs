@@ -3,7 +3,8 @@
 use crate::cell_loop::{JOINTS, path};
 use crate::chance::Chance;
 use shm_schema::{
-    Command, ForceBlock, JOINTS_MAX, Payload, Reason, Request, RobotState, Text, monotonic_ns,
+    Command, ForceBlock, Horizon, JOINTS_MAX, Payload, Reason, Request, RobotState, Text,
+    monotonic_ns,
 };
 
 /// What must become of a message.
@@ -195,6 +196,32 @@ impl Sender {
         state.temperature_c = [(); JOINTS_MAX + 1].map(|()| self.number());
         state.q_measured = [(); JOINTS_MAX].map(|()| self.number());
         state
+    }
+
+    /// Setpoints that follow the last good command, of any kind: half of them those of the path.
+    pub fn horizon(&mut self, horizon: &mut Horizon) {
+        horizon.seq += 1;
+        horizon.session = self.last.session;
+        horizon.command_seq = self.last.seq;
+        horizon.sent_ns = monotonic_ns();
+        horizon.layout = Horizon::LAYOUT;
+        horizon.count = self.chance.below(Horizon::POINTS_MAX as u64 + 1) as u32;
+        for (k, point) in (1..).zip(&mut horizon.points) {
+            point[..JOINTS].copy_from_slice(&path(self.last.t_ns + k * 1_000_000));
+        }
+        match self.chance.below(12) {
+            0 => horizon.session = self.chance.bits(),
+            1 => horizon.command_seq = self.chance.bits(),
+            2 => horizon.sent_ns = [0, u64::MAX][self.chance.below(2) as usize],
+            3 => horizon.count = self.chance.bits() as u32,
+            4 => horizon.layout += 1,
+            5 => {
+                for q in horizon.points.iter_mut().flatten() {
+                    *q = self.number();
+                }
+            }
+            _ => {}
+        }
     }
 
     /// A request that changes nothing on which the test relies.
