@@ -4,9 +4,8 @@
 //! nothing if these are unknown. Valid for steady cuts; corners are averaged. Not for the cycle's
 //! thread.
 
-use physics::gears::shafts;
 use physics::{Arm, Chain, JOINTS_MAX, JointKind, Joints};
-use recording::model::ModelFile;
+use recording::model::{GearCycles, ModelFile};
 use spectrum::Wheel;
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -103,27 +102,16 @@ impl Travel {
     }
 }
 
-/// Rotation of the gear trains along the path: for each joint the turns of every shaft that drives
-/// a stage, motor side first, then the tooth meshing of each stage. `turns_per_mm` are those of the
-/// joints; joints at rest and prismatic joints are left out.
+/// Rotation of the gear trains along the path, as the vibration monitor takes it; `turns_per_mm` are those of
+/// the joints.
 pub fn wheels(model: &ModelFile, turns_per_mm: &[f64]) -> Vec<Wheel> {
-    let joints = (1..=u8::MAX).zip(&model.joints).zip(turns_per_mm);
-    let turning =
-        joints.filter(|((_, entry), turns)| entry.kind == JointKind::Revolute && **turns > 0.0);
-    turning
-        .flat_map(|((joint, entry), turns)| {
-            let wheel = move |shaft, teeth, cycles| Wheel {
-                joint,
-                shaft,
-                teeth,
-                cycles_per_mm: turns * cycles,
-            };
-            let turned = shafts(&entry.gear_teeth).map(move |s| wheel(s.number, 1, s.turns));
-            let meshed =
-                shafts(&entry.gear_teeth).map(move |s| wheel(s.number, s.teeth, s.meshes()));
-            turned.chain(meshed)
-        })
-        .collect()
+    let wheel = |cycles: GearCycles| Wheel {
+        joint: cycles.joint,
+        shaft: cycles.shaft,
+        teeth: cycles.teeth,
+        cycles_per_mm: cycles.per_mm,
+    };
+    model.gear_cycles(turns_per_mm).map(wheel).collect()
 }
 
 #[cfg(test)]
@@ -177,23 +165,5 @@ mod tests {
         assert_eq!((motion.feed_mm_s, motion.turns_per_mm[0]), (0.0, 0.0));
         travel.take(arm, &PathPoint { session: 2, t_ns: 1, q: [0.0; JOINTS_MAX] });
         assert_eq!(travel.motion(arm), None);
-    }
-
-    #[test]
-    fn the_motor_of_a_joint_that_turns_has_its_ratio_and_the_others_stand() {
-        let model = model();
-        // Thesis, table A III-1: the total gear ratios of the joints.
-        for (i, ratio) in [129.99, 129.99, 104.42, 60.0, 63.74, 44.0].into_iter().enumerate() {
-            let mut turns_per_mm = [0.0; JOINTS_MAX];
-            turns_per_mm[i] = 1e-3;
-            let wheels = wheels(&model.file, &turns_per_mm);
-            let stages = &model.file.joints[i].gear_teeth;
-            assert_eq!(wheels.len(), 2 * stages.len());
-            assert!(wheels[stages.len()..].iter().zip(stages).all(|(w, s)| w.teeth == s[0]));
-            let meshed = f64::from(stages[0][0]) * wheels[0].cycles_per_mm;
-            assert!((wheels[stages.len()].cycles_per_mm - meshed).abs() < 1e-12);
-            assert!(wheels.iter().all(|wheel| usize::from(wheel.joint) == i + 1));
-            assert!((1e3 * wheels[0].cycles_per_mm - ratio).abs() < 0.01, "{:?}", wheels[0]);
-        }
     }
 }

@@ -1,6 +1,7 @@
 //! Why an analysis gives no result.
 
 use std::error::Error as StdError;
+use std::path::PathBuf;
 
 use recording::files::FileError;
 
@@ -10,6 +11,14 @@ pub enum Error {
     /// A file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
+    /// A model cannot be read.
+    #[error("{}: {source}", name.display())]
+    Model {
+        /// Its file, or the name of a preset.
+        name: PathBuf,
+        /// Why.
+        source: FileError,
+    },
     /// The input cannot be used.
     #[error(transparent)]
     Input(Box<dyn StdError + Send + Sync>),

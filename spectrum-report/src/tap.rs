@@ -2,7 +2,7 @@
 //!
 //! [`read`] takes the force of an instrumented hammer and the response from files, or response functions that were measured elsewhere; [`analyse`] finds hits,
 //! estimates the response function and fits the modes. Modules in the order in which to read them: `input` (files to SI), `analysis` (modes and warnings),
-//! `model_file` (the modal list of a model), `result`, `text` and `page` (numbers and words).
+//! `model_file` (the modal list of a model), `result`, `text` and `page`.
 //!
 //! ```no_run
 //! use std::fs;

@@ -22,7 +22,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("world", &["physics", "spectrum"]),
     ("diagnosis", &["world", "recording", "spectrum", "report", "physics"]),
     ("diagnosis-report", &["diagnosis", "recording", "report", "spectrum", "physics"]),
-    ("spectrum-report", &["spectrum", "recording", "report"]),
+    ("spectrum-report", &["spectrum", "recording", "report", "physics", "world"]),
     ("batch", &["recording"]),
     ("joint-dynamics", &["recording", "physics"]),
     ("feedforward", &["joint-dynamics", "diagnosis", "world", "recording", "physics", "envelope"]),

@@ -49,6 +49,9 @@ impl From<spectrum_report::Error> for Failure {
     fn from(error: spectrum_report::Error) -> Self {
         match error {
             spectrum_report::Error::File(error) => crate::input::unusable(error),
+            spectrum_report::Error::Model { name, source } => {
+                crate::input::unusable_model(&name, source)
+            }
             spectrum_report::Error::Input(error) => Self::Input(error),
             spectrum_report::Error::Internal(error) => Self::System(error),
         }

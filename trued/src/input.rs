@@ -126,7 +126,8 @@ impl Reading {
         for note in &recording.notes {
             warn!("{}: {note}", recording.file.display());
         }
-        let named = recording.about.model.as_ref().map(|name| beside(path, Path::new(name)));
+        let named =
+            recording.about.model.as_ref().map(|name| presets::beside(path, Path::new(name)));
         let model = match self.model.as_deref().or(named.as_deref()) {
             Some(name) => model(name)?,
             None => RobotModel::parse("no arm", NO_ARM).map_err(Failure::system)?,
@@ -149,7 +150,7 @@ impl Reading {
             None => series::read(path, self.mapping.as_deref(), need).map_err(unusable)?,
         };
         let named = recording.about.model.as_ref();
-        let beside = named.map(|name| beside(path, Path::new(name)));
+        let beside = named.map(|name| presets::beside(path, Path::new(name)));
         let name = self.model.as_deref().or(fallback).or(beside.as_deref());
         let model = model(name.ok_or_else(|| Failure::input(Unnamed(path.to_owned())))?)?;
         let joint_kinds = setup::joint_kinds(&model.physics.arm);
@@ -184,7 +185,12 @@ impl Input {
 
 /// The model in a file, or the preset of that name.
 pub(crate) fn model(name: &Path) -> Result<RobotModel, Failure> {
-    RobotModel::read(name).map_err(|error| match error {
+    RobotModel::read(name).map_err(|error| unusable_model(name, error))
+}
+
+/// The same for an error of [`RobotModel::read`].
+pub(crate) fn unusable_model(name: &Path, error: FileError) -> Failure {
+    match error {
         FileError::Io { source, .. } if source.kind() == ErrorKind::NotFound => {
             let presets = presets::PRESETS.iter().map(|preset| preset.name);
             let near = name.to_str().and_then(|name| nearest(name, presets));
@@ -192,7 +198,7 @@ pub(crate) fn model(name: &Path) -> Result<RobotModel, Failure> {
             Failure::input(NoModel { name: name.to_owned(), meant })
         }
         error => unusable(error),
-    })
+    }
 }
 
 /// A file that cannot be used is bad input, whatever the reason.
@@ -201,12 +207,6 @@ pub(crate) fn unusable(error: FileError) -> Failure {
         FileError::Content(faults) => Failure::input(Faulty(faults)),
         error => Failure::input(error),
     }
-}
-
-/// A model that a file names counts from the file's folder; a preset stays a name.
-pub(crate) fn beside(file: &Path, name: &Path) -> PathBuf {
-    let beside = file.parent().unwrap_or(Path::new("")).join(name);
-    if presets::at(name).is_some() && !beside.exists() { name.to_owned() } else { beside }
 }
 
 /// The middle time between two rows of one segment, s; 0 where there are none.

@@ -20,7 +20,6 @@ mod lockstep;
 mod logs;
 pub mod options;
 pub mod output;
-mod parallel;
 pub mod progress;
 pub mod provenance;
 #[cfg(feature = "schema")]

@@ -1,51 +1,11 @@
-//! Text on a terminal: tables as wide as standard output; labelled lines, 80 columns wide.
+//! Tables of text as wide as standard output.
 
 use report::TextTable;
 
 use crate::wrap;
 
-/// Width of a terminal.
-const COLUMNS: usize = 80;
-
 /// A table as text for standard output.
 #[must_use]
 pub(crate) fn on_stdout(table: &TextTable) -> String {
     table.render(wrap::columns_of_stdout())
-}
-
-/// A text beside its label, which takes `indent` columns, wrapped at spaces; words longer than a
-/// line are broken.
-#[must_use]
-pub(crate) fn beside(name: &str, indent: usize, text: &str) -> Vec<String> {
-    let width = COLUMNS - indent;
-    let (mut rows, mut row) = (Vec::new(), String::new());
-    for word in text.split_whitespace() {
-        let letters: Vec<char> = word.chars().collect();
-        for piece in letters.chunks(width) {
-            let used = row.chars().count();
-            if used > 0 && used + 1 + piece.len() > width {
-                rows.push(std::mem::take(&mut row));
-            } else if used > 0 {
-                row.push(' ');
-            }
-            row.extend(piece);
-        }
-    }
-    rows.push(row);
-    let head = |at: usize| if at == 0 { name } else { "" };
-    rows.iter().enumerate().map(|(at, row)| format!("{:<indent$}{row}", head(at))).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn no_line_is_wider_than_a_terminal_and_no_word_is_lost() {
-        let text = format!("short {} end", "x".repeat(200));
-        let lines = beside("health", 10, &text);
-        assert!(lines.iter().all(|line| line.chars().count() <= COLUMNS), "{lines:#?}");
-        let back: String = lines.iter().map(|line| line[10..].replace(' ', "")).collect();
-        assert_eq!(back, text.replace(' ', ""));
-    }
 }

@@ -8,6 +8,7 @@ mod build;
 #[cfg(test)]
 mod drive_tests;
 mod effects;
+mod gears;
 mod identity;
 mod kinds;
 mod modes;
@@ -23,6 +24,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 pub use build::SiParameter;
+pub use gears::GearCycles;
 pub use identity::{Identity, ROBOT_NAME_BYTES_MAX, RobotEntry};
 #[cfg(feature = "schema")]
 pub(crate) use kinds::Kind as EffectKind;

@@ -3,6 +3,8 @@
 //! Each loads, and its forward kinematics agree with the published Denavit-Hartenberg parameters
 //! (verified by tests). Estimated masses are marked in `[meta]`.
 
+use std::path::{Path, PathBuf};
+
 /// One preset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Preset {
@@ -42,8 +44,15 @@ pub fn preset(name: &str) -> Option<Preset> {
 
 /// The preset that a path names, where a model may be a file or a preset.
 #[must_use]
-pub fn at(path: &std::path::Path) -> Option<Preset> {
+pub fn at(path: &Path) -> Option<Preset> {
     path.to_str().and_then(preset)
+}
+
+/// The model that a file names: relative to the file's folder, or a preset.
+#[must_use]
+pub fn beside(file: &Path, name: &Path) -> PathBuf {
+    let beside = file.parent().unwrap_or(Path::new("")).join(name);
+    if at(name).is_some() && !beside.exists() { name.to_owned() } else { beside }
 }
 
 impl Preset {

@@ -4,25 +4,18 @@
 //! fits a line is listed, with the probability of a match by chance. A wheel whose speed varies too
 //! much to produce a line is not matched.
 
-mod lines;
-mod matching;
-mod page;
-mod path;
-mod told;
-mod trains;
-
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use recording::model::RobotModel;
+use spectrum_report::gears::{self, Lines, Settings, TravelledPath, analyse};
+use spectrum_report::vibration;
 
-use self::matching::Matched;
-use self::path::Travelled;
-use self::told::{Found, Report};
-use super::surface::Heights;
+use super::surface::{Heights, read_profile};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::Reading;
 use crate::output::Console;
+use crate::wrap;
 
 /// Gear shafts along a path: revolutions and teeth per millimetre, matched with lines
 ///
@@ -79,41 +72,42 @@ impl Gears {
         let inputs = self.path.iter().chain(&self.force).chain(&self.profile);
         outputs.check(inputs.chain(self.reading.files()))?;
         let (model, travelled) = self.travelled()?;
-        let trains = trains::of(&model.file, &travelled, &self.wheels_of)?;
-        let given = lines::given(self)?;
-        let lines = given.lines.into_iter();
-        let lines: Vec<Matched> =
-            lines.map(|line| Matched::of(line, &trains, 0.01 * self.tolerance)).collect();
-        let found = Found { model: &model, travelled, trains, lines, notes: given.notes };
+        let settings = Settings {
+            joints: self.wheels_of.clone(),
+            tolerance_percent: self.tolerance,
+            ..Settings::default()
+        };
+        let mut analysis = analyse(model, travelled, &settings)?;
+        analysis.match_lines(self.lines()?);
         if let Some(report) = &self.report {
-            outputs.put_page(report, page::render(&found));
+            outputs.put_page(report, analysis.page());
         }
-        console.write(outputs, "trued.gears/1", &Report::of(self, &found))?;
-        console.say(told::told(&found))?;
+        console.write(outputs, "trued.gears/1", &analysis.report())?;
+        console.say(analysis.text(wrap::columns_of_stdout()))?;
         Ok(Answer::Done)
     }
 
     fn check(&self) -> Result<(), Failure> {
         let wrong = |value: &f64| !(value.is_finite() && *value > 0.0);
         if let Some(line) = self.lines.iter().find(|line| wrong(line)) {
-            let words = format!("--lines holds {line}, expected cycles per mm above 0");
-            return Err(Failure::input(words));
+            let message = format!("--lines holds {line}, expected cycles per mm above 0");
+            return Err(Failure::input(message));
         }
         if wrong(&self.tolerance) || self.tolerance > 50.0 {
-            let words = format!("--tolerance is {}, expected 0 to 50 percent", self.tolerance);
-            return Err(Failure::input(words));
+            let message = format!("--tolerance is {}, expected 0 to 50 percent", self.tolerance);
+            return Err(Failure::input(message));
         }
         Ok(())
     }
 
-    fn travelled(&self) -> Result<(RobotModel, Travelled), Failure> {
+    fn travelled(&self) -> Result<(RobotModel, TravelledPath), Failure> {
         let parts = usize::from(self.parts);
         if !self.from.is_empty() {
             let name = self.reading.model.as_deref();
             let name =
                 name.ok_or_else(|| Failure::input("--from needs the robot: --model MODEL"))?;
             let model = crate::input::model(name)?;
-            let travelled = path::straight(&model.physics.arm, &self.from, &self.cut, parts)?;
+            let travelled = gears::straight(&model.physics.arm, &self.from, &self.cut, parts)?;
             return Ok((model, travelled));
         }
         let path: &Path = self.path.as_deref().or(self.force.as_deref()).ok_or_else(|| {
@@ -122,13 +116,29 @@ impl Gears {
             )
         })?;
         let input = self.reading.read(path, None)?;
-        let travelled = path::recorded(&input.model.physics.arm, &input.recording, parts)?;
+        let travelled = gears::recorded(&input.model.physics.arm, &input.recording, parts)?;
         Ok((input.model, travelled))
+    }
+
+    fn lines(&self) -> Result<Lines, Failure> {
+        let mut lines = Lines::given(&self.lines);
+        for path in &self.profile {
+            lines.add_profile(&read_profile(&self.heights, path)?)?;
+        }
+        if let Some(path) = &self.force {
+            let inputs = vibration::Inputs {
+                columns: self.signal.clone(),
+                model: self.reading.model.clone(),
+                ..vibration::Inputs::default()
+            };
+            lines.add_recording(&vibration::read(path, &inputs)?)?;
+        }
+        Ok(lines)
     }
 }
 
 /// The schema of the result.
 #[cfg(feature = "schema")]
 pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
-    crate::schemas::ResultSchema::of::<Report<'_>>("gears", "trued.gears/1")
+    crate::schemas::ResultSchema::of::<gears::Report<'_>>("gears", "trued.gears/1")
 }

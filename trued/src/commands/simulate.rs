@@ -15,7 +15,7 @@ use clap::Args;
 use diagnosis::{Arrival, Pose, from_recording};
 use glam::DVec3;
 use physics::{Given, Inputs, Joints};
-use recording::model::RobotModel;
+use recording::model::{RobotModel, presets};
 use recording::series::{self, Channel, Kind, Recording};
 use report::count;
 use serde::Serialize;
@@ -149,7 +149,7 @@ impl Simulate {
     fn model_name(&self, recording: &Recording, toml: &Path) -> Option<String> {
         let Some(given) = &self.reading.model else {
             let named = recording.about.model.as_ref()?;
-            let from = crate::input::beside(&recording.file, Path::new(named));
+            let from = presets::beside(&recording.file, Path::new(named));
             return Some(from_folder(&from, toml));
         };
         Some(from_folder(given, toml))

@@ -3,28 +3,14 @@
 //! The monitor is the daemon's own, with the same settings by default; information missing in a
 //! recording is stated, not guessed; amplitudes are in the channels' own units.
 
-mod found;
-mod listen;
-mod motion;
-mod outcome;
-mod page;
-mod plots;
-mod samples;
-mod space;
-mod spectra;
-mod subject;
-mod words;
-
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
+use spectrum_report::vibration::{Inputs, Settings, analyse, read};
 
-use self::found::Found;
-pub(super) use self::space::ChannelLine;
-use self::subject::Subject;
-use super::stability;
 use crate::exit::{Answer, Failure, Outcome};
-use crate::output::Console;
+use crate::output::{Console, Paint};
+use crate::wrap;
 
 /// Look for vibration in a recording: what rings, when, why, and what to do
 ///
@@ -90,62 +76,58 @@ impl Spectrum {
         let mut outputs = console.outputs().pages(&self.report);
         let inputs = [&self.file].into_iter().chain(&self.model).chain(&self.mapping);
         outputs.check(inputs.chain(&self.cut))?;
-        let subject = Subject::read(self)?;
-        let mut found = Found::of(self, &subject)?;
-        if let Some(cut) = self.cut.as_ref().filter(|_| found.episodes.iter().any(words::chatters))
-        {
-            found.nearest_stable = stability::nearest_stable(cut)?;
+        let mut analysis = analyse(read(&self.file, &self.inputs())?, &self.settings())?;
+        if let Some(cut) = &self.cut {
+            analysis.add_nearest_stable(cut)?;
         }
         if let Some(report) = &self.report {
-            outputs.put_page(report, page::render(&subject, &found)?);
+            outputs.put_page(report, analysis.page()?);
         }
-        let report = outcome::Report::of(&subject, &found);
-        console.write(outputs, "trued.spectrum/1", &report)?;
-        words::say(console, &subject, &found)?;
+        console.write(outputs, "trued.spectrum/1", &analysis.report())?;
+        let paint = if analysis.has_alarm() { Paint::Bad } else { Paint::Good };
+        let text = analysis.text(wrap::columns_of_stdout(), |text| console.paint(paint, text));
+        console.say(text)?;
         Ok(Answer::Done)
-    }
-
-    /// The lines of a recording's columns (all waveforms, if none is named) over the tool's path;
-    /// the inner `Err` states what is missing.
-    pub(super) fn lines_over_path(
-        file: &Path,
-        model: Option<&Path>,
-        columns: &[String],
-    ) -> Result<Result<Vec<ChannelLine>, String>, Failure> {
-        let asked = Self {
-            columns: columns.to_vec(),
-            rate: None,
-            spindle_rpm: None,
-            teeth: None,
-            feed_mm_s: None,
-            model: model.map(Path::to_owned),
-            cut: None,
-            band: Vec::new(),
-            window: None,
-            least: None,
-            threshold: 1.0,
-            mains: None,
-            scale: None,
-            mapping: None,
-            report: None,
-            file: file.to_owned(),
-        };
-        space::lines_over_path(&Subject::read(&asked)?)
     }
 
     /// Rejects impossible numbers; those of a file's reading and of the monitor are rejected there.
     fn check(&self) -> Result<(), Failure> {
-        let asked = [
+        let given = [
             ("--spindle-rpm", self.spindle_rpm),
             ("--feed-mm-s", self.feed_mm_s),
             ("--least", self.least),
         ];
         let wrong = |value: &f64| !(value.is_finite() && *value > 0.0);
-        match asked.into_iter().find_map(|(key, value)| Some((key, value.filter(wrong)?))) {
+        match given.into_iter().find_map(|(key, value)| Some((key, value.filter(wrong)?))) {
             Some((key, value)) => {
                 Err(Failure::input(format!("{key} is {value}, expected a finite number above 0")))
             }
             None => Ok(()),
+        }
+    }
+
+    fn inputs(&self) -> Inputs {
+        Inputs {
+            columns: self.columns.clone(),
+            rate_hz: self.rate,
+            full_scale: self.scale,
+            mapping: self.mapping.clone(),
+            model: self.model.clone(),
+            spindle_rpm: self.spindle_rpm,
+            teeth: self.teeth,
+            feed_mm_s: self.feed_mm_s,
+        }
+    }
+
+    fn settings(&self) -> Settings {
+        let usual = Settings::default();
+        Settings {
+            band_hz: self.band.as_slice().try_into().unwrap_or(usual.band_hz),
+            window_s: self.window,
+            amplitude_least: self.least,
+            threshold: self.threshold,
+            mains_hz: self.mains,
+            ..usual
         }
     }
 }
@@ -153,5 +135,8 @@ impl Spectrum {
 /// The schema of the result.
 #[cfg(feature = "schema")]
 pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
-    crate::schemas::ResultSchema::of::<outcome::Report>("spectrum", "trued.spectrum/1")
+    crate::schemas::ResultSchema::of::<spectrum_report::vibration::Report>(
+        "spectrum",
+        "trued.spectrum/1",
+    )
 }

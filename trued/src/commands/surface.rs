@@ -3,23 +3,18 @@
 //! A profile with a gap, an uneven step or an unknown unit is rejected, never repaired; every
 //! figure states the length it was taken over.
 
-mod input;
-mod measured;
-mod page;
-mod told;
-
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use clap::Args;
-use spectrum::surface::{FORM_MAX, Machining, Parting};
+use clap::{Args, ValueEnum};
+use spectrum::surface::{FORM_MAX, Machining};
 use spectrum::{Mode, Wheel};
+use spectrum_report::surface::{self, Format, Profile, Settings, analyse};
+use tracing::warn;
 
-pub(super) use self::input::{Heights, profile_lines};
-use self::measured::Measured;
-use self::told::Report;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
+use crate::wrap;
 
 /// Analyse stylus profiles: waviness, roughness, feed marks
 ///
@@ -73,6 +68,50 @@ pub(crate) struct Surface {
     profiles: Vec<PathBuf>,
 }
 
+/// How a profile's table is read.
+#[derive(Debug, Args)]
+pub(super) struct Heights {
+    /// The heights' column, by name or by number from 1; needed where there are several
+    #[arg(long, value_name = "C")]
+    column: Option<String>,
+    /// Distance between two points, where no column tells it, µm
+    #[arg(long, value_name = "UM")]
+    spacing_um: Option<f64>,
+    /// Unit of heights whose column names none
+    #[arg(long, value_name = "um|mm|nm", value_enum, hide_possible_values = true)]
+    unit: Option<HeightUnit>,
+}
+
+/// A unit of heights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum HeightUnit {
+    Um,
+    Mm,
+    Nm,
+}
+
+impl HeightUnit {
+    fn um(self) -> f64 {
+        match self {
+            Self::Um => 1.0,
+            Self::Mm => 1e3,
+            Self::Nm => 1e-3,
+        }
+    }
+}
+
+/// Reads a profile, and logs the remarks on its file.
+pub(super) fn read_profile(heights: &Heights, path: &Path) -> Result<Profile, Failure> {
+    let format = Format {
+        column: heights.column.clone(),
+        spacing_um: heights.spacing_um,
+        unit_um: heights.unit.map(HeightUnit::um),
+    };
+    let profile = surface::read(path, &format)?;
+    profile.notes.iter().for_each(|note| warn!("{}: {note}", path.display()));
+    Ok(profile)
+}
+
 /// `JOINT:SHAFT[xTEETH]=CYCLES_PER_MM`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct WheelArg(Wheel);
@@ -110,17 +149,14 @@ impl Surface {
         self.check()?;
         let mut outputs = console.outputs().pages(&self.report);
         outputs.check(&self.profiles)?;
-        let machining = self.machining()?;
-        let profiles = self.profiles.iter().map(|path| {
-            let profile = input::read(&self.heights, path)?;
-            Measured::of(profile, &self.parting(), &self.segment_mm, &machining)
-        });
-        let profiles = profiles.collect::<Result<Vec<Measured>, Failure>>()?;
+        let settings = self.settings()?;
+        let profiles = self.profiles.iter().map(|path| read_profile(&self.heights, path));
+        let analysis = analyse(profiles.collect::<Result<_, _>>()?, &settings)?;
         if let Some(report) = &self.report {
-            outputs.put_page(report, page::render(self, &profiles));
+            outputs.put_page(report, analysis.page());
         }
-        console.write(outputs, "trued.surface/1", &Report::of(self, &profiles))?;
-        console.say(told::told(&profiles))?;
+        console.write(outputs, "trued.surface/1", &analysis.report())?;
+        console.say(analysis.text(wrap::columns_of_stdout()))?;
         Ok(Answer::Done)
     }
 
@@ -141,23 +177,21 @@ impl Surface {
         Ok(())
     }
 
-    fn parting(&self) -> Parting {
-        Parting {
-            form_degree: usize::from(self.form),
-            short_cut_off_mm: self.short_cut_off_um.map(|um| 1e-3 * um),
-            cut_off_mm: self.cut_off_mm,
-        }
-    }
-
-    fn machining(&self) -> Result<Machining, Failure> {
+    fn settings(&self) -> Result<Settings, Failure> {
         let model = self.model.as_deref().map(crate::input::model).transpose()?;
         let modes = model.iter().flat_map(|model| &model.file.modes);
-        Ok(Machining {
-            feed_mm_s: self.feed_mm_s,
-            spindle_rpm: self.spindle_rpm,
-            teeth: self.teeth,
-            modes: modes.map(|mode| Mode::at_hz(mode.frequency_hz)).collect(),
-            wheels: self.wheel.iter().map(|wheel| wheel.0).collect(),
+        Ok(Settings {
+            cut_off_mm: self.cut_off_mm,
+            short_cut_off_um: self.short_cut_off_um,
+            form_degree: self.form,
+            segments_mm: self.segment_mm.clone(),
+            machining: Machining {
+                feed_mm_s: self.feed_mm_s,
+                spindle_rpm: self.spindle_rpm,
+                teeth: self.teeth,
+                modes: modes.map(|mode| Mode::at_hz(mode.frequency_hz)).collect(),
+                wheels: self.wheel.iter().map(|wheel| wheel.0).collect(),
+            },
         })
     }
 }
@@ -165,7 +199,7 @@ impl Surface {
 /// The schema of the result.
 #[cfg(feature = "schema")]
 pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
-    crate::schemas::ResultSchema::of::<Report<'_>>("surface", "trued.surface/1")
+    crate::schemas::ResultSchema::of::<surface::Report<'_>>("surface", "trued.surface/1")
 }
 
 #[cfg(test)]

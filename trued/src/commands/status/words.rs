@@ -1,7 +1,7 @@
 //! A status as lines for a terminal.
 
-use crate::table::beside;
 use live::report::Report;
+use report::labelled;
 use shm_schema::{FeedReason, FeedState, LeadState, TrimReason, TrimState};
 
 /// Width of the labels on the left.
@@ -12,7 +12,7 @@ const OLD_S: f64 = 1.0;
 /// The lines of a status.
 pub(super) fn lines(report: &Report) -> Vec<String> {
     let mut lines = Vec::new();
-    let mut put = |name: &str, text: &str| lines.extend(beside(name, INDENT, text));
+    let mut put = |name: &str, text: &str| lines.extend(labelled(name, INDENT, text));
     let Report { cell, pid, uptime_s, .. } = report;
     put("cell", &format!("{cell}, daemon process {pid}, up {}", duration(*uptime_s)));
     if let Some(away) = &report.away {

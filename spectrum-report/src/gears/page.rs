@@ -1,0 +1,144 @@
+//! Gear shafts along a path as a page.
+
+use report::{Axis, Bars, Cell, Column, Page, Plot, Series, Svg, Table, Tone, significant};
+
+use super::analysis::Analysis;
+use super::matching::MatchedLine;
+use super::text::{DEGREES, by_parts, fitting, remarks};
+use super::trains::Train;
+
+/// Shafts that are drawn.
+const SHAFTS: usize = 12;
+/// Alternatives that are listed for each line.
+const RIVALS_MAX: usize = 8;
+
+impl Analysis {
+    /// The page.
+    #[must_use]
+    pub fn page(&self) -> Page {
+        render(self)
+    }
+}
+
+fn render(analysis: &Analysis) -> Page {
+    let travelled = &analysis.travelled;
+    let (tone, word, sentence) = verdict(analysis);
+    let mut page = Page::new(format!("Gears of {}", analysis.model.file.name))
+        .kicker("trued gears")
+        .robot(analysis.model.file.identity().to_string())
+        .verdict(tone, word, &sentence);
+    if let Some(bars) = teeth(analysis) {
+        page = page.figure("Tooth contacts per mm of path of every shaft that drives a stage: where a line of a surface or of a force may come from.", &bars);
+    }
+    page = page
+        .next(
+            "Look for these lines in a recording of forces or in a surface profile.",
+            Some("trued spectrum RECORDING.csv --report spectrum.html"),
+        )
+        .section("Shafts and wheels")
+        .table(&wheels(analysis))
+        .text(&format!("{DEGREES}."))
+        .list(remarks(analysis));
+    if travelled.parts.len() > 1 && !analysis.trains.is_empty() {
+        page = page.figure(
+            "The motor shaft of each joint along the path: where a curve is level, its wheels write sharp lines.",
+            &along(analysis),
+        );
+        let mut rows = by_parts(analysis).into_iter();
+        let caption = "Shaft 1 of each joint, part by part: mean (least to most)";
+        let table = Table::new(caption, rows.next().unwrap_or_default());
+        page =
+            page.table(&rows.fold(table, |table, row| table.row(row.into_iter().map(Cell::from))));
+    }
+    if !analysis.lines.is_empty() {
+        page = page.section("Lines").table(&lines(&analysis.lines)).text(
+            "By chance: the part of the octave around a line in which any line would fit some wheel. Where it is large, a match says little.",
+        );
+    }
+    page
+}
+
+fn verdict(analysis: &Analysis) -> (Tone, &'static str, String) {
+    let travelled = &analysis.travelled;
+    let path = format!("{} mm of path by {}", significant(travelled.length_mm, 4), travelled.by);
+    let fits = analysis.lines.iter().filter(|matched| !matched.fits.is_empty()).count();
+    match analysis.lines.len() {
+        0 => (
+            Tone::Plain,
+            "gears along this path",
+            format!("{path}; no lines were given to compare with."),
+        ),
+        all => (
+            Tone::Plain,
+            "lines compared with gears",
+            format!("{path}; {fits} of {all} lines fit a wheel."),
+        ),
+    }
+}
+
+/// Tooth contacts per mm, the highest first.
+fn teeth(analysis: &Analysis) -> Option<Svg> {
+    let mut all: Vec<(String, f64)> = analysis
+        .trains
+        .iter()
+        .flat_map(Train::shafts)
+        .map(|(turn, mesh)| (turn.to_string(), mesh.cycles_per_mm))
+        .collect();
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let bars = Bars::new("Tooth contacts", Axis::new("Teeth per mm", "1/mm"));
+    let shown = all.iter().take(SHAFTS);
+    (!all.is_empty())
+        .then(|| shown.fold(bars, |bars, (name, value)| bars.row(name, [*value])).render())
+}
+
+fn wheels(analysis: &Analysis) -> Table {
+    let heads =
+        ["Shaft", "Teeth", "Revolutions per mm", "Degrees per mm", "Teeth per mm", "Drift (%)"];
+    let heads = heads.map(|head| Column::new(head).digits(4));
+    let mut table = Table::new("Every shaft that drives a stage, means over the path", heads);
+    for train in &analysis.trains {
+        for ((turn, mesh), [driver, driven]) in train.shafts().zip(&train.stages) {
+            table = table.row([
+                turn.to_string().into(),
+                format!("{driver}:{driven}").into(),
+                Cell::Number(turn.cycles_per_mm),
+                Cell::Number(360.0 * turn.cycles_per_mm),
+                Cell::Number(mesh.cycles_per_mm),
+                Cell::Number(100.0 * train.drift()),
+            ]);
+        }
+    }
+    table
+}
+
+fn along(analysis: &Analysis) -> Svg {
+    let lengths = analysis.travelled.parts.iter().map(|part| part.to_mm - part.from_mm);
+    let centres: Vec<f64> = lengths
+        .scan(0.0, |end, mm| {
+            *end += mm;
+            Some(*end - 0.5 * mm)
+        })
+        .collect();
+    let plot =
+        Plot::new("Motor shafts", Axis::new("Path", "mm"), Axis::new("Revolutions per mm", "1/mm"));
+    let plots = analysis.trains.iter().fold(plot, |plot, train| {
+        let motor = train.wheels.first().map_or(0.0, |wheel| wheel.cycles_per_mm);
+        let points = centres.iter().zip(&train.parts).map(|(mm, part)| (*mm, motor * part[0]));
+        plot.series(Series::line(format!("joint {}", train.joint), points))
+    });
+    plots.render()
+}
+
+fn lines(lines: &[MatchedLine]) -> Table {
+    let heads = ["Cycles per mm", "From", "Amplitude", "Fits", "By chance (%)"];
+    lines.iter().fold(Table::new("Lines and what they fit", heads), |table, matched| {
+        let amplitude = matched.line.amplitude.as_ref();
+        table.row([
+            matched.line.cycles_per_mm.into(),
+            matched.line.source.clone().into(),
+            amplitude.map_or("–".to_owned(), |(a, unit)| report::quantity(*a, unit)).into(),
+            fitting(matched, RIVALS_MAX).into(),
+            Cell::Number((100.0 * matched.by_chance).round()),
+        ])
+    })
+}

@@ -1,0 +1,385 @@
+//! Vibrations of a recording as text.
+
+use report::{TextTable, capitalised, count, fixed, quantity, significant};
+use spectrum::{Advice, Class, Verdict};
+
+use super::analysis::Analysis;
+use super::input::{Channel, Source};
+use super::monitor::Episode;
+use super::path::PathSpectra;
+
+/// Maximum number of rows of a table.
+const ROWS: usize = 6;
+
+/// The name of the axis in results.
+pub(super) fn axis_of(channel: &Channel) -> Option<&'static str> {
+    channel.axis.map(spectrum::Axis::name)
+}
+
+/// The unit of a power density over `per`: `N²/Hz`.
+pub(super) fn density_unit(unit: &str, per: &str) -> String {
+    match unit {
+        "" => format!("1/{per}"),
+        _ if unit.contains(['/', '²', '^']) => format!("({unit})²/{per}"),
+        _ => format!("{unit}²/{per}"),
+    }
+}
+
+/// A frequency with its significant digits.
+pub(super) fn hz(frequency_hz: f64) -> String {
+    format!("{}\u{a0}Hz", fixed(frequency_hz, 1))
+}
+
+/// A class as text.
+fn class(class: Class) -> &'static str {
+    match class {
+        Class::Forced => "forced vibration",
+        Class::Chatter => "chatter",
+        Class::ModeCoupling => "mode coupling",
+        Class::Gear => "a gear's line",
+        Class::Structural => "the structure's own motion",
+        Class::Electrical => "mains hum",
+        Class::Unknown => "a line of unknown origin",
+    }
+}
+
+/// A class and its alternatives: `chatter (or forced)`.
+pub(super) fn class_and_rivals(verdict: &Verdict) -> String {
+    let rivals: Vec<&str> = verdict.rivals.iter().map(Class::name).collect();
+    let name = verdict.class.name().replace('_', " ");
+    if rivals.is_empty() {
+        name
+    } else {
+        format!("{name} (or {})", rivals.join(", ").replace('_', " "))
+    }
+}
+
+/// The finding in a few words.
+pub(super) fn title(analysis: &Analysis) -> String {
+    let worst = analysis.episodes.first().filter(|episode| episode.is_alarm());
+    let Some(worst) = worst else {
+        return if analysis.is_monitored() {
+            "Nothing alarmed"
+        } else {
+            "A recording that could not be watched"
+        }
+        .to_owned();
+    };
+    let f = hz(worst.frequency_hz);
+    match worst.verdict.class {
+        _ if worst.verdict.suspect_alias => format!("A line at {f} that may not be there"),
+        Class::Chatter if worst.verdict.rivals.contains(Class::Forced) => {
+            format!("It rings at {f}")
+        }
+        Class::Chatter => format!("The cut rings at {f}"),
+        Class::ModeCoupling => format!("Two modes couple at {f}"),
+        Class::Forced => format!("The spindle drives a mode at {f}"),
+        Class::Gear => format!("A gear line at {f}"),
+        _ => format!("A line at {f} alarms"),
+    }
+}
+
+/// The finding in a few sentences.
+pub(super) fn lead(analysis: &Analysis) -> String {
+    let alarms: Vec<&Episode> = analysis.episodes.iter().filter(|e| e.is_alarm()).collect();
+    let Some(worst) = alarms.first() else { return calm(analysis) };
+    let mut sentences = vec![
+        when_and_what(&analysis.source, worst),
+        why(&analysis.source, &worst.verdict, worst.frequency_hz),
+    ];
+    if worst.verdict.advice != Advice::None {
+        sentences.push(format!("To do: {}.", worst.verdict.advice));
+    }
+    if worst.is_chatter() && !analysis.nearest_stable.is_empty() {
+        sentences.push(format!("By modes and cutter: {}.", analysis.nearest_stable.join("; ")));
+    }
+    if worst.verdict.rivals.contains(Class::Forced) && worst.verdict.harmonic.is_none() {
+        sentences.push("With the spindle speed (--spindle-rpm, --teeth) forced vibration could be distinguished.".to_owned());
+    }
+    if alarms.len() > 1 {
+        let others: Vec<String> =
+            alarms.iter().skip(1).take(3).map(|e| hz(e.frequency_hz)).collect();
+        let more = if alarms.len() > 4 { " and others" } else { "" };
+        sentences.push(format!("Alarms also at {}{more}.", others.join(", ")));
+    }
+    sentences.join(" ")
+}
+
+fn when_and_what(source: &Source, episode: &Episode) -> String {
+    let channel = &source.channels[episode.channel];
+    let until = episode.to_s.map_or("the end".to_owned(), |t| format!("{}\u{a0}s", fixed(t, 2)));
+    format!(
+        "From {}\u{a0}s to {until} a line at {} stood on {}, with an amplitude of up to {}.",
+        fixed(episode.from_s, 2),
+        hz(episode.frequency_hz),
+        channel.name,
+        quantity(episode.amplitude, &channel.unit),
+    )
+}
+
+/// The reason for a line's class, and alternatives.
+pub(super) fn why(source: &Source, verdict: &Verdict, frequency_hz: f64) -> String {
+    let mut reasons = Vec::new();
+    if let Some(alias) = verdict.alias.filter(|_| verdict.suspect_alias) {
+        let rate_hz = source.rate_hz;
+        let true_hz = f64::from(alias.order)
+            * verdict.harmonic.map_or(0.0, |h| h.frequency_hz / f64::from(h.order));
+        reasons.push(format!(
+            "sampling at {} Hz folds the spindle's multiple {} ({}) onto {}, so that it may not exist at this frequency at all",
+            significant(rate_hz, 4), alias.order, hz(true_hz), hz(alias.frequency_hz)
+        ));
+    } else if let Some(harmonic) = verdict.harmonic {
+        let turn_hz = harmonic.frequency_hz / f64::from(harmonic.order.max(1));
+        let orders = frequency_hz / turn_hz;
+        reasons.push(if verdict.class == Class::Forced {
+            format!("it is {} times the spindle's {}", harmonic.order, hz(turn_hz))
+        } else {
+            format!(
+                "it stands between the spindle's multiples ({} × {})",
+                fixed(orders, 2),
+                hz(turn_hz)
+            )
+        });
+    }
+    if let Some(mode) = verdict.mode {
+        let near = mode.distance_hz.abs() < 0.05 * mode.frequency_hz;
+        reasons.push(if near {
+            format!("the model has a mode at {}", hz(mode.frequency_hz))
+        } else {
+            format!("the model's nearest mode is at {}", hz(mode.frequency_hz))
+        });
+    }
+    let rivals: Vec<&str> = verdict.rivals.iter().map(class).collect();
+    let called = class(verdict.class);
+    let but = if rivals.is_empty() {
+        String::new()
+    } else {
+        format!("; the recording cannot tell it from {}", rivals.join(" or "))
+    };
+    if reasons.is_empty() {
+        format!("Most likely it is {called}{but}.")
+    } else {
+        let text = capitalised(&reasons.join(", and "));
+        format!("{text}: most likely {called}{but}.")
+    }
+}
+
+fn calm(analysis: &Analysis) -> String {
+    let reported = match analysis.episodes.len() {
+        _ if !analysis.is_monitored() => "There are spectra only.".to_owned(),
+        0 => "The monitor reported no line.".to_owned(),
+        lines => {
+            format!("The monitor reported {}, none of which needs action.", count(lines, "line"))
+        }
+    };
+    let strongest = analysis
+        .spectra
+        .iter()
+        .flat_map(|one| one.lines.iter().map(move |line| (one.channel, line)))
+        .max_by(|a, b| a.1.line.amplitude.total_cmp(&b.1.line.amplitude));
+    let Some((channel, strongest)) = strongest else {
+        return format!(
+            "{reported} In the spectrum of the whole recording nothing exceeds the noise."
+        );
+    };
+    let channel = &analysis.source.channels[channel];
+    format!(
+        "{reported} In the spectrum of the whole the strongest line stands at {} on {}, with an amplitude of {}: {}.",
+        hz(strongest.line.frequency),
+        channel.name,
+        quantity(strongest.line.amplitude, &channel.unit),
+        class(strongest.verdict.class)
+    )
+}
+
+/// Faults of the sensor, one sentence each.
+pub(super) fn health(analysis: &Analysis) -> Vec<String> {
+    let mut sentences = Vec::new();
+    for monitored in &analysis.monitored {
+        for finding in &monitored.result.findings {
+            let channel = finding.channel.and_then(|at| monitored.group.get(at));
+            let name =
+                channel.map_or("the recording", |at| analysis.source.channels[*at].name.as_str());
+            sentences.push(format!(
+                "{name}, {} to {} s: {}",
+                fixed(finding.from_s, 2),
+                fixed(finding.to_s, 2),
+                finding.fault
+            ));
+        }
+    }
+    for channel in analysis.source.channels.iter().filter(|channel| channel.missing > 0) {
+        sentences
+            .push(format!("{}: samples that were not taken: {}", channel.name, channel.missing));
+    }
+    sentences
+}
+
+impl Analysis {
+    /// The result as text; its tables are at most `width_max` characters wide. `emphasised`: the finding as it is
+    /// emphasised, e.g. in colour; `str::to_owned` for plain text.
+    #[must_use]
+    pub fn text(&self, width_max: Option<usize>, emphasised: impl Fn(&str) -> String) -> String {
+        let mut text = format!(
+            "{}
+",
+            recorded(&self.source)
+        );
+        text += &format!(
+            "{}. {}
+",
+            emphasised(&title(self)),
+            lead(self)
+        );
+        if !self.episodes.is_empty() {
+            text += &format!(
+                "
+{}
+",
+                episodes(self, width_max).trim_end()
+            );
+        }
+        let missing = self.episodes.len().saturating_sub(ROWS);
+        if missing > 0 {
+            text += &format!(
+                "and {missing} more (--json, --report)
+"
+            );
+        }
+        if self.episodes.is_empty() && self.spectra.iter().any(|one| !one.lines.is_empty()) {
+            text += &format!(
+                "
+{}
+",
+                lines(self, width_max).trim_end()
+            );
+        }
+        if let Ok(spectra) = &self.path {
+            text += &format!(
+                "
+path      {}
+",
+                path(&self.source, spectra)
+            );
+        }
+        let health = health(self);
+        let sensor = if health.is_empty() {
+            "no fault".to_owned()
+        } else {
+            health.join(
+                "
+          ",
+            )
+        };
+        text += &format!(
+            "sensor    {sensor}
+"
+        );
+        text + &self
+            .notes
+            .iter()
+            .map(|note| {
+                format!(
+                    "note      {note}
+"
+                )
+            })
+            .collect::<String>()
+    }
+}
+
+/// File, duration, rate and channels.
+fn recorded(source: &Source) -> String {
+    let names: Vec<String> = source.channels.iter().map(with_unit).collect();
+    let records = match source.pieces.len() {
+        0 | 1 => String::new(),
+        several => format!(", {several} records"),
+    };
+    format!(
+        "{}: {} s at {} Hz, {}{records}",
+        source.file.display(),
+        significant(source.seconds(), 3),
+        significant(source.rate_hz, 5),
+        names.join(", ")
+    )
+}
+
+/// `fx_N` contains its unit; for other names it is added.
+pub(super) fn with_unit(channel: &Channel) -> String {
+    match channel.unit.as_str() {
+        "" => channel.name.clone(),
+        unit if channel.name.ends_with(unit) || channel.name.contains(['(', '[']) => {
+            channel.name.clone()
+        }
+        unit => format!("{} in {unit}", channel.name),
+    }
+}
+
+fn episodes(analysis: &Analysis, width_max: Option<usize>) -> String {
+    let heads = ["state", "Hz", "amplitude", "channel", "from s", "to s", "class"];
+    let rows = analysis.episodes.iter().take(ROWS);
+    let table = rows.fold(TextTable::new(heads), |table, episode| {
+        let channel = &analysis.source.channels[episode.channel];
+        table.row([
+            episode.state.name().to_owned(),
+            fixed(episode.frequency_hz, 1),
+            quantity(episode.amplitude, &channel.unit),
+            channel.name.clone(),
+            fixed(episode.from_s, 2),
+            episode.to_s.map_or("end".to_owned(), |t| fixed(t, 2)),
+            class_and_rivals(&episode.verdict),
+        ])
+    });
+    table.render(width_max)
+}
+
+fn lines(analysis: &Analysis, width_max: Option<usize>) -> String {
+    let mut all: Vec<_> = analysis
+        .spectra
+        .iter()
+        .flat_map(|one| {
+            one.lines.iter().map(move |line| (&analysis.source.channels[one.channel], line))
+        })
+        .collect();
+    all.sort_by(|a, b| b.1.line.amplitude.total_cmp(&a.1.line.amplitude));
+    let heads = ["Hz", "amplitude", "channel", "class"];
+    let table = all.iter().take(ROWS).fold(TextTable::new(heads), |table, (channel, one)| {
+        table.row([
+            fixed(one.line.frequency, 1),
+            quantity(one.line.amplitude, &channel.unit),
+            channel.name.clone(),
+            class_and_rivals(&one.verdict),
+        ])
+    });
+    table.render(width_max)
+}
+
+/// The result over the path, in a sentence.
+pub(super) fn path(source: &Source, spectra: &PathSpectra) -> String {
+    // A line that is also one in time does not belong to the path.
+    let strongest = spectra
+        .channels
+        .iter()
+        .flat_map(|one| one.lines.iter().map(move |found| (&source.channels[one.channel], found)))
+        .filter(|(_, found)| spectra.one_feed || found.in_time_hz.is_none())
+        .max_by(|a, b| a.1.line.amplitude.total_cmp(&b.1.line.amplitude));
+    let known = format!("{} mm by {}", fixed(spectra.length_mm, 0), spectra.by);
+    let Some((channel, found)) = strongest else {
+        return format!("{known}: no line of its own stands over the noise");
+    };
+    let wheel = found.wheel.map_or(String::new(), |wheel| format!(", {}", wheel.text()));
+    let doubt = match (spectra.one_feed, found.in_time_hz) {
+        (true, Some(in_time_hz)) => {
+            format!("; at this one feed the same as {} in time", hz(in_time_hz))
+        }
+        (true, None) => "; at one feed alone it may as well be a line in time".to_owned(),
+        _ => String::new(),
+    };
+    format!(
+        "{known}: {} cycles/mm ({} mm) on {}, amplitude {}{wheel}{doubt}",
+        significant(found.line.frequency, 3),
+        significant(1.0 / found.line.frequency, 3),
+        channel.name,
+        quantity(found.line.amplitude, &channel.unit)
+    )
+}
