@@ -37,6 +37,7 @@ mod scale;
 mod series;
 mod strip;
 mod table;
+mod text_line;
 mod text_table;
 mod thin;
 
@@ -58,4 +59,5 @@ pub use role::Role;
 pub use series::Series;
 pub use strip::{InputFile, Provenance};
 pub use table::{Cell, Column, Table};
+pub use text_line::TextLine;
 pub use text_table::TextTable;

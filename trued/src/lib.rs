@@ -4,7 +4,6 @@
 //! files complete or not at all) are implemented here once for every command. Logic that belongs to
 //! a library of this project does not belong here.
 
-pub mod asked;
 pub mod atomic;
 mod child;
 mod cli;
