@@ -19,7 +19,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("envelope", &[]),
     ("corrector", &["physics", "envelope"]),
     ("recording", &["physics"]),
-    ("world", &["physics", "spectrum"]),
+    ("world", &["physics", "recording", "spectrum"]),
     ("diagnosis", &["world", "recording", "spectrum", "report", "physics"]),
     ("diagnosis-report", &["diagnosis", "recording", "report", "spectrum", "physics"]),
     ("spectrum-report", &["spectrum", "recording", "report"]),

@@ -11,11 +11,10 @@ use challenge::score::Errors;
 use challenge::space::{ONE, T4, V3};
 use challenge::write;
 use challenge::{force, torque};
+use diagnosis::simulated;
 use recording::model::RobotModel;
 use recording::series::{self, About, Need};
 use world::forward::Seen;
-
-use super::super::simulate::{forces_of, seen_of, torques_of};
 
 /// Rows per second on which torques are predicted.
 const FINE_HZ: f64 = 2000.0;
@@ -66,7 +65,7 @@ fn torques(
     let about = About::parse("recording.toml", &torque::write::about()).ok()?;
     let text = torque::write::command(case, motion, finer);
     let recording = series::read_text("motion.csv", &text, None, Some(about), Need::Path).ok()?;
-    let exerted = torques_of(model, recording).ok()?;
+    let exerted = simulated::torques(model, recording).ok()?;
     let row = |row: usize| exerted.get(row).map(|row| std::array::from_fn(|joint| row[joint]));
     torque::write::commanded(motion, finer).into_iter().map(row).collect()
 }
@@ -94,7 +93,7 @@ fn forces(
     let text = force::write::command(ride);
     let recording =
         series::read_text("passes.csv", &text, None, Some(about), Need::Samples).ok()?;
-    let read = forces_of(model, &recording).ok()?;
+    let read = simulated::cut_forces(model, &recording).ok()?;
     Some(read.iter().map(glam::DVec3::to_array).collect())
 }
 
@@ -104,7 +103,7 @@ fn predicted(case: &Case, scene: &Scene, model: &RobotModel, about: &About) -> O
     let text = write::recording(case, scene, &blank);
     let recording =
         series::read_text("motion.csv", &text, None, Some(about.clone()), Need::Path).ok()?;
-    let seen = seen_of(model, recording).ok()?;
+    let seen = simulated::positions(model, recording).ok()?;
     Some(if case.view.places.is_empty() {
         let count = case.scene.arm.count();
         Predicted::Links(seen.iter().map(|seen| seen.link[..count].to_vec()).collect())
