@@ -23,6 +23,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("diagnosis", &["world", "recording", "spectrum", "report", "physics"]),
     ("diagnosis-report", &["diagnosis", "recording", "report", "spectrum", "physics"]),
     ("spectrum-report", &["spectrum", "recording", "report"]),
+    ("challenge-report", &["challenge", "diagnosis", "world", "recording", "report", "physics"]),
     ("batch", &["recording"]),
     ("joint-dynamics", &["recording", "physics"]),
     ("feedforward", &["joint-dynamics", "diagnosis", "world", "recording", "physics", "envelope"]),

@@ -1,10 +1,9 @@
-//! Evaluation of a written model on an unseen motion: predicted as by `trued simulate`.
+//! Evaluation of a written model on an unseen motion: predicted as in a simulation ([`diagnosis::simulated`]).
 //!
 //! A model that is missing or does not load counts as the given model. Nothing is fitted here.
 
 use challenge::arm::JOINTS;
 use challenge::case::Case;
-use challenge::draw::Drawn;
 use challenge::proof::{Predicted, Proof};
 use challenge::scene::Scene;
 use challenge::score::Errors;
@@ -20,8 +19,7 @@ use world::forward::Seen;
 const FINE_HZ: f64 = 2000.0;
 
 /// The errors of a case with a hidden effect; `None` for a null case.
-pub(super) fn of(drawn: &Drawn, model: Option<&str>) -> Option<Errors> {
-    let case = &drawn.case;
+pub(crate) fn of_positions(case: &Case, model: Option<&str>) -> Option<Errors> {
     if case.hidden.is_empty() {
         return None;
     }
@@ -39,7 +37,7 @@ pub(super) fn of(drawn: &Drawn, model: Option<&str>) -> Option<Errors> {
 }
 
 /// The errors of a torque case with a hidden effect; `None` for a null case.
-pub(super) fn of_torques(case: &torque::case::Case, model: Option<&str>) -> Option<Errors> {
+pub(crate) fn of_torques(case: &torque::case::Case, model: Option<&str>) -> Option<Errors> {
     if case.hidden.is_empty() {
         return None;
     }
@@ -71,7 +69,7 @@ fn torques(
 }
 
 /// The errors of a case of forces; none of a null, and none where something swings by itself.
-pub(super) fn of_forces(case: &force::case::Case, model: Option<&str>) -> Option<Errors> {
+pub(crate) fn of_forces(case: &force::case::Case, model: Option<&str>) -> Option<Errors> {
     let unseen = case.unseen();
     let proof = force::proof::Proof::of(case, &unseen)?;
     let before = proof.before();
