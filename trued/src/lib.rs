@@ -10,7 +10,6 @@ mod cli;
 mod commands;
 mod corrections;
 pub mod exit;
-mod fleet;
 mod help;
 mod in_time;
 mod input;
