@@ -5,6 +5,7 @@
 //! after any kill; a file under its final name is complete; a recording that cannot be diagnosed does not affect the others. Never: a diagnosis itself,
 //! a process, a thread or network access: these belong to the scheduler.
 
+pub mod check;
 pub mod key;
 pub mod run;
 pub mod shard;

@@ -2,6 +2,8 @@
 //!
 //! Nothing starts with a configuration or a model that does not fit; the error states the remedy.
 
+pub mod check;
+
 use crate::feed::CellFeed;
 use crate::instrument::Instrument;
 use crate::lead::LeadSettings;

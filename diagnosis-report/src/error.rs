@@ -1,12 +1,16 @@
-//! Why a diagnosis or a calibration gives no result.
+//! Why a diagnosis, a calibration or a plan gives no result.
 
 use std::error::Error as StdError;
 
 use diagnosis::gross::Suspicion;
+use recording::files::FileError;
 
-/// Why a diagnosis or a calibration gives no result.
+/// Why a diagnosis, a calibration or a plan gives no result.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
+    /// A file cannot be made of what was given, or cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Model or recordings cannot be used.
     #[error(transparent)]
     Input(Box<dyn StdError + Send + Sync>),

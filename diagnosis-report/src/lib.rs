@@ -1,7 +1,8 @@
 //! Results of a diagnosis and of a calibration for people and programs: JSON, lines of text, an HTML page, and the model with what was found.
 //!
 //! [`calibration`] makes a calibrated model from measurements of the tool. [`diagnose`] reads what recordings of one robot say of positions and of drive torques,
-//! [`DiagnosedForces`] what forces alone say. [`iso9283`] reports accuracy and repeatability. Modules of a diagnosis in the order in which to read them:
+//! [`DiagnosedForces`] what forces alone say. [`plan`] chooses measuring poses, [`iso9283`] reports accuracy and repeatability, [`simulation`] runs a
+//! model forward on a recording. Modules of a diagnosis in the order in which to read them:
 //! `diagnosed` and `forces` (which engine runs on which recordings), `result` (numbers and words), `page` (the same as a page), `entries` and `drives` (the same
 //! as effects of a model file), `drawings` (pictures that several pages share).
 //!
@@ -39,8 +40,10 @@ mod error;
 mod forces;
 pub mod iso9283;
 mod page;
+pub mod plan;
 pub mod positions;
 mod result;
+pub mod simulation;
 mod tolerance;
 
 /// File name of the model with what was found, beside `diagnosis.json`.

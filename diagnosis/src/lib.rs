@@ -46,6 +46,7 @@ pub mod robust;
 mod score;
 pub mod share;
 pub mod simulate;
+pub mod simulated;
 pub mod single_joint;
 pub mod size;
 pub mod start;

@@ -1,6 +1,6 @@
 //! Selection of measuring poses, and the contribution of each.
 //!
-//! Read in this order: [`Task`] (parameters, instruments, constraints), [`plan()`] (poses chosen for a [`Criterion`]),
+//! Read in this order: [`Task`] (parameters, instruments, constraints), [`setup`] and [`starting_point`] (a task from a description and from recordings), [`plan()`] (poses chosen for a [`Criterion`]),
 //! [`next()`] (one pose, and whether it is enough), [`check`] (whether a model still holds after a collision).
 //!
 //! Based on the information matrix `M = Σ AᵀA + prior`, `A` the whitened derivatives of a pose's readings by every fitted
@@ -19,7 +19,9 @@ pub mod iso;
 pub mod next;
 pub mod order;
 pub mod reach;
+pub mod setup;
 pub mod sight;
+pub mod starting_point;
 pub mod task;
 #[cfg(test)]
 mod tests;

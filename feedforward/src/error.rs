@@ -1,5 +1,6 @@
 //! Errors of paths and measured runs.
 
+use diagnosis::from_recording::Unusable;
 use thiserror::Error;
 
 /// Each message states what was found, what was expected and what to do.
@@ -104,5 +105,36 @@ pub enum FeedforwardError {
         t_s: f64,
         /// rad or m.
         most: f64,
+    },
+    /// A recording cannot be used.
+    #[error(transparent)]
+    Unusable(#[from] Unusable),
+    /// Rows of a table with corrected joints are not even in time.
+    #[error(
+        "{file}: its rows are not even in time, expected the table of `trued correct --dynamic` or `trued learn`, or a path without corrected joints (c1_deg …)"
+    )]
+    UnevenTable {
+        /// The table.
+        file: String,
+    },
+    /// A corrected joint is no number.
+    #[error("{file}: row {row}: {column} is no number")]
+    NoNumber {
+        /// The table.
+        file: String,
+        /// From 1.
+        row: usize,
+        /// Its name.
+        column: String,
+    },
+    /// Some joints have a column, others not.
+    #[error("{file}: has corrected joints (c1_deg …) of {found} joints, expected {expected}")]
+    JointsLacking {
+        /// The table.
+        file: String,
+        /// Number of joints with a column.
+        found: usize,
+        /// Number of joints of the model.
+        expected: usize,
     },
 }

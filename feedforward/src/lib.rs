@@ -9,7 +9,8 @@
 //! Sources: Bristow, Tharayil, Alleyne, "A survey of iterative learning control", IEEE Control Systems 26(3), 2006 (norm-optimal ILC, robust monotonic
 //! convergence `|1 − L G| < 1`); Wiener filter for noise.
 //!
-//! Read in this order: [`joint_dynamics::plant`], [`joint_dynamics::inverse`], [`step`], [`mod@preview`], [`identify`], [`grid`], [`measured`], [`mod@learn`], [`tool`].
+//! Read in this order: [`joint_dynamics::plant`], [`joint_dynamics::inverse`], [`step`], [`mod@preview`], [`identify`], [`grid`], [`measured`], [`mod@learn`], [`tool`],
+//! [`learning`] (learning from recordings), [`result`] (what is reported).
 //!
 //! Invariant: the same input gives the same bits. No file, no clock, no cycle of the daemon.
 //! Couplings between joints through inertia are not modelled; effects of the model that are not
@@ -20,8 +21,10 @@ mod fourier;
 pub mod grid;
 pub mod identify;
 pub mod learn;
+pub mod learning;
 pub mod measured;
 pub mod preview;
+pub mod result;
 pub mod settings;
 pub mod step;
 pub mod tool;

@@ -8,6 +8,7 @@
 pub mod blackbox;
 pub mod bridge;
 pub mod cell;
+pub mod check;
 pub mod cut;
 pub mod faults;
 pub mod files;

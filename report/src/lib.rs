@@ -38,6 +38,7 @@ mod scale;
 mod series;
 mod strip;
 mod table;
+mod text_line;
 mod text_table;
 mod thin;
 
@@ -60,4 +61,5 @@ pub use role::Role;
 pub use series::Series;
 pub use strip::{InputFile, Provenance};
 pub use table::{Cell, Column, Table};
+pub use text_line::TextLine;
 pub use text_table::TextTable;

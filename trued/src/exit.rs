@@ -38,6 +38,7 @@ pub enum Failure {
 impl From<diagnosis_report::Error> for Failure {
     fn from(error: diagnosis_report::Error) -> Self {
         match error {
+            diagnosis_report::Error::File(error) => crate::input::unusable(error),
             diagnosis_report::Error::Input(error) => Self::Input(error),
             faults @ diagnosis_report::Error::GrossFaults(_) => Self::input(faults),
             diagnosis_report::Error::Internal(error) => Self::System(error),

@@ -1,11 +1,8 @@
-//! Common parts of dynamic compensation: options, and errors of joints and tool as text and JSON.
+//! Options of a compensation in time.
 
 use clap::Args;
-use feedforward::step::Stepped;
-use feedforward::{FeedforwardError, Settings, tool};
+use feedforward::{FeedforwardError, Settings};
 use joint_dynamics::plant::Plants;
-use physics::JointKind;
-use serde::Serialize;
 
 use crate::corrections::Corrections;
 use crate::exit::Failure;
@@ -65,99 +62,4 @@ pub(crate) fn settled(corrections: &Corrections) -> Result<Vec<Vec<f64>>, Failur
             row + 1
         ))),
     }
-}
-
-/// A joint's correction in time.
-#[derive(Debug, Clone, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(crate) struct OfJoint {
-    /// From 1.
-    joint: usize,
-    unit: &'static str,
-    /// The largest dynamic correction, and the maximum and root mean square error left by the
-    /// model.
-    correction: f64,
-    left: f64,
-    left_rms: f64,
-    bandwidth_hz: f64,
-    pub(crate) limited_rows: usize,
-}
-
-impl OfJoint {
-    pub(crate) fn of(at: usize, kind: JointKind, stepped: &Stepped) -> Self {
-        let Stepped { correction, left, bandwidth_hz, limited_rows } = stepped;
-        let unit = if kind == JointKind::Revolute { "mrad" } else { "mm" };
-        Self {
-            joint: at + 1,
-            unit,
-            correction: 1e3 * largest(correction),
-            left: 1e3 * largest(left),
-            left_rms: 1e3 * rms(left),
-            bandwidth_hz: *bandwidth_hz,
-            limited_rows: *limited_rows,
-        }
-    }
-
-    pub(crate) fn told(&self) -> String {
-        let Self { joint, unit, correction, left, bandwidth_hz, limited_rows, .. } = self;
-        let held = match limited_rows {
-            0 => String::new(),
-            rows => format!("; held back by its limits in {rows} rows"),
-        };
-        format!(
-            "joint {joint}: in time up to {correction:.3} {unit}, {left:.3} {unit} left at most, band {bandwidth_hz:.0} Hz{held}\n"
-        )
-    }
-}
-
-/// Largest and root mean square, mm.
-#[derive(Debug, Clone, Copy, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(crate) struct Size {
-    largest: f64,
-    rms: f64,
-}
-
-/// Errors of the tool on a path.
-#[derive(Debug, Clone, Copy, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(crate) struct OfTool {
-    /// From where it shall be at that instant.
-    in_time_mm: Size,
-    /// From the nearest point of the path.
-    from_path_mm: Size,
-}
-
-impl OfTool {
-    /// Of joints that are at `reached` and shall be at `wanted`.
-    pub(crate) fn of(
-        input: &Input,
-        wanted: &[Vec<f64>],
-        reached: &[Vec<f64>],
-        step_s: f64,
-    ) -> Self {
-        let points = |joints| tool::points(&input.model.physics.arm, joints);
-        let tool::ToolError { in_time, from_path } =
-            tool::error(&points(wanted), &points(reached), step_s);
-        let mm = |size: tool::Size| Size { largest: size.largest_m * 1e3, rms: size.rms_m * 1e3 };
-        Self { in_time_mm: mm(in_time), from_path_mm: mm(from_path) }
-    }
-
-    pub(crate) fn told(&self, what: &str) -> String {
-        let Self { in_time_mm, from_path_mm } = self;
-        format!(
-            "{what:<19} from the path {:.3} mm at most ({:.3} rms), at its time {:.3} mm ({:.3} rms)\n",
-            from_path_mm.largest, from_path_mm.rms, in_time_mm.largest, in_time_mm.rms
-        )
-    }
-}
-
-/// The largest absolute value.
-pub(crate) fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |largest, value| value.abs().max(largest))
-}
-
-/// The root mean square.
-pub(crate) fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }

@@ -4,14 +4,12 @@
 //! files complete or not at all) are implemented here once for every command. Logic that belongs to
 //! a library of this project does not belong here.
 
-pub mod asked;
 pub mod atomic;
 mod child;
 mod cli;
 mod commands;
 mod corrections;
 pub mod exit;
-mod fleet;
 mod help;
 mod in_time;
 mod input;

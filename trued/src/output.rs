@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use recording::program;
+use report::{TextLine, Tone};
 use serde::Serialize;
 use terminal_size::{Width, terminal_size_of};
 
@@ -95,6 +96,26 @@ impl Console {
             return self.tell(io::stderr(), &for_stream(&io::stderr(), text));
         }
         self.tell(io::stdout(), &for_stream(&io::stdout(), text))
+    }
+
+    /// Says the lines of a result, their heads painted by tone.
+    ///
+    /// # Errors
+    ///
+    /// As [`Console::say`].
+    pub fn say_lines(&mut self, lines: &[TextLine]) -> Result<(), Failure> {
+        lines.iter().try_for_each(|line| {
+            if line.head.is_empty() {
+                return self.say(&line.rest);
+            }
+            let paint = match line.tone {
+                Tone::Plain => Paint::Strong,
+                Tone::Good => Paint::Good,
+                Tone::Caution => Paint::Caution,
+                Tone::Bad => Paint::Bad,
+            };
+            self.say(self.paint(paint, &line.head) + &line.rest)
+        })
     }
 
     /// Writes machine-readable text, never wrapped.

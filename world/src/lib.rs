@@ -11,7 +11,7 @@
 //! [`forward`] runs a recorded motion through a model, with delays, lags and modes ([`dynamics`])
 //! and reversals of joints ([`turn`]); [`drives`] computes recorded drive torques for it, [`servo`]
 //! adds a controller; [`milling`] computes the recorded forces of a cut, [`regeneration`] its
-//! chatter.
+//! chatter. [`instrument`] writes what was simulated into a recording.
 //!
 //! Units are SI; vectors are in base axes unless a name says otherwise.
 
@@ -25,6 +25,7 @@ pub mod dynamics;
 pub mod forward;
 pub mod hidden;
 pub mod ik;
+pub mod instrument;
 pub mod joint_path;
 pub mod milling;
 pub mod path;

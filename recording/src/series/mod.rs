@@ -13,6 +13,7 @@ mod clock;
 #[cfg(test)]
 mod forms_tests;
 mod gauges;
+mod hold;
 mod judge_gauges;
 mod need;
 mod number;

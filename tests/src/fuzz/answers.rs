@@ -7,8 +7,8 @@ use challenge::bench::Judged;
 use challenge::case::Tier;
 use challenge::score::{Outcome, figures};
 use challenge::truth::{Hidden, Truth};
+use diagnosis_report::plan::experiment::Request;
 use recording::series::{self, FileUnits, Need};
-use trued::asked::Asked;
 
 use super::files::NAME;
 use super::messages::MODEL;
@@ -60,13 +60,13 @@ pub(super) fn answer(bytes: &[u8]) {
 /// A requested experiment is a readable path, once it was measured.
 pub(super) fn request(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
-    let asked = match Asked::parse(&text) {
-        Ok(asked) => asked,
+    let request = match Request::parse(&text) {
+        Ok(request) => request,
         Err(fault) => return assert!(!fault.to_string().is_empty()),
     };
-    let Some(asked) = asked else { return };
-    let Some(experiment) = asked.experiment(&MODEL.arm) else { return };
-    let mut made = experiment.recording(&asked.measured, 0.5);
+    let Some(request) = request else { return };
+    let Some(experiment) = request.experiment(&MODEL.arm) else { return };
+    let mut made = experiment.motion.recording(&request.measured, 0.5);
     made.units = FileUnits::SI;
     let written = String::from_utf8_lossy(&made.to_csv()).into_owned();
     let again = series::read_text(NAME, &written, None, None, Need::Path);

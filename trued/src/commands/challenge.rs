@@ -4,35 +4,25 @@
 //! hashed; the same seed gives the same cases for any number of threads. No case is dropped because
 //! of its answer.
 
-mod drawn;
 mod inject;
-mod page;
 mod solver;
-mod told;
-mod worth;
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use challenge::answer::Answer;
 use challenge::case::Tier;
-use challenge::score::{Line, Outcome as Scored, figures};
-use challenge::seal;
-use challenge::truth::{self, Truth};
+use challenge_report::{Case, Scored, SealedTruth, case_name};
 use clap::{Args, ValueEnum};
-use recording::program;
-use serde::Serialize;
 
-use self::drawn::{Domain, Drawn};
 use self::inject::Injection;
-use self::solver::{Run, Solver};
+use self::solver::Solver;
 use crate::atomic::Outputs;
-use crate::exit::{Answer as Done, Failure, Outcome};
+use crate::exit::{Answer, Failure, Outcome};
 use crate::input::Reading;
 use crate::options::{Seed, Threads};
 use crate::output::Console;
-use crate::{interrupt, progress};
+use crate::{interrupt, progress, wrap};
 
 /// Blind test of a diagnosis: sealed cases, a solver, a score
 ///
@@ -60,7 +50,7 @@ pub(crate) struct Challenge {
     reading: Reading,
     /// One kind of case alone; if not given, a mixture
     #[arg(long, value_name = "TIER", value_enum)]
-    tier: Option<AskedTier>,
+    tier: Option<TierOption>,
     /// Another program that answers; `trued diagnose` if not given
     #[arg(long, value_name = "CMD")]
     solver: Option<String>,
@@ -71,9 +61,30 @@ pub(crate) struct Challenge {
     threads: Threads,
 }
 
+/// What is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Domain {
+    /// Where the tool goes
+    Position,
+    /// What the motors feel
+    Torque,
+    /// What a cutter exerts
+    Force,
+}
+
+impl From<Domain> for challenge_report::Domain {
+    fn from(domain: Domain) -> Self {
+        match domain {
+            Domain::Position => Self::Position,
+            Domain::Torque => Self::Torque,
+            Domain::Force => Self::Force,
+        }
+    }
+}
+
 /// [`Tier`] on the command line.
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum AskedTier {
+enum TierOption {
     /// Nothing is missing
     Null,
     /// One effect
@@ -88,24 +99,17 @@ enum AskedTier {
     Limit,
 }
 
-impl From<AskedTier> for Tier {
-    fn from(asked: AskedTier) -> Self {
-        match asked {
-            AskedTier::Null => Self::Null,
-            AskedTier::Single => Self::Single,
-            AskedTier::Multiple => Self::Multiple,
-            AskedTier::Outside => Self::Outside,
-            AskedTier::Ambiguous => Self::Ambiguous,
-            AskedTier::Limit => Self::Limit,
+impl From<TierOption> for Tier {
+    fn from(tier: TierOption) -> Self {
+        match tier {
+            TierOption::Null => Self::Null,
+            TierOption::Single => Self::Single,
+            TierOption::Multiple => Self::Multiple,
+            TierOption::Outside => Self::Outside,
+            TierOption::Ambiguous => Self::Ambiguous,
+            TierOption::Limit => Self::Limit,
         }
     }
-}
-
-#[derive(Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct Commitment<'a> {
-    cases: usize,
-    sealed_sha256: &'a str,
 }
 
 /// The places of a challenge.
@@ -113,16 +117,12 @@ struct Folder(PathBuf);
 
 impl Folder {
     fn case(&self, index: usize) -> PathBuf {
-        self.0.join("cases").join(name(index))
+        self.0.join("cases").join(case_name(index))
     }
 
     fn answer(&self, index: usize) -> PathBuf {
-        self.0.join("answers").join(name(index))
+        self.0.join("answers").join(case_name(index))
     }
-}
-
-fn name(index: usize) -> String {
-    format!("{index:05}")
 }
 
 impl Challenge {
@@ -148,49 +148,37 @@ impl Challenge {
             let (out, solver) = (folder.0.as_path(), &solver);
             return Injection { reading, recordings, out, seed, solver }.run(console, &work);
         }
-        let drawn = work.each(console, count, "drawing cases", |index| {
+        let domain = self.domain.into();
+        let cases = work.each(console, count, "drawing cases", |index| {
             let tier = self.tier.map_or_else(|| Tier::mixed(index), |tier| (tier.into(), index));
-            let drawn = self.domain.draw(seed, index, tier);
-            put(&folder.case(index), &drawn)?;
-            Ok(drawn)
+            let case = Case::draw(domain, seed, index, tier);
+            put(&folder.case(index), &case)?;
+            Ok(case)
         })?;
-        let truths: Vec<Truth> =
-            drawn.iter().enumerate().map(|(index, drawn)| drawn.truth(&name(index))).collect();
-        let text = truth::text(&truths);
-        let sealed = seal::sha256(&text);
-        commit(&folder, count, &sealed)?;
-        console.say(format!("{count} cases of seed {seed}, sealed      {sealed}"))?;
-        let runs = work.each(console, count, "solving", |index| {
+        let truth = SealedTruth::of(&cases);
+        let commitment = truth.commitment().map_err(Failure::system)?;
+        write([(folder.0.join("commitment.json"), commitment)])?;
+        console.say(format!("{count} cases of seed {seed}, sealed      {}", truth.sha256))?;
+        let answers = work.each(console, count, "solving", |index| {
             solver.answer(&folder.case(index), &folder.answer(index), &stop)
         })?;
-        let answers = seal::sha256(&answers_text(&runs));
-        console.say(format!("answers                      {answers}"))?;
-        seal::open(&text, &sealed).map_err(Failure::system)?;
+        let answers_sha256 = challenge_report::answers_sha256(&answers);
+        console.say(format!("answers                      {answers_sha256}"))?;
+        let text = truth.open().map_err(Failure::system)?.to_owned();
         write([(folder.0.join("truth.json"), text)])?;
         let errors = work.each(console, count, "proving", |index| {
-            Ok(drawn[index].errors(runs[index].model.as_deref()))
+            Ok(cases[index].errors(answers[index].model.as_deref()))
         })?;
-        let domain = self.domain.word();
-        let scored: Vec<Scored> = truths
-            .into_iter()
-            .zip(runs.iter().zip(errors))
-            .map(|(truth, (run, errors))| Scored {
-                truth,
-                answer: run.diagnosis.as_deref().and_then(|text| Answer::parse(text, domain).ok()),
-                errors,
-                seconds: run.seconds,
-            })
-            .collect();
-        let figures = figures(seed, &sealed, &answers, &scored);
-        let lines: Vec<Line> = scored.iter().map(Scored::line).collect();
-        let lines = serde_json::to_string_pretty(&lines).map_err(Failure::system)?;
+        let scored = Scored::of(seed, domain, truth, &answers, errors);
+        let outcomes = scored.outcomes_json().map_err(Failure::system)?;
+        let page = folder.0.join("report.html");
         let mut outputs = console.outputs();
-        outputs.put(&folder.0.join("outcomes.json"), lines + "\n");
-        outputs.put_page(&folder.0.join("report.html"), page::render(&figures, &scored));
-        console.write(outputs, "trued.challenge/1", &figures)?;
-        console.say(told::told(&figures))?;
-        console.say(format!("report              {}", folder.0.join("report.html").display()))?;
-        Ok(Done::Done)
+        outputs.put(&folder.0.join("outcomes.json"), outcomes);
+        outputs.put_page(&page, scored.page());
+        console.write(outputs, "trued.challenge/1", &scored.figures)?;
+        console.say(scored.text(wrap::columns_of_stdout()))?;
+        console.say(format!("report              {}", page.display()))?;
+        Ok(Answer::Done)
     }
 
     fn folder(&self) -> Result<Folder, Failure> {
@@ -208,15 +196,9 @@ impl Challenge {
     }
 }
 
-fn put(folder: &Path, drawn: &Drawn) -> Result<(), Failure> {
+fn put(folder: &Path, case: &Case) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(Failure::system)?;
-    write(drawn.files().into_iter().map(|(name, text)| (folder.join(name), text)))
-}
-
-fn commit(folder: &Folder, cases: usize, sealed_sha256: &str) -> Result<(), Failure> {
-    let said = Commitment { cases, sealed_sha256 };
-    let text = program::json("trued.commitment/1", &said).map_err(Failure::system)?;
-    write([(folder.0.join("commitment.json"), text + "\n")])
+    write(case.files().into_iter().map(|(name, text)| (folder.join(name), text)))
 }
 
 /// Writes files to a directory of the challenge's own, where nothing can be replaced.
@@ -224,18 +206,6 @@ fn write(files: impl IntoIterator<Item = (PathBuf, String)>) -> Result<(), Failu
     let mut outputs = Outputs::default();
     files.into_iter().for_each(|(path, text)| outputs.put(&path, text));
     Ok(outputs.write()?)
-}
-
-/// All answers as one text: what was reported and what was written, case by case.
-fn answers_text(runs: &[Run]) -> String {
-    let mut text = String::new();
-    for (index, run) in runs.iter().enumerate() {
-        for part in [Some(name(index)), run.diagnosis.clone(), run.model.clone()] {
-            text += &part.unwrap_or_default();
-            text.push('\n');
-        }
-    }
-    text
 }
 
 /// Processes many cases on several threads; results are in the order of the cases.
@@ -288,10 +258,12 @@ impl Work<'_> {
 #[cfg(feature = "schema")]
 pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
     use crate::schemas::ResultSchema;
+    use challenge_report::Commitment;
+    use challenge_report::injection::InjectionReport;
     vec![
         ResultSchema::of::<challenge::score::Figures>("challenge", "trued.challenge/1"),
-        ResultSchema::without_format::<Vec<Line>>("challenge-outcomes"),
+        ResultSchema::without_format::<Vec<challenge::score::Line>>("challenge-outcomes"),
         ResultSchema::of::<Commitment<'_>>("challenge-commitment", "trued.commitment/1"),
-        inject::result_schema(),
+        ResultSchema::of::<InjectionReport>("challenge-injection", "trued.injection/1"),
     ]
 }

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use daemon::sensor_inputs::SensorInputs;
 use daemon::setup;
+use feedforward::result::PreviewReport;
 use recording::cell::{CellConfig, Mode, WrenchSource};
 use recording::files::FileError;
 use serde::Serialize;
@@ -74,7 +75,7 @@ struct Report<'a> {
     /// The error that is left compared with the tolerance; `None` without --tolerance-mm.
     tolerance: Option<Tolerance>,
     /// What was compensated in time; none without --dynamic.
-    dynamic: Option<dynamic::Report>,
+    dynamic: Option<PreviewReport>,
 }
 
 impl Correct {
@@ -106,7 +107,7 @@ impl Correct {
         console.write(outputs, "trued.correct/1", &report)?;
         console.say(figures.told())?;
         if let Some(dynamic) = &report.dynamic {
-            console.say(dynamic.told())?;
+            console.say(dynamic.text())?;
         }
         console.say(format!("corrected path      {}", out.display()))?;
         if let Some(tolerance) = &report.tolerance {
@@ -118,7 +119,7 @@ impl Correct {
                 "not corrected in full: {left} rows; columns `left_mm`, `left_mrad`, `limited_by`"
             ))?;
         }
-        let limited = report.dynamic.as_ref().map_or(0, dynamic::Report::limited_rows);
+        let limited = report.dynamic.as_ref().map_or(0, PreviewReport::limited_rows);
         if few_joints && left + limited > 0 {
             console.say(FEWER_JOINTS)?;
         }

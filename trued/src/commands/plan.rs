@@ -4,35 +4,43 @@
 //! described obstacles; what is not checked is stated. Inputs are not overwritten, and no robot is
 //! moved.
 
-mod check;
-mod files;
-mod going;
-mod iso;
-mod page;
-mod request;
 mod setup;
-mod told;
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use diagnosis::from_recording;
+use diagnosis::plan::Criterion;
+use diagnosis::plan::check::Terms;
+use diagnosis::plan::iso::{Evaluation, VISITS};
 use diagnosis::plan::zone::Zone;
-use diagnosis::plan::{Criterion, Known, Wish, next, plan};
+use diagnosis_report::Error;
+use diagnosis_report::iso9283;
+use diagnosis_report::plan::experiment::{self, Request};
+use diagnosis_report::plan::{self as plans, FILES, PAGE, PlanFile, Programs, Robot, Settings};
 use glam::DVec3;
 use physics::Joints;
 use recording::model::RobotModel;
+use recording::programs::Axis;
 use recording::series::Recording;
+use report::{Page, TextLine, Tone};
+use serde::Serialize;
+use tracing::warn;
 
-use self::files::Files;
-use self::going::Going;
-use self::setup::{Setup, Tuple};
+use self::setup::{Setup, Tuple, corners_m};
+use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{self, Reading};
 use crate::options::Seed;
 use crate::output::Console;
+use crate::wrap;
 
-/// Number of poses at which the tool's error is evaluated.
-const ASKED: usize = 80;
+/// Number of poses of a calibration where none is given.
+const CALIBRATION_POSES: usize = 30;
+/// The same of a check.
+const CHECK_POSES: usize = 10;
+/// Probability with which a check detects the minimum damage that it states.
+const CHECK_POWER: f64 = 0.9;
 
 /// Choose the poses to measure next: for a calibration, for a check after a collision, for ISO 9283
 ///
@@ -93,6 +101,33 @@ pub(crate) struct Plan {
     recordings: Vec<PathBuf>,
 }
 
+/// Where files go, and how the robot comes to each pose.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Programs")]
+struct Files {
+    /// Write poses.csv (to be filled with measurements), poses.mod (ABB RAPID), poses.src and poses.dat (KUKA KRL) into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Come to each pose straight, or twice, all joints from below and from above, so that lost motion shows
+    #[arg(long, value_name = "direct|both", value_enum, default_value = "both")]
+    approach: Coming,
+    /// How far away a joint begins its approach, degrees (mm where it slides)
+    #[arg(long, value_name = "DEG", default_value_t = 3.0)]
+    approach_deg: f64,
+    /// How long the robot rests at each pose, s
+    #[arg(long, value_name = "S", default_value_t = 3.0)]
+    pause_s: f64,
+    /// Which axis of the controller each joint is, where it does not go without saying: E1,A1,A2,A3,A4,A5,A6
+    #[arg(long, value_name = "A,…", value_delimiter = ',')]
+    axes: Vec<Axis>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Coming {
+    Direct,
+    Both,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Best {
     D,
@@ -119,35 +154,21 @@ fn share(word: &str) -> Result<f64, String> {
 impl Plan {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         if let Some(diagnosed) = &self.asked_by {
-            return request::run(diagnosed, self.files.out(), console);
+            return self.experiment(diagnosed, console);
         }
         let is_judged = (self.check || self.iso9283) && !self.recordings.is_empty();
         let mut outputs = if is_judged { console.outputs() } else { self.files.outputs(console) };
         outputs.check(self.recordings.iter().chain(&self.among).chain(self.reading.files()))?;
         let input = self.input()?;
-        if self.iso9283 {
-            return iso::run(self, console, outputs, &input);
+        let robot = Robot { model: &input.model, recordings: &input.recordings };
+        if is_judged {
+            return if self.check {
+                self.judge(robot, console, outputs)
+            } else {
+                self.evaluate(robot, console, outputs)
+            };
         }
-        if self.check {
-            return check::run(self, console, outputs, &input);
-        }
-        let seed = self.seed.settle();
-        let going = self.going(&input, seed)?;
-        let known = going.known.as_ref().map(|(campaign, fit)| Known { campaign, fit });
-        if self.next {
-            let worth_m = 1e-3 * self.worth_mm;
-            let found = next(&going.task, known, usize::from(self.candidates), worth_m, seed)
-                .map_err(Failure::input)?;
-            self.files.put(&mut outputs, &input.model, &going.task, &[found.pose.q])?;
-            told::next(self, console, outputs, &input, &going, &found, seed)?;
-            return Ok(Answer::Done);
-        }
-        let wish = self.wish(30, seed);
-        let planned = plan(&going.task, known, &wish).map_err(Failure::input)?;
-        let stops: Vec<_> = planned.poses.iter().map(|pose| pose.q).collect();
-        self.files.put(&mut outputs, &input.model, &going.task, &stops)?;
-        told::plan(self, console, outputs, &input, &going, &planned, seed)?;
-        Ok(Answer::Done)
+        self.plan(robot, console, outputs)
     }
 
     fn input(&self) -> Result<Input, Failure> {
@@ -161,16 +182,137 @@ impl Plan {
         Ok(Input { model: input::model(name)?, recordings: Vec::new() })
     }
 
-    fn wish(&self, count: usize, seed: u64) -> Wish {
+    fn plan(&self, robot: Robot<'_>, console: &mut Console, outputs: Outputs) -> Outcome {
+        let settings = self.settings(robot)?;
+        let width = wrap::columns_of_stdout();
+        let count = |otherwise: usize| self.count.map_or(otherwise, usize::from);
+        if self.iso9283 {
+            let along = self.directions()?.first().copied().unwrap_or(DVec3::NEG_Z);
+            let plan = plans::iso_poses(robot, &settings, along, count(VISITS))?;
+            let result = PlanResult { report: plan.report(), text: plan.text(width) };
+            return self.put(console, outputs, result, || plan.page(), || plan.files());
+        }
+        if self.check {
+            let poses = count(CHECK_POSES);
+            let plan =
+                plans::check_poses(robot, &settings, &self.terms(), self.criterion(), poses)?;
+            let result = PlanResult { report: plan.report(), text: plan.text(width) };
+            return self.put(console, outputs, result, || plan.page(), || plan.files());
+        }
+        if self.next {
+            let plan = plans::next_pose(robot, &settings, self.worth_mm)?;
+            let result = PlanResult { report: plan.report(), text: plan.text() };
+            return self.put(console, outputs, result, || plan.page(), || plan.files());
+        }
+        let poses = count(CALIBRATION_POSES);
+        let plan = plans::measuring_poses(robot, &settings, self.criterion(), poses)?;
+        let result = PlanResult { report: plan.report(), text: plan.text(width) };
+        self.put(console, outputs, result, || plan.page(), || plan.files())
+    }
+
+    fn judge(&self, robot: Robot<'_>, console: &mut Console, outputs: Outputs) -> Outcome {
+        let setup = self.setup.described(self.files.both_ways())?;
+        let judged = plans::judge(robot, &setup, &self.terms())?;
+        judged.warnings.iter().for_each(|warning| warn!("{warning}"));
+        console.write(outputs, "trued.plan/1", &judged.report())?;
+        console.say_lines(&judged.text(wrap::columns_of_stdout()))?;
+        Ok(if judged.found.holds { Answer::Done } else { Answer::No })
+    }
+
+    fn evaluate(&self, robot: Robot<'_>, console: &mut Console, outputs: Outputs) -> Outcome {
+        let Robot { model, recordings } = robot;
+        let arm = &model.physics.arm;
+        let setup = self.setup.described(self.files.both_ways())?;
+        let mut campaign = from_recording::campaign(arm, recordings).map_err(Failure::input)?;
+        setup.add_to(&mut campaign);
+        let evaluation = Evaluation::of(arm, &campaign).map_err(Failure::input)?;
+        console.write(outputs, "trued.plan/1", &iso9283::report(model, &evaluation))?;
+        let details = iso9283::details(model, &evaluation, wrap::columns_of_stdout());
+        let head = iso9283::headline(&evaluation);
+        console.say_lines(&[TextLine::with_head(Tone::Plain, head, details)])?;
+        Ok(Answer::Done)
+    }
+
+    /// Writes the requested experiment to `--out`, or beside the diagnosis.
+    fn experiment(&self, diagnosed: &Path, console: &mut Console) -> Outcome {
+        let shown = diagnosed.display();
+        let request = read_request(&diagnosed.join("diagnosis.json"))?;
+        let model = input::model(&diagnosed.join("model.toml"))?;
+        let request = request.ok_or_else(|| {
+            Failure::input(format!(
+                "{shown}: this diagnosis asks for no experiment: nothing in it is ambiguous, or nothing was measured that an experiment could show"
+            ))
+        })?;
+        let experiment = request.experiment(&model.physics.arm).ok_or_else(|| {
+            Failure::input(format!(
+                "{shown}: asks for the experiment `{}`, which this version does not know: diagnose again",
+                request.name
+            ))
+        })?;
+        let out = self.files.out.as_deref().unwrap_or(diagnosed);
+        let [list, about] = experiment::FILES.map(|name| out.join(name));
+        let recording = experiment.recording();
+        let mut outputs = console.outputs().in_folder(out);
+        outputs.put(&about, recording.about_toml());
+        outputs.put(&list, recording.to_csv());
+        let files = [list, about].map(|path| path.display().to_string());
+        console.write(outputs, "trued.plan/1", &experiment.report(files.clone()))?;
+        console.say_lines(&experiment.text(&files))?;
+        Ok(Answer::Done)
+    }
+
+    /// Writes a plan: JSON, page and files, all or none, and says it.
+    fn put<R: Serialize>(
+        &self,
+        console: &mut Console,
+        mut outputs: Outputs,
+        result: PlanResult<R>,
+        page: impl FnOnce() -> Page,
+        files: impl FnOnce() -> Result<Vec<PlanFile>, Error>,
+    ) -> Outcome {
+        if let Some(out) = &self.files.out {
+            for file in files()? {
+                outputs.put(&out.join(file.name), file.bytes);
+            }
+            outputs.put_page(&out.join(PAGE), page());
+        }
+        console.write(outputs, "trued.plan/1", &result.report)?;
+        console.say_lines(&result.text)?;
+        Ok(Answer::Done)
+    }
+
+    fn settings(&self, robot: Robot<'_>) -> Result<Settings, Failure> {
+        let Files { out, approach_deg, pause_s, axes, .. } = self.files.clone();
+        let usual = Settings::default();
+        Ok(Settings {
+            setup: self.setup.described(self.files.both_ways())?,
+            zone: self.zone()?,
+            among: self.among(robot)?,
+            candidates: usize::from(self.candidates),
+            seed: self.seed.settle(),
+            programs: Programs { approach_deg, pause_s, axes },
+            model_path: self.reading.model.clone().unwrap_or(usual.model_path),
+            out,
+        })
+    }
+
+    fn terms(&self) -> Terms {
+        Terms { alarm: self.alarm, power: CHECK_POWER }
+    }
+
+    fn criterion(&self) -> Criterion {
         let fallback = if self.zone.is_some() { Best::Zone } else { Best::D };
-        let criterion = match self.criterion.unwrap_or(fallback) {
+        match self.criterion.unwrap_or(fallback) {
             Best::D => Criterion::D,
             Best::O1 => Criterion::O1,
             Best::Zone => Criterion::Zone,
             Best::Random => Criterion::Random,
-        };
-        let count = self.count.map_or(count, usize::from);
-        Wish { count, criterion, candidates: usize::from(self.candidates).max(4 * count), seed }
+        }
+    }
+
+    fn zone(&self) -> Result<Option<Zone>, Failure> {
+        let Some(corners) = &self.zone else { return Ok(None) };
+        Ok(Some(Zone { corners: corners_m(corners), directions: self.directions()? }))
     }
 
     fn directions(&self) -> Result<Vec<DVec3>, Failure> {
@@ -181,69 +323,64 @@ impl Plan {
         self.direction.iter().map(unit).collect()
     }
 
-    /// What to do with the poses of a calibration, and the command that evaluates the measurements.
-    fn to_calibrate(&self) -> (&'static str, String) {
-        let words = "Load the program and run it slowly first; then measure, fill the readings into poses.csv, and calibrate.";
-        (words, self.measured_by("calibrate", "--out calibrated.toml "))
+    /// The poses to choose from; none where they are drawn.
+    fn among(&self, robot: Robot<'_>) -> Result<Vec<Joints>, Failure> {
+        let Some(list) = &self.among else { return Ok(Vec::new()) };
+        let found = self.reading.read(list, self.reading.model.as_deref())?.recording;
+        let joints = 0..robot.model.physics.arm.count();
+        let position = |row: usize, joint: usize| found.input(joint).map_or(f64::NAN, |q| q[row]);
+        let poses = (0..found.len()).map(|row| {
+            let mut q = Joints::default();
+            joints.clone().for_each(|joint| q[joint] = position(row, joint));
+            q
+        });
+        Ok(poses.filter(|q| q.iter().all(|q| q.is_finite())).collect())
+    }
+}
+
+/// What a plan gives at once.
+struct PlanResult<R> {
+    report: R,
+    text: Vec<TextLine>,
+}
+
+impl Files {
+    /// Whether each pose is measured twice.
+    fn both_ways(&self) -> bool {
+        self.approach == Coming::Both
     }
 
-    /// A command of this robot over the list that was filled in.
-    fn measured_by(&self, command: &str, options: &str) -> String {
-        let model = self.reading.model.as_deref().unwrap_or(Path::new("ROBOT.toml"));
-        format!(
-            "trued {command} --model {} {options}{}",
-            model.display(),
-            self.files.list().display()
-        )
+    /// The output files of the poses, if requested.
+    fn outputs(&self, console: &Console) -> Outputs {
+        let Some(out) = &self.out else { return console.outputs() };
+        let outputs = console.outputs().in_folder(out).page(out.join(PAGE));
+        FILES.into_iter().fold(outputs, |outputs, name| outputs.file(out.join(name)))
     }
+}
 
-    /// The task without the poses at which the tool's error counts.
-    fn set_up(&self, input: &Input) -> Result<Going, Failure> {
-        let mut going = Going::of(&self.setup, &self.files, input)?;
-        if let Some(list) = &self.among {
-            let found = self.reading.read(list, self.reading.model.as_deref())?;
-            let joints = 0..input.model.physics.arm.count();
-            let position = |row: usize, joint: usize| {
-                found.recording.input(joint).map_or(f64::NAN, |q| q[row])
-            };
-            let poses = (0..found.recording.len()).map(|row| {
-                let mut q = Joints::default();
-                joints.clone().for_each(|joint| q[joint] = position(row, joint));
-                q
-            });
-            going.task.among = poses.filter(|q| q.iter().all(|q| q.is_finite())).collect();
-        }
-        Ok(going)
-    }
-
-    /// What is to be planned, and what is known so far.
-    fn going(&self, input: &Input, seed: u64) -> Result<Going, Failure> {
-        let mut going = self.set_up(input)?;
-        let chance = seed.wrapping_add(1);
-        let task = &mut going.task;
-        task.asked = match self.zone {
-            None => task.workspace(ASKED, chance),
-            Some(Tuple([a, b, c, d, e, f])) => {
-                let (one, other) = (1e-3 * DVec3::new(a, b, c), 1e-3 * DVec3::new(d, e, f));
-                let zone = Zone {
-                    corners: [one.min(other), one.max(other)],
-                    directions: self.directions()?,
-                };
-                zone.positions(&input.model.physics.arm, &task.reach, ASKED, chance)
-            }
-        };
-        if task.asked.is_empty() {
-            return Err(Failure::input(
-                "the arm reaches nothing of the zone in these directions: check --zone (mm, base frame), --direction, and what bars it",
-            ));
-        }
-        Ok(going)
-    }
+fn read_request(path: &Path) -> Result<Option<Request>, Failure> {
+    let shown = path.display();
+    let text = std::fs::read_to_string(path).map_err(|error| {
+        Failure::input(format!(
+            "{shown}: cannot be read: {error}; expected what `trued diagnose` wrote"
+        ))
+    })?;
+    Request::parse(&text).map_err(|error| Failure::input(format!("{shown}: {error}")))
 }
 
 /// The schemas of the results.
 #[cfg(feature = "schema")]
 pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
-    let several = [check::result_schemas(), iso::result_schemas(), told::result_schemas()];
-    several.into_iter().flatten().chain([request::result_schema()]).collect()
+    use crate::schemas::ResultSchema;
+    use experiment::ExperimentReport;
+    use plans::{CheckReport, IsoReport, JudgedReport, NextReport, PosesReport};
+    vec![
+        ResultSchema::of::<CheckReport<'_>>("plan-check", "trued.plan/1"),
+        ResultSchema::of::<JudgedReport<'_>>("plan-check-judged", "trued.plan/1"),
+        ResultSchema::of::<IsoReport<'_>>("plan-iso9283", "trued.plan/1"),
+        ResultSchema::of::<iso9283::Evaluated<'_>>("plan-iso9283-evaluated", "trued.plan/1"),
+        ResultSchema::of::<PosesReport<'_>>("plan-poses", "trued.plan/1"),
+        ResultSchema::of::<NextReport<'_>>("plan-next", "trued.plan/1"),
+        ResultSchema::of::<ExperimentReport<'_>>("plan-experiment", "trued.plan/1"),
+    ]
 }

@@ -120,6 +120,9 @@ impl Evidence {
 
     /// The sum of squares with all that may change fitted freely, and its freedom: the noise alone, whatever the stated uncertainties of the model are worth.
     pub(super) fn noise(&self) -> (f64, usize) {
+        if self.nuisance == 0 {
+            return (self.rr, self.rows);
+        }
         let seen = &self.nn - DMatrix::identity(self.nuisance, self.nuisance);
         let width = |i: usize| seen[(i, i)].max(1e-300).sqrt();
         let scaled = DMatrix::from_fn(self.nuisance, self.nuisance, |i, j| {

@@ -98,6 +98,18 @@ fn a_sound_robot_passes_as_often_as_was_asked_and_a_damaged_one_does_not() {
 }
 
 #[test]
+fn a_model_without_uncertainty_is_judged_where_frame_and_targets_are_known() {
+    let (task, sigma) = cell(true);
+    let exact: Vec<Vec<f64>> = sigma.iter().map(|sigma| vec![0.0; sigma.len()]).collect();
+    let checkup = ten(&task, &exact);
+    let model = &task.hypothesis.model;
+    let sound = shown(&task, &exact, &checkup.poses, None, 3);
+    assert!(judge(&sound, model, &exact, &TERMS).holds);
+    let bent = shown(&task, &exact, &checkup.poses, Some((Damage::Offset(2), 2e-3)), 3);
+    assert!(!judge(&bent, model, &exact, &TERMS).holds);
+}
+
+#[test]
 fn the_joint_or_the_tool_that_moved_is_named() {
     let (task, sigma) = cell(false);
     let checkup = ten(&task, &sigma);

@@ -10,6 +10,8 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
+use challenge_report::SolverAnswer;
+
 use crate::child::Guarded;
 use crate::exit::Failure;
 use crate::interrupt;
@@ -25,17 +27,6 @@ pub(super) struct Solver {
     /// The solver's command; `None`: this program's own `diagnose`.
     words: Option<Vec<String>>,
     limit: Duration,
-}
-
-/// Result of one case.
-#[derive(Debug, Default)]
-pub(super) struct Run {
-    /// Text of `diagnosis.json`.
-    pub(super) diagnosis: Option<String>,
-    /// Text of the written model.
-    pub(super) model: Option<String>,
-    /// How long it took, s, where it ended by itself.
-    pub(super) seconds: Option<f64>,
 }
 
 impl Solver {
@@ -72,7 +63,7 @@ impl Solver {
         case: &Path,
         out: &Path,
         stop: &AtomicBool,
-    ) -> Result<Run, Failure> {
+    ) -> Result<SolverAnswer, Failure> {
         fs::create_dir_all(out).map_err(Failure::system)?;
         let log = File::create(out.join("solver.log")).map_err(Failure::system)?;
         let mut command = self.command()?;
@@ -99,10 +90,10 @@ impl Solver {
         let seconds = start.elapsed().as_secs_f64();
         drop(child);
         if !ended.is_some_and(|status| status.success()) {
-            return Ok(Run::default());
+            return Ok(SolverAnswer::default());
         }
         let text = |name: &str| read(&out.join(name));
-        Ok(Run {
+        Ok(SolverAnswer {
             diagnosis: text("diagnosis.json"),
             model: text("model.toml"),
             seconds: Some(seconds),

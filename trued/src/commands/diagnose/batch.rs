@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
+use batch::check::unusable_robots;
 use batch::{Existing, Failed, Item, Job, Row, Shard, Summary, Undiagnosed};
 use clap::Args;
 use diagnosis_report::{DiagnosedForces, Settings, diagnose};
@@ -19,8 +20,7 @@ use super::Read;
 use super::rows::{Temperatures, of_reports};
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
-use crate::fleet::{self, Unusable};
-use crate::input::{Reading, unusable};
+use crate::input::{Faulty, Reading, unusable};
 use crate::output::{Console, Paint};
 use crate::progress;
 
@@ -81,9 +81,10 @@ impl Batch {
         // Absolute, so that messages name a file unambiguously.
         let base = std::path::absolute(file).map_err(Failure::system)?;
         let base = base.parent().unwrap_or(Path::new("/"));
-        let faults = fleet::unusable_robots(&manifest, base, &file.display().to_string());
+        let faults = unusable_robots(&manifest, base, &file.display().to_string());
         if !faults.is_empty() {
-            return Err(Failure::input(Unusable(faults)));
+            let texts = faults.into_iter().map(|faults| Faulty(faults).to_string());
+            return Err(Failure::input(texts.collect::<Vec<_>>().join("\n")));
         }
         let mut outputs = console.outputs();
         outputs.check(&inputs(file, &manifest, base))?;

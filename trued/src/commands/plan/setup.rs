@@ -1,17 +1,12 @@
-//! Options for instruments, their positions, and constraints on poses.
-//!
-//! The options use mm and degrees, the results SI. Every default is stated in the help.
+//! Options for instruments, their positions, and constraints on poses: mm and degrees here, SI in [`MeasuringSetup`].
 
 use std::str::FromStr;
 
 use clap::Args;
-use diagnosis::plan::reach::Reach;
-use diagnosis::plan::sight::Sight;
-use diagnosis::plan::{Patch, Sees};
-use diagnosis::surroundings::{Anchor, Sphere};
-use diagnosis::{Campaign, Fitted, Noise, Plane, Station, Surroundings};
+use diagnosis::plan::setup::{
+    Ballbar, Floor, MeasuringSetup, ToolTarget, TouchedPatch, TouchedSphere,
+};
 use glam::DVec3;
-use physics::{Arm, Frame};
 
 use crate::exit::Failure;
 
@@ -125,26 +120,28 @@ pub(super) struct Setup {
     keep_out: Vec<Tuple<6>>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Floor {
-    None,
-    At(f64),
-}
-
 fn floor(word: &str) -> Result<Floor, String> {
     if word == "none" {
         return Ok(Floor::None);
     }
     let height = word.parse().ok().filter(|height: &f64| height.is_finite());
-    height.map(Floor::At).ok_or_else(|| format!("`{word}` is neither a height in mm nor `none`"))
+    height
+        .map(|mm| Floor::At(1e-3 * mm))
+        .ok_or_else(|| format!("`{word}` is neither a height in mm nor `none`"))
 }
 
 fn metres(mm: [f64; 3]) -> DVec3 {
     1e-3 * DVec3::from_array(mm)
 }
 
+/// Least and largest corner of a box that two corners in mm give, m.
+pub(super) fn corners_m(Tuple([a, b, c, d, e, f]): &Tuple<6>) -> [DVec3; 2] {
+    let (one, other) = (metres([*a, *b, *c]), metres([*d, *e, *f]));
+    [one.min(other), one.max(other)]
+}
+
 impl Setup {
-    pub(super) fn check(&self) -> Result<(), Failure> {
+    fn check(&self) -> Result<(), Failure> {
         let above = [
             ("--sigma-mm", self.sigma_mm),
             ("--accept-deg", Some(self.accept_deg)),
@@ -173,112 +170,48 @@ impl Setup {
         Ok(())
     }
 
-    /// Whether a line of sight is required.
-    pub(super) fn is_seen_from_somewhere(&self) -> bool {
-        self.instrument.is_some()
-    }
-
-    /// Adds what the options state about a recording: the frame, the targets.
-    pub(super) fn describe(&self, campaign: &mut Campaign) {
-        let Surroundings { frames, targets, .. } = &mut campaign.surroundings;
-        frames.iter_mut().for_each(|frame| frame.free &= !self.frame_known);
-        for (found, described) in targets.iter_mut().zip(&self.target) {
-            if found.free && self.targets_known {
-                *found = Fitted::known(metres(described.place_mm));
-            }
-        }
-    }
-
-    pub(super) fn sigma_m(&self) -> Option<f64> {
-        self.sigma_mm.map(|sigma| 1e-3 * sigma)
-    }
-
-    pub(super) fn noise(&self, otherwise_m: f64) -> Noise {
-        Noise::Equal(self.sigma_m().unwrap_or(otherwise_m))
-    }
-
-    pub(super) fn orientation_rad(&self) -> Option<f64> {
-        self.orientation_sigma_mrad.map(|sigma| 1e-3 * sigma)
-    }
-
-    pub(super) fn reach(&self, arm: &Arm) -> Reach {
-        let usual = Reach::of(arm);
-        let m = |mm: Option<f64>, usual: f64| mm.map_or(usual, |mm| 1e-3 * mm);
-        let box_of = |Tuple([a, b, c, d, e, f]): &Tuple<6>| {
-            let (one, other) = (metres([*a, *b, *c]), metres([*d, *e, *f]));
-            [one.min(other), one.max(other)]
-        };
-        Reach {
-            margin_rad: self.margin_deg.to_radians(),
-            link_radius_m: m(self.link_radius_mm, usual.link_radius_m),
-            base_radius_m: m(self.base_radius_mm, usual.base_radius_m),
-            floor_m: match self.floor_mm {
-                None => usual.floor_m,
-                Some(Floor::None) => None,
-                Some(Floor::At(mm)) => Some(1e-3 * mm),
-            },
-            keep_out: self.keep_out.iter().map(box_of).collect(),
-            ..usual
-        }
-    }
-
-    pub(super) fn sight(&self) -> Option<Sight> {
-        let Tuple(at) = self.instrument?;
+    /// The setup in SI; `both_ways`: whether each pose is measured twice.
+    pub(super) fn described(&self, both_ways: bool) -> Result<MeasuringSetup, Failure> {
+        self.check()?;
+        let m = |mm: f64| 1e-3 * mm;
         let facing = |target: &Target| DVec3::from_array(target.facing?).try_normalize();
-        let Tuple([nearest, farthest]) = self.range_mm;
-        Some(Sight {
-            instrument_base: metres(at),
-            range_m: [1e-3 * nearest, 1e-3 * farthest],
-            acceptance_rad: self.accept_deg.to_radians(),
-            facing_tool: self.target.iter().map(facing).collect(),
-        })
-    }
-
-    pub(super) fn sees(&self) -> Sees {
-        if let (Some(_), Some(Tuple([shortest, longest]))) = (self.anchor, self.length_mm) {
-            return Sees::Distance { length_m: [1e-3 * shortest, 1e-3 * longest] };
-        }
-        let plane = |(plane, Tuple([x, y, z, .., r])): (usize, &Tuple<7>)| Patch::Plane {
-            plane,
-            middle: metres([*x, *y, *z]),
-            within_m: 1e-3 * r,
+        let target = |target: &Target| ToolTarget {
+            place_tool_m: metres(target.place_mm),
+            facing_tool: facing(target),
         };
-        let planes = self.plane.iter().enumerate().map(plane);
-        let touched: Vec<Patch> = planes.chain((0..self.sphere.len()).map(Patch::Sphere)).collect();
-        if touched.is_empty() {
-            let orientation_rad = self.orientation_rad();
-            return Sees::Points { least: self.least_targets, orientation_rad };
-        }
-        Sees::Touch(touched)
-    }
-
-    /// The described surroundings.
-    pub(super) fn surroundings(&self) -> Result<Surroundings, Failure> {
-        let station = Station { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
-        let plane = |Tuple([x, y, z, a, b, c, _]): &Tuple<7>| {
+        let patch = |Tuple([x, y, z, a, b, c, r]): &Tuple<7>| {
             let normal = DVec3::new(*a, *b, *c).try_normalize();
-            let normal = normal.ok_or_else(|| Failure::input("--plane: its direction is 0,0,0"))?;
-            Ok(Fitted::unknown(Plane { normal, offset_m: normal.dot(metres([*x, *y, *z])) }))
+            let normal_base =
+                normal.ok_or_else(|| Failure::input("--plane: its direction is 0,0,0"))?;
+            Ok(TouchedPatch { middle_base_m: metres([*x, *y, *z]), normal_base, within_m: m(*r) })
         };
-        let sphere = |Tuple([x, y, z, r]): &Tuple<4>| Sphere {
-            centre: Fitted::unknown(metres([*x, *y, *z])),
-            radius_m: Fitted::known(1e-3 * r),
+        let sphere = |Tuple([x, y, z, r]): &Tuple<4>| TouchedSphere {
+            centre_base_m: metres([*x, *y, *z]),
+            radius_m: m(*r),
         };
-        let target =
-            |target: &Target| Fitted { value: metres(target.place_mm), free: !self.targets_known };
-        Ok(Surroundings {
-            frames: vec![Fitted { value: station, free: !self.frame_known }],
+        let ballbar = self.anchor.zip(self.length_mm);
+        Ok(MeasuringSetup {
+            instrument_base_m: self.instrument.map(|Tuple(at)| metres(at)),
+            range_m: self.range_mm.0.map(m),
+            acceptance_rad: self.accept_deg.to_radians(),
             targets: self.target.iter().map(target).collect(),
-            anchors: self
-                .anchor
-                .iter()
-                .map(|Tuple(at)| Anchor {
-                    place: Fitted::unknown(metres(*at)),
-                    offset_m: Fitted::known(0.0),
-                })
-                .collect(),
-            planes: self.plane.iter().map(plane).collect::<Result<_, Failure>>()?,
+            targets_seen_least: self.least_targets,
+            targets_known: self.targets_known,
+            frame_known: self.frame_known,
+            length_sigma_m: self.sigma_mm.map(m),
+            orientation_sigma_rad: self.orientation_sigma_mrad.map(|mrad| 1e-3 * mrad),
+            ballbar: ballbar.map(|(Tuple(at), Tuple(length_mm))| Ballbar {
+                anchor_base_m: metres(at),
+                length_m: length_mm.map(m),
+            }),
+            planes: self.plane.iter().map(patch).collect::<Result<_, Failure>>()?,
             spheres: self.sphere.iter().map(sphere).collect(),
+            margin_rad: self.margin_deg.to_radians(),
+            link_radius_m: self.link_radius_mm.map(m),
+            base_radius_m: self.base_radius_mm.map(m),
+            floor: self.floor_mm.unwrap_or(Floor::OfArm),
+            keep_out: self.keep_out.iter().map(corners_m).collect(),
+            both_ways,
         })
     }
 }

@@ -1,38 +1,48 @@
-//! Checks of a manifest: usable models and mappings, existing recordings.
+//! Validation of a manifest: usable models and mappings, existing recordings.
 //!
 //! With an unusable model a batch would reject every recording of that robot for an error that is
 //! not the recording's, so this is checked first.
 
-use std::fmt;
 use std::path::Path;
 
+use recording::check::{Findings, count};
 use recording::faults::{Fault, Faults};
 use recording::files::FileError;
 use recording::manifest::Manifest;
 use recording::mapping::Mapping;
 use recording::model::RobotModel;
 
-use crate::input::Faulty;
-
-/// Faults of a manifest and of the files that it names, a list per file.
-#[derive(Debug)]
-pub(crate) struct Unusable(pub(crate) Vec<Faults>);
-
-impl fmt::Display for Unusable {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let texts = self.0.iter().map(|faults| Faulty(faults.clone()).to_string());
-        f.write_str(&texts.collect::<Vec<_>>().join("\n"))
-    }
+/// Checks a manifest and the files that it names.
+///
+/// ```
+/// use std::path::Path;
+///
+/// assert!(batch::check::manifest(Path::new("missing.toml")).is_err());
+/// ```
+///
+/// # Errors
+/// The manifest cannot be read. Faults in it are among the findings.
+pub fn manifest(path: &Path) -> Result<Findings, FileError> {
+    let name = path.display().to_string();
+    let mut findings = Findings { kind: "manifest", ..Findings::default() };
+    findings.take(Manifest::read(path), |findings, manifest| {
+        let base = path.parent().unwrap_or(Path::new(""));
+        findings.faults.extend(unusable_robots(&manifest, base, &name));
+        findings.faults.extend(missing_recordings(&manifest, base, &name));
+        let recordings = count(manifest.recordings.len(), "recording");
+        let robots = count(manifest.robots.len(), "robot");
+        findings.summary = format!("{recordings} of {robots}");
+    })?;
+    Ok(findings)
 }
 
-impl std::error::Error for Unusable {}
-
 /// Faults of the models and mappings of all robots; `name` is the manifest's, `base` its folder.
-pub(crate) fn unusable_robots(manifest: &Manifest, base: &Path, name: &str) -> Vec<Faults> {
+#[must_use]
+pub fn unusable_robots(manifest: &Manifest, base: &Path, name: &str) -> Vec<Faults> {
     let mut all = Vec::new();
     let mut missing = Faults::of(name);
     for robot in &manifest.robots {
-        let model = RobotModel::read(&batch::model_of(base, robot)).map(drop);
+        let model = RobotModel::read(&crate::model_of(base, robot)).map(drop);
         let mapping = robot.mapping.as_ref().map(|mapping| Mapping::read(&base.join(mapping)));
         let mapping = mapping.map_or(Ok(()), |read| read.map(drop));
         for (key, expected, read) in [
@@ -54,7 +64,7 @@ pub(crate) fn unusable_robots(manifest: &Manifest, base: &Path, name: &str) -> V
 }
 
 /// Recordings that do not exist.
-pub(crate) fn missing_recordings(manifest: &Manifest, base: &Path, name: &str) -> Option<Faults> {
+fn missing_recordings(manifest: &Manifest, base: &Path, name: &str) -> Option<Faults> {
     let mut missing = Faults::of(name);
     for file in manifest.recordings.iter().flat_map(|recording| &recording.files) {
         if !base.join(file).is_file() {

@@ -1,93 +1,93 @@
-//! Simulated instrument readings, in the columns and rows of the recording.
+//! Simulated instrument readings, in the columns and rows of a recording.
 //!
 //! A value is written where one was measured (in all rows, if a column is present but empty); the
-//! noise of a row depends on the seed and the row alone; the instrument's pose in each row follows
-//! from targets on the base. Targets on the base or on a link are not changed; currents,
-//! accelerations, and torques without a model are omitted and named.
+//! noise of a row depends on the seed and the row alone. Targets on the base or on a link are not
+//! changed; currents, accelerations, and torques without a model are omitted and named. [`forces`]:
+//! those of a cut.
+
+pub mod forces;
 
 use glam::{DMat3, DQuat, DVec3};
 use physics::frame::rotation_from_vector;
-use recording::model::RobotModel;
+use physics::{Arm, Frame, Joints};
 use recording::series::{Channel, Input, Recording};
-use world::random::{Purpose, normals};
 
-use super::Run;
-use super::station::Stand;
+use crate::forward::Seen;
+use crate::random::{Purpose, normals};
 
-/// The instruments.
-pub(super) struct Instrument<'a> {
-    pub(super) stand: &'a Stand,
-    /// Standard deviation, m and rad.
-    pub(super) noise: f64,
-    /// Of torques, Nm and N.
-    pub(super) torque_noise: f64,
-    pub(super) seed: u64,
+/// Motion of the arm in each row of a recording.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// Where joints and tool were.
+    pub seen: Vec<Seen>,
+    /// Simulated torques, Nm or N; none if not requested.
+    pub torques: Option<Vec<Joints>>,
 }
 
-/// What they read.
-pub(super) struct Made {
-    pub(super) recording: Recording,
+/// Instruments that measure an arm.
+pub struct Instrument<'a> {
+    /// Base coordinates to measuring coordinates in a row.
+    pub measuring_from_base: &'a dyn Fn(usize) -> Frame,
+    /// Targets on the tool, tool frame, m.
+    pub targets_tool_m: &'a [DVec3],
+    /// Whether measured positions are in the base frame.
+    pub in_base: bool,
+    /// Standard deviation, m and rad; 0 or above.
+    pub noise: f64,
+    /// Standard deviation of torques, Nm and N; 0 or above.
+    pub torque_noise: f64,
+    /// Seed of the noise.
+    pub seed: u64,
+}
+
+/// A recording with simulated readings.
+#[derive(Clone, Debug)]
+pub struct Readings {
+    /// The recording with its measured columns replaced.
+    pub recording: Recording,
     /// Columns that were simulated.
-    pub(super) columns: Vec<String>,
+    pub columns: Vec<String>,
     /// Columns that were measured and cannot be simulated.
-    pub(super) left_out: Vec<String>,
+    pub left_out: Vec<String>,
     /// Columns whose noise exceeds the recording's stated uncertainty.
-    pub(super) understated: Vec<String>,
+    pub understated: Vec<String>,
     /// Recorded minus simulated points without noise, rms over single values, m.
-    pub(super) recorded_rms_m: Option<f64>,
+    pub recorded_rms_m: Option<f64>,
     /// Rows in which a joint's load exceeds the validity range of its stiffness.
-    pub(super) rows_beyond: usize,
+    pub rows_beyond: usize,
 }
 
-impl Made {
+impl Readings {
     /// Without a simulated arm: the known process data is written to every row.
-    pub(super) fn untouched(mut recording: Recording) -> Self {
-        super::hold_inputs(&mut recording);
+    ///
+    /// ```
+    /// use recording::series::Recording;
+    /// use world::instrument::Readings;
+    ///
+    /// let readings = Readings::without_arm(Recording::new(vec![0.0, 0.1]));
+    /// assert!(readings.columns.is_empty());
+    /// ```
+    #[must_use]
+    pub fn without_arm(mut recording: Recording) -> Self {
+        recording.hold_inputs();
         let (columns, left_out, understated) = Default::default();
         Self { recording, columns, left_out, understated, recorded_rms_m: None, rows_beyond: 0 }
     }
 }
 
 impl Instrument<'_> {
-    /// The recording with its measured columns replaced.
-    pub(super) fn look(&self, model: &RobotModel, mut recording: Recording, run: &Run) -> Made {
-        let motor_is_input = recording.input_kind() == Input::Motor;
-        let on_links = recording.about.targets_on_link.clone();
-        let simulated = |channel: &Channel| match channel {
-            Channel::Target(target, _) if on_links.contains_key(target) => false,
-            Channel::Motor(_) => !motor_is_input,
-            Channel::Link(_)
-            | Channel::Position(_)
-            | Channel::Target(..)
-            | Channel::Orientation(_) => true,
-            Channel::Torque(_) => run.torques.is_some(),
-            _ => false,
-        };
-        let foreign = |channel: &Channel| match channel {
-            Channel::Current(_) | Channel::Acceleration(_) => true,
-            Channel::Torque(_) => run.torques.is_none(),
-            _ => false,
-        };
-        let named = |channel: &Channel| channel.base();
-        let left: Vec<Channel> = recording.channels().filter(foreign).collect();
-        for channel in &left {
-            recording.remove(*channel);
-            recording.about.sigma.remove(channel);
-        }
-        if left.iter().any(|channel| matches!(channel, Channel::Current(_))) {
-            recording.about.torque_per_ampere.clear();
-        }
-        let mut wanted: Vec<Channel> = recording.channels().filter(simulated).collect();
-        if wanted.is_empty() {
-            wanted.extend((0..3).map(Channel::Position));
-        }
+    /// The recording of an arm with its measured columns replaced.
+    #[must_use]
+    pub fn read(&self, arm: &Arm, mut recording: Recording, run: &Run) -> Readings {
+        let left_out = remove_unsimulated(&mut recording, run);
+        let wanted = simulated_columns(&recording, run);
         let columns = self.columns(&wanted, &recording, run);
         let mut understated = Vec::new();
         let squares = Squares::of(&wanted, &columns, &recording);
         for (channel, (mut exact, noise)) in wanted.iter().zip(columns) {
-            let stands = mask(&recording, *channel);
+            let has_value = recording.rows_with_values(*channel);
             for (row, (value, noise)) in exact.iter_mut().zip(noise).enumerate() {
-                *value = if stands(row) { *value + noise } else { f64::NAN };
+                *value = if has_value(row) { *value + noise } else { f64::NAN };
             }
             let sigma = match channel {
                 // A quaternion's parts turn by half of the angle.
@@ -104,16 +104,15 @@ impl Instrument<'_> {
                 }
             }
             if let Some(joint) = channel.joint() {
-                recording.set_joint_kind(joint, model.physics.arm.joints()[joint].kind);
+                recording.set_joint_kind(joint, arm.joints()[joint].kind);
             }
             recording.set(*channel, exact);
         }
-        recording.about.measured_in_base = self.stand.in_base;
-        let columns = wanted.iter().map(named).collect();
-        let left_out = left.iter().map(named).collect();
+        recording.about.measured_in_base = self.in_base;
+        let columns = wanted.iter().map(|channel| channel.base()).collect();
         let rows_beyond = run.seen.iter().filter(|seen| seen.beyond).count();
         let recorded_rms_m = squares.rms();
-        Made { recording, columns, left_out, understated, recorded_rms_m, rows_beyond }
+        Readings { recording, columns, left_out, understated, recorded_rms_m, rows_beyond }
     }
 
     /// Exact values and noise of each wanted column.
@@ -134,8 +133,7 @@ impl Instrument<'_> {
             let mut normal = normals(self.seed, Purpose::Tracker, row as u32);
             let mut draw = || self.noise * normal();
             let turned = DVec3::from_array(std::array::from_fn(|_| draw()));
-            let measuring_from_tool =
-                self.stand.measuring_from_base(row).after(&seen.base_from_tool);
+            let measuring_from_tool = (self.measuring_from_base)(row).after(&seen.base_from_tool);
             let exact = quaternion(&measuring_from_tool.rotation, recorded(recording, row), before);
             let read = rotation_from_vector(turned) * measuring_from_tool.rotation;
             let read = quaternion(&read, None, exact);
@@ -144,7 +142,7 @@ impl Instrument<'_> {
                 let (value, error) = match *channel {
                     Channel::Position(axis) => (measuring_from_tool.origin[axis], draw()),
                     Channel::Target(target, axis) => {
-                        let place = self.stand.targets.get(target).copied().unwrap_or(DVec3::NAN);
+                        let place = self.targets_tool_m.get(target).copied().unwrap_or(DVec3::NAN);
                         (measuring_from_tool.point(place)[axis], draw())
                     }
                     Channel::Orientation(part) => {
@@ -166,12 +164,42 @@ impl Instrument<'_> {
     }
 }
 
-/// Where a column has values: where it had, everywhere if it had none.
-pub(super) fn mask(recording: &Recording, channel: Channel) -> impl Fn(usize) -> bool + use<> {
-    let there: Vec<bool> =
-        recording.column(channel).unwrap_or_default().iter().map(|x| x.is_finite()).collect();
-    let all = !there.contains(&true);
-    move |row| all || there.get(row).copied().unwrap_or(false)
+/// Removes measured columns that cannot be simulated; returns their names.
+fn remove_unsimulated(recording: &mut Recording, run: &Run) -> Vec<String> {
+    let foreign = |channel: &Channel| match channel {
+        Channel::Current(_) | Channel::Acceleration(_) => true,
+        Channel::Torque(_) => run.torques.is_none(),
+        _ => false,
+    };
+    let left: Vec<Channel> = recording.channels().filter(foreign).collect();
+    for channel in &left {
+        recording.remove(*channel);
+        recording.about.sigma.remove(channel);
+    }
+    if left.iter().any(|channel| matches!(channel, Channel::Current(_))) {
+        recording.about.torque_per_ampere.clear();
+    }
+    left.iter().map(|channel| channel.base()).collect()
+}
+
+/// Columns that are simulated: those that were measured, the tool's position if there are none.
+fn simulated_columns(recording: &Recording, run: &Run) -> Vec<Channel> {
+    let motor_is_input = recording.input_kind() == Input::Motor;
+    let on_links = &recording.about.targets_on_link;
+    let simulated = |channel: &Channel| match channel {
+        Channel::Target(target, _) if on_links.contains_key(target) => false,
+        Channel::Motor(_) => !motor_is_input,
+        Channel::Link(_) | Channel::Position(_) | Channel::Target(..) | Channel::Orientation(_) => {
+            true
+        }
+        Channel::Torque(_) => run.torques.is_some(),
+        _ => false,
+    };
+    let mut wanted: Vec<Channel> = recording.channels().filter(simulated).collect();
+    if wanted.is_empty() {
+        wanted.extend((0..3).map(Channel::Position));
+    }
+    wanted
 }
 
 fn parts(q: DQuat) -> [f64; 4] {

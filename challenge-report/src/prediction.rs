@@ -1,28 +1,25 @@
-//! Evaluation of a written model on an unseen motion: predicted as by `trued simulate`.
+//! Evaluation of a written model on an unseen motion: predicted as in a simulation ([`diagnosis::simulated`]).
 //!
 //! A model that is missing or does not load counts as the given model. Nothing is fitted here.
 
 use challenge::arm::JOINTS;
 use challenge::case::Case;
-use challenge::draw::Drawn;
 use challenge::proof::{Predicted, Proof};
 use challenge::scene::Scene;
 use challenge::score::Errors;
 use challenge::space::{ONE, T4, V3};
 use challenge::write;
 use challenge::{force, torque};
+use diagnosis::simulated;
 use recording::model::RobotModel;
 use recording::series::{self, About, Need};
 use world::forward::Seen;
-
-use super::super::simulate::{forces_of, seen_of, torques_of};
 
 /// Rows per second on which torques are predicted.
 const FINE_HZ: f64 = 2000.0;
 
 /// The errors of a case with a hidden effect; `None` for a null case.
-pub(super) fn of(drawn: &Drawn, model: Option<&str>) -> Option<Errors> {
-    let case = &drawn.case;
+pub(crate) fn of_positions(case: &Case, model: Option<&str>) -> Option<Errors> {
     if case.hidden.is_empty() {
         return None;
     }
@@ -40,7 +37,7 @@ pub(super) fn of(drawn: &Drawn, model: Option<&str>) -> Option<Errors> {
 }
 
 /// The errors of a torque case with a hidden effect; `None` for a null case.
-pub(super) fn of_torques(case: &torque::case::Case, model: Option<&str>) -> Option<Errors> {
+pub(crate) fn of_torques(case: &torque::case::Case, model: Option<&str>) -> Option<Errors> {
     if case.hidden.is_empty() {
         return None;
     }
@@ -66,13 +63,13 @@ fn torques(
     let about = About::parse("recording.toml", &torque::write::about()).ok()?;
     let text = torque::write::command(case, motion, finer);
     let recording = series::read_text("motion.csv", &text, None, Some(about), Need::Path).ok()?;
-    let exerted = torques_of(model, recording).ok()?;
+    let exerted = simulated::torques(model, recording).ok()?;
     let row = |row: usize| exerted.get(row).map(|row| std::array::from_fn(|joint| row[joint]));
     torque::write::commanded(motion, finer).into_iter().map(row).collect()
 }
 
 /// The errors of a case of forces; none of a null, and none where something swings by itself.
-pub(super) fn of_forces(case: &force::case::Case, model: Option<&str>) -> Option<Errors> {
+pub(crate) fn of_forces(case: &force::case::Case, model: Option<&str>) -> Option<Errors> {
     let unseen = case.unseen();
     let proof = force::proof::Proof::of(case, &unseen)?;
     let before = proof.before();
@@ -94,7 +91,7 @@ fn forces(
     let text = force::write::command(ride);
     let recording =
         series::read_text("passes.csv", &text, None, Some(about), Need::Samples).ok()?;
-    let read = forces_of(model, &recording).ok()?;
+    let read = simulated::cut_forces(model, &recording).ok()?;
     Some(read.iter().map(glam::DVec3::to_array).collect())
 }
 
@@ -104,7 +101,7 @@ fn predicted(case: &Case, scene: &Scene, model: &RobotModel, about: &About) -> O
     let text = write::recording(case, scene, &blank);
     let recording =
         series::read_text("motion.csv", &text, None, Some(about.clone()), Need::Path).ok()?;
-    let seen = seen_of(model, recording).ok()?;
+    let seen = simulated::positions(model, recording).ok()?;
     Some(if case.view.places.is_empty() {
         let count = case.scene.arm.count();
         Predicted::Links(seen.iter().map(|seen| seen.link[..count].to_vec()).collect())

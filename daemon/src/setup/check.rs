@@ -1,55 +1,59 @@
-//! A cell with its model: errors for which the daemon would not start.
+//! Validation of a cell with its model: errors for which the daemon would not start.
 
 use std::path::{Path, PathBuf};
 
-use daemon::setup;
 use recording::cell::{CellConfig, Feed, FeedLimit, FeedMode};
+use recording::check::Findings;
 use recording::faults::{Fault, Faults, Place};
-use recording::files::FileError;
+use recording::files::{FileError, read_text};
 use recording::model::RobotModel;
 use shm_schema::Cell;
 
-use super::Found;
+use super::{deflection_limit_fault, force_processor, joint_kinds, settings};
 
 /// Checks a cell, its model, and whether they match. The model is checked even if the cell cannot
 /// be parsed.
-pub(super) fn check(path: &Path, text: &str, found: &mut Found) -> Result<(), FileError> {
-    found.what = "cell";
-    let name = path.display().to_string();
-    let config = match CellConfig::read(path) {
-        Ok(config) => Some(config),
-        Err(FileError::Content(faults)) => {
-            found.faults.push(faults);
-            None
-        }
-        Err(error) => return Err(error),
-    };
+///
+/// ```
+/// use std::path::Path;
+///
+/// assert!(daemon::setup::check::cell(Path::new("missing.toml")).is_err());
+/// ```
+///
+/// # Errors
+/// The cell's file cannot be read. Faults in it are among the findings.
+pub fn cell(path: &Path) -> Result<Findings, FileError> {
+    let text = read_text(path)?;
+    let mut findings = Findings { kind: "cell", ..Findings::default() };
+    let mut config = None;
+    findings.take(CellConfig::read(path), |_, read| config = Some(read))?;
     let model_path = match &config {
         Some(config) => Some(config.model.clone()),
-        None => named_model(path, text),
+        None => named_model(path, &text),
     };
-    let Some(model_path) = model_path else { return Ok(()) };
+    let Some(model_path) = model_path else { return Ok(findings) };
+    let name = path.display().to_string();
     let model = match RobotModel::read(&model_path) {
         Ok(model) => model,
         Err(FileError::Content(faults)) => {
-            found.faults.push(faults);
-            return Ok(());
+            findings.faults.push(faults);
+            return Ok(findings);
         }
         Err(error) => {
             let fault =
                 Fault::new("model", error.to_string()).expected("a model file, or a preset");
-            found.faults.extend(together(&name, text, vec![fault]));
-            return Ok(());
+            findings.faults.extend(with_places(&name, &text, vec![fault]));
+            return Ok(findings);
         }
     };
     if let Some(config) = config {
-        found.faults.extend(together(&name, text, misfits(&name, &config, &model)));
+        findings.faults.extend(with_places(&name, &text, misfits(&name, &config, &model)));
         let mode = format!("{:?}", config.mode).to_lowercase();
         let robot = &model.file.name;
         let feed = config.feed.map(feed_summary).unwrap_or_default();
-        found.summary = format!("`{}`, mode {mode}, with `{robot}`{feed}", config.cell);
+        findings.summary = format!("`{}`, mode {mode}, with `{robot}`{feed}", config.cell);
     }
-    Ok(())
+    Ok(findings)
 }
 
 /// Summary of the cell's feed adaptation.
@@ -72,16 +76,16 @@ fn feed_summary(feed: Feed) -> String {
 fn misfits(name: &str, config: &CellConfig, model: &RobotModel) -> Vec<Fault> {
     let arm = &model.physics.arm;
     let mut found = Vec::new();
-    if let Err(faults) = config.check_against(name, &setup::joint_kinds(arm)) {
+    if let Err(faults) = config.check_against(name, &joint_kinds(arm)) {
         found.extend(faults.list().iter().cloned());
     }
-    if let Err(error) = setup::settings(config, arm, false) {
+    if let Err(error) = settings(config, arm, false) {
         found.push(Fault::new("envelope", error.to_string()));
     }
-    if let Err(error) = setup::force_processor(config, model) {
+    if let Err(error) = force_processor(config, model) {
         found.push(Fault::new("vibration", error.to_string()));
     }
-    found.extend(setup::deflection_limit_fault(config, &model.physics));
+    found.extend(deflection_limit_fault(config, &model.physics));
     if let Err(error) = Cell::new(&config.cell) {
         found.push(Fault::new("cell", error.to_string()));
     }
@@ -89,7 +93,7 @@ fn misfits(name: &str, config: &CellConfig, model: &RobotModel) -> Vec<Fault> {
 }
 
 /// Errors that name a key, with the position of that key in the text.
-fn together(name: &str, text: &str, found: Vec<Fault>) -> Option<Faults> {
+fn with_places(name: &str, text: &str, found: Vec<Fault>) -> Option<Faults> {
     if found.is_empty() {
         return None;
     }
@@ -124,7 +128,7 @@ fn is_key(line: &str, key: &str) -> bool {
     line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('='))
 }
 
-/// The model that a cell names which is not good as a whole.
+/// The model that a cell names that cannot be parsed as a whole.
 fn named_model(path: &Path, text: &str) -> Option<PathBuf> {
     let root = text.lines().map(str::trim_start).take_while(|line| !line.starts_with('['));
     let line = root.filter(|line| is_key(line, "model")).last()?;

@@ -1,14 +1,46 @@
 //! The page of `trued challenge`: all figures, success over effect-to-noise ratio, and confusions.
 
-use challenge::score::{Figures, Outcome};
+use challenge::score::Figures;
 use report::{
     Axis, Bar, Bars, Cell, Histogram, Number, Page, Plot, Role, Series, Svg, Table, Tone,
 };
 
-use super::told::{range, rows, share};
+use crate::Scored;
+use crate::text::{range, rows, share};
 
-pub(super) fn render(figures: &Figures, scored: &[Outcome]) -> Page {
-    let mut page = Page::new("Blind challenge")
+impl Scored {
+    /// The score as a page.
+    #[must_use]
+    pub fn page(&self) -> Page {
+        let figures = &self.figures;
+        let mut page = first_screen(figures);
+        page = page.section("All figures").table(&all(figures)).section("By strength");
+        page = page.table(&ranges(figures)).section("By effect").figure(
+            "First answer right, single effects that count towards a bar.",
+            &by_effect(figures),
+        );
+        page = page.table(&confused(figures));
+        let counted = self.outcomes.iter().filter(|outcome| outcome.counts());
+        let shares: Vec<f64> = counted.filter_map(|outcome| outcome.errors?.share()).collect();
+        if !shares.is_empty() {
+            let held = shares.iter().map(|share| share.clamp(-1.0, 1.2));
+            let plot = Histogram::new("Gain", Axis::new("Share of the oracle's gain", "1"))
+                .values("cases", held);
+            page = page.section("Gain on a motion that nobody saw").figure(
+                "Error taken away by the written model, as a share of what the true form with fitted numbers takes away; held within −1 and 1.2.",
+                &plot.render(),
+            );
+        }
+        if figures.calibration.iter().any(|bin| bin.claims > 0) {
+            page = page.section("Confidence").table(&calibration(figures));
+        }
+        page.text(&format!("SHA-256 of the truth: {}", figures.sealed_sha256))
+            .text(&format!("SHA-256 of the answers: {}", figures.answers_sha256))
+    }
+}
+
+fn first_screen(figures: &Figures) -> Page {
+    Page::new("Blind challenge")
         .kicker("trued challenge")
         .verdict(
             Tone::Plain,
@@ -39,30 +71,6 @@ pub(super) fn render(figures: &Figures, scored: &[Outcome]) -> Page {
             "Draw other cases: another seed is another sealed truth.",
             Some(&format!("trued challenge --cases {} --seed {} --out challenge-2", figures.cases, figures.seed + 1)),
         )
-        .section("All figures")
-        .table(&all(figures))
-        .section("By strength");
-    page = page.table(&ranges(figures)).section("By effect").figure(
-        "First answer right, single effects that count towards a bar.",
-        &by_effect(figures),
-    );
-    page = page.table(&confused(figures));
-    let shares: Vec<f64> =
-        scored.iter().filter(|o| o.counts()).filter_map(|o| o.errors?.share()).collect();
-    if !shares.is_empty() {
-        let held = shares.iter().map(|share| share.clamp(-1.0, 1.2));
-        let plot = Histogram::new("Gain", Axis::new("Share of the oracle's gain", "1"))
-            .values("cases", held);
-        page = page.section("Gain on a motion that nobody saw").figure(
-            "Error taken away by the written model, as a share of what the true form with fitted numbers takes away; held within −1 and 1.2.",
-            &plot.render(),
-        );
-    }
-    if figures.calibration.iter().any(|bin| bin.claims > 0) {
-        page = page.section("Confidence").table(&calibration(figures));
-    }
-    page.text(&format!("SHA-256 of the truth: {}", figures.sealed_sha256))
-        .text(&format!("SHA-256 of the answers: {}", figures.answers_sha256))
 }
 
 fn all(figures: &Figures) -> Table {

@@ -1,26 +1,31 @@
-//! The score of `trued challenge` as text: each figure with its number of cases.
+//! The score as text: each figure with its number of cases.
 
 use challenge::score::{Bin, Figures};
 use report::TextTable;
 
-use crate::table::on_stdout;
+use crate::Scored;
 
-pub(super) fn told(figures: &Figures) -> String {
-    let rows = rows(figures);
-    let table = rows
-        .into_iter()
-        .fold(TextTable::new(["", "figure", "of cases"]), |table, (what, figure, cases)| {
-            table.row([what, figure, cases.to_string()])
-        });
-    let mut text = format!("\n{}", on_stdout(&table));
-    if figures.unanswered > 0 {
-        text += &format!("{} cases without an answer; each counts as wrong\n", figures.unanswered);
+impl Scored {
+    /// The score as text, its table at most `width_max` characters wide.
+    #[must_use]
+    pub fn text(&self, width_max: Option<usize>) -> String {
+        let rows = rows(&self.figures);
+        let table = rows
+            .into_iter()
+            .fold(TextTable::new(["", "figure", "of cases"]), |table, (what, figure, cases)| {
+                table.row([what, figure, cases.to_string()])
+            });
+        let mut text = format!("\n{}", table.render(width_max));
+        let unanswered = self.figures.unanswered;
+        if unanswered > 0 {
+            text += &format!("{unanswered} cases without an answer; each counts as wrong\n");
+        }
+        text
     }
-    text
 }
 
 /// Each figure's name, its value, and the number of cases (claims, parameters) it is based on.
-pub(super) fn rows(f: &Figures) -> Vec<(String, String, usize)> {
+pub(crate) fn rows(f: &Figures) -> Vec<(String, String, usize)> {
     let mut rows = vec![("first answer right".to_owned(), share(f.first_right), f.counting)];
     for bin in &f.first_right_at_z {
         rows.push((
@@ -42,10 +47,10 @@ pub(super) fn rows(f: &Figures) -> Vec<(String, String, usize)> {
         ("alike and said to be so", share(f.undetermined_recognised), f.undetermined),
         ("95 % intervals hold, all", share(f.coverage95), f.counting),
         ("  where the effect was found", share(f.coverage95_found), f.intervals),
-        ("share of the oracle's gain, median", plain(f.gain_vs_oracle_median), f.counting),
-        ("  worst tenth", plain(f.gain_vs_oracle_p10), f.counting),
+        ("share of the oracle's gain, median", number(f.gain_vs_oracle_median), f.counting),
+        ("  worst tenth", number(f.gain_vs_oracle_p10), f.counting),
         ("confidence off by", share(f.calibration_error), claims),
-        ("solver's time, median (s)", plain(f.seconds_median), f.cases),
+        ("solver's time, median (s)", number(f.seconds_median), f.cases),
     ] {
         rows.push((what.to_owned(), figure, cases));
     }
@@ -53,16 +58,16 @@ pub(super) fn rows(f: &Figures) -> Vec<(String, String, usize)> {
 }
 
 /// `92.1 %`, or `–` for none.
-pub(super) fn share(value: Option<f64>) -> String {
+pub(crate) fn share(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), |value| format!("{:.1} %", 100.0 * value))
 }
 
-fn plain(value: Option<f64>) -> String {
+fn number(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), |value| format!("{value:.3}"))
 }
 
 /// `0.4 to 0.8`, `160 and more`.
-pub(super) fn range(bin: &Bin) -> String {
+pub(crate) fn range(bin: &Bin) -> String {
     match bin.to {
         Some(to) => format!("{} to {to}", bin.from),
         None => format!("{} and more", bin.from),

@@ -1,22 +1,20 @@
-//! The page of `trued plan --out`: contributions of the poses, a drawing of each, and what was not checked.
+//! The page of a plan: contributions of the poses, a drawing of each, and what was not checked.
 //!
 //! Contains only numbers that the JSON contains too.
 
-use diagnosis_report::positions::columns;
 use physics::Joints;
+use recording::model::RobotModel;
 use report::{ArmPoses, Cell, Column, Number, Page, Svg, Table, Tone};
 
-use super::Input;
-use diagnosis_report::drawings::places;
+use crate::drawings::places;
+use crate::positions::columns;
 
-/// The page's name, beside the programs.
-pub(super) const PAGE: &str = "plan.html";
 /// Poses per drawing: as many as fit on one sheet of paper.
 const DRAWN: usize = 12;
 
 /// The text about the poses.
-pub(super) struct Sheet<'a> {
-    pub(super) word: String,
+pub(super) struct PageContent<'a> {
+    pub(super) verdict: String,
     pub(super) sentence: String,
     pub(super) numbers: Vec<Number>,
     /// Each with its name.
@@ -29,15 +27,15 @@ pub(super) struct Sheet<'a> {
 }
 
 /// The whole page.
-pub(super) fn render(input: &Input, sheet: &Sheet<'_>) -> Page {
-    let arm = &input.model.physics.arm;
-    let drawn = sheet
+pub(super) fn render(model: &RobotModel, content: &PageContent<'_>) -> Page {
+    let arm = &model.physics.arm;
+    let drawn = content
         .poses
         .iter()
         .fold(ArmPoses::new("Poses"), |all, (name, q)| all.pose(name.clone(), places(arm, q)));
     let part = |from: usize| -> Svg { drawn.render_part(from..from + DRAWN) };
     let caption = |from: usize| {
-        let to = (from + DRAWN).min(sheet.poses.len());
+        let to = (from + DRAWN).min(content.poses.len());
         let places = if to - from == 1 {
             format!("Pose {to}")
         } else {
@@ -45,28 +43,28 @@ pub(super) fn render(input: &Input, sheet: &Sheet<'_>) -> Page {
         };
         format!(
             "{places} of {}, each from the side (left) and from above (right); red: the tool.",
-            sheet.poses.len()
+            content.poses.len()
         )
     };
-    let mut page = Page::new(format!("Poses for {}", input.model.file.name))
+    let mut page = Page::new(format!("Poses for {}", model.file.name))
         .kicker("trued plan")
-        .robot(input.model.file.identity().to_string())
-        .verdict(Tone::Plain, &sheet.word, &sheet.sentence)
-        .numbers(sheet.numbers.clone())
+        .robot(model.file.identity().to_string())
+        .verdict(Tone::Plain, &content.verdict, &content.sentence)
+        .numbers(content.numbers.clone())
         .figure(&caption(0), &part(0))
-        .next(sheet.next.0, Some(&sheet.next.1));
-    if sheet.poses.len() > DRAWN {
+        .next(content.next.0, Some(&content.next.1));
+    if content.poses.len() > DRAWN {
         page = page.section("The other poses");
-        let starts = (DRAWN..sheet.poses.len()).step_by(DRAWN);
+        let starts = (DRAWN..content.poses.len()).step_by(DRAWN);
         page = starts.fold(page, |page, from| page.figure(&caption(from), &part(from)));
     }
-    page = page.section("Joint positions").table(&positions(input, sheet));
-    page = sheet.details.iter().fold(page, Page::table);
-    page.section("What stays open, and what was not looked at").list(&sheet.open)
+    page = page.section("Joint positions").table(&positions(model, content));
+    page = content.details.iter().fold(page, Page::table);
+    page.section("What stays open, and what was not looked at").list(&content.open)
 }
 
-fn positions(input: &Input, sheet: &Sheet<'_>) -> Table {
-    let named = sheet.poses.iter().map(|(name, q)| (name, columns(&input.model.physics.arm, q)));
+fn positions(model: &RobotModel, content: &PageContent<'_>) -> Table {
+    let named = content.poses.iter().map(|(name, q)| (name, columns(&model.physics.arm, q)));
     let mut table: Option<Table> = None;
     for (name, positions) in named {
         let heads = positions.keys().map(|key| match key.rsplit_once('_') {

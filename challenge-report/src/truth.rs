@@ -1,0 +1,54 @@
+//! The truth of all cases, sealed before anyone answers.
+
+use challenge::seal::{self, Broken};
+use challenge::truth::{self, Truth};
+use recording::program;
+use serde::Serialize;
+
+use crate::{Case, case_name};
+
+/// The seal as it is published: `trued.commitment/1`.
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Commitment<'a> {
+    cases: usize,
+    sealed_sha256: &'a str,
+}
+
+/// What was hidden in each case, with its hash.
+#[derive(Debug)]
+pub struct SealedTruth {
+    /// By case.
+    pub truths: Vec<Truth>,
+    /// SHA-256 of the text, hexadecimal.
+    pub sha256: String,
+    text: String,
+}
+
+impl SealedTruth {
+    /// Seals the truth of these cases.
+    #[must_use]
+    pub fn of(cases: &[Case]) -> Self {
+        let named = cases.iter().enumerate();
+        let truths: Vec<Truth> = named.map(|(index, case)| case.truth(&case_name(index))).collect();
+        let text = truth::text(&truths);
+        Self { sha256: seal::sha256(&text), text, truths }
+    }
+
+    /// The seal as JSON, to be published before the answers.
+    ///
+    /// # Errors
+    /// It cannot be written as JSON: a fault of this program.
+    pub fn commitment(&self) -> Result<String, serde_json::Error> {
+        let commitment = Commitment { cases: self.truths.len(), sealed_sha256: &self.sha256 };
+        Ok(program::json("trued.commitment/1", &commitment)? + "\n")
+    }
+
+    /// The text, if it still fits its seal.
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn open(&self) -> Result<&str, Broken> {
+        seal::open(&self.text, &self.sha256)
+    }
+}

@@ -1,0 +1,215 @@
+//! Plans of measuring poses for people and programs: `trued.plan/1` as JSON, text, HTML page, and files for controller and measurements.
+//!
+//! [`measuring_poses`] chooses the poses of a calibration, [`next_pose`] one more and whether it is worth measuring, [`check_poses`] poses that reveal
+//! damage, [`iso_poses`] the test of ISO 9283. [`judge`] says whether a model still holds for measurements, [`crate::iso9283`] what they say of accuracy and
+//! repeatability, [`experiment`] writes what a diagnosis asks for. What is computed: [`diagnosis::plan`]. Modules in the order in which to read them:
+//! `poses`, `next`, `check`, `judged`, `iso`, `experiment` (a result each), `page` and `files` (what plans share).
+//!
+//! The same model, recordings and seed give the same bytes. Writes no file.
+
+mod check;
+pub mod experiment;
+mod files;
+mod iso;
+mod judged;
+mod next;
+mod page;
+mod poses;
+
+pub use check::{CheckPlan, CheckReport, check_poses};
+pub use files::{FILES, LIST, PAGE, PlanFile, Programs};
+pub use iso::{IsoPlan, IsoReport, iso_poses};
+pub use judged::{Judged, JudgedReport, judge};
+pub use next::{NextPlan, NextReport, next_pose};
+pub use poses::{PosesPlan, PosesReport, measuring_poses};
+
+use std::path::{Path, PathBuf};
+
+use diagnosis::plan::check::{Damage, Detectable};
+use diagnosis::plan::setup::MeasuringSetup;
+use diagnosis::plan::starting_point::StartingPoint;
+use diagnosis::plan::zone::Zone;
+use diagnosis::plan::{Criterion, Sees, Wish};
+use physics::{Joints, Model};
+use recording::model::RobotModel;
+use recording::series::Recording;
+use report::{TextLine, significant};
+use serde::Serialize;
+
+use crate::error::Error;
+
+/// Number of poses at which the tool's error is evaluated. Origin: a choice; the error of the mean is a ninth of their scatter.
+const TOOL_POSES: usize = 80;
+/// mm per m, mrad per rad.
+const MILLI: f64 = 1e3;
+
+/// A robot and what was measured of it so far.
+#[derive(Clone, Copy, Debug)]
+pub struct Robot<'a> {
+    /// Its model.
+    pub model: &'a RobotModel,
+    /// Measurements; may be empty.
+    pub recordings: &'a [Recording],
+}
+
+/// How poses are planned.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Instrument, targets, constraints.
+    pub setup: MeasuringSetup,
+    /// Where the tool's error counts. Default: none, so that it counts in the whole workspace.
+    pub zone: Option<Zone>,
+    /// Poses to choose from, as those that are known to be free, rad or m. Default: none, so that poses are drawn.
+    pub among: Vec<Joints>,
+    /// Number of poses that are drawn to choose from; 20 to 5000. Default 600. Origin: a choice.
+    pub candidates: usize,
+    /// Seed of all chance. Default 0.
+    pub seed: u64,
+    /// Motion between the poses, and axes of the controller.
+    pub programs: Programs,
+    /// The model's file, as the commands that the results name should call it. Default `ROBOT.toml`.
+    pub model_path: PathBuf,
+    /// Folder that the files will go to, as the results name it. Default: none.
+    pub out: Option<PathBuf>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            setup: MeasuringSetup::default(),
+            zone: None,
+            among: Vec::new(),
+            candidates: 600,
+            seed: 0,
+            programs: Programs::default(),
+            model_path: PathBuf::from("ROBOT.toml"),
+            out: None,
+        }
+    }
+}
+
+impl Settings {
+    /// Where the plan starts, without poses at which the tool's error counts.
+    fn start(&self, robot: Robot<'_>) -> Result<StartingPoint, Error> {
+        let Robot { model, recordings } = robot;
+        let mut start = StartingPoint::of(model, recordings, &self.setup).map_err(Error::input)?;
+        start.task.among.clone_from(&self.among);
+        Ok(start)
+    }
+
+    /// Where the plan starts.
+    fn start_with_zone(&self, robot: Robot<'_>) -> Result<StartingPoint, Error> {
+        let mut start = self.start(robot)?;
+        let chance = self.seed.wrapping_add(1);
+        let task = &mut start.task;
+        task.asked = match &self.zone {
+            None => task.workspace(TOOL_POSES, chance),
+            Some(zone) => zone.positions(&robot.model.physics.arm, &task.reach, TOOL_POSES, chance),
+        };
+        if task.asked.is_empty() {
+            return Err(Error::input(
+                "the arm reaches nothing of the zone in these directions: check --zone (mm, base frame), --direction, and what bars it",
+            ));
+        }
+        Ok(start)
+    }
+
+    fn wish(&self, count: usize, criterion: Criterion) -> Wish {
+        let candidates = self.candidates.max(4 * count);
+        Wish { count, criterion, candidates, seed: self.seed }
+    }
+
+    /// Where the tool's error counts, as a part of a sentence.
+    fn whereabouts(&self) -> &'static str {
+        if self.zone.is_some() { "in the zone" } else { "over the workspace" }
+    }
+
+    /// A command of this robot over the list that was filled in.
+    fn measured_by(&self, command: &str, options: &str) -> String {
+        let list = self.out.as_deref().unwrap_or(Path::new("")).join(LIST);
+        format!("trued {command} --model {} {options}{}", self.model_path.display(), list.display())
+    }
+
+    /// What to do with the poses of a calibration, and the command that evaluates the measurements.
+    fn to_calibrate(&self) -> (&'static str, String) {
+        let words = "Load the program and run it slowly first; then measure, fill the readings into poses.csv, and calibrate.";
+        (words, self.measured_by("calibrate", "--out calibrated.toml "))
+    }
+
+    /// What no constraint checked, as sentences.
+    fn not_checked(&self, sees: &Sees) -> Vec<&'static str> {
+        let mut open = vec![
+            "the way between two poses: try the program slowly first",
+            "fixtures, cables and the tool's body, unless boxes (--keep-out) stand for them",
+        ];
+        if matches!(sees, Sees::Points { .. }) && self.setup.instrument_base_m.is_none() {
+            open.push(
+                "whether the instrument sees the target: say where it stands with --instrument",
+            );
+        }
+        open
+    }
+
+    /// The last lines of a text: what was not checked, and where the files are.
+    fn closing(&self, not_checked: &[&str]) -> impl Iterator<Item = TextLine> {
+        let open = not_checked.iter().map(|open| TextLine::from(format!("not checked: {open}")));
+        let written = self.out.as_ref().map(|out| {
+            let out = out.display();
+            TextLine::from(format!("written: {out}/poses.csv with poses.toml (fill in what is measured), poses.mod, poses.src, poses.dat"))
+        });
+        open.chain(written).collect::<Vec<_>>().into_iter()
+    }
+}
+
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+struct DetectableReport {
+    damage: String,
+    unit: &'static str,
+    least: Option<f64>,
+}
+
+impl DetectableReport {
+    fn of(model: &Model, found: &Detectable) -> Self {
+        let least = found.least.map(|least| MILLI * least);
+        Self { damage: found.damage.says(), unit: damage_unit(model, &found.damage), least }
+    }
+
+    fn all(model: &Model, found: &[Detectable]) -> Vec<Self> {
+        found.iter().map(|one| Self::of(model, one)).collect()
+    }
+}
+
+fn damage_unit(model: &Model, damage: &Damage) -> &'static str {
+    if damage.is_angle(model) { "mrad" } else { "mm" }
+}
+
+/// The minimum detectable change with its unit.
+fn least_detectable(model: &Model, found: &Detectable) -> String {
+    found.least.map_or("not detectable: absorbed by the fitted parameters".to_owned(), |least| {
+        format!("{} {}", significant(MILLI * least, 2), damage_unit(model, &found.damage))
+    })
+}
+
+/// What the poses of a check can show, as a table of text.
+fn detectable_table(model: &Model, detectable: &[Detectable], width_max: Option<usize>) -> String {
+    let start = report::TextTable::new(["damage", "minimum detectable change"]);
+    let table = detectable.iter().fold(start, |table, found| {
+        table.row([found.damage.says(), least_detectable(model, found)])
+    });
+    table.render(width_max)
+}
+
+/// The assumptions made where nothing was stated.
+fn assumptions(robot: Robot<'_>) -> Vec<String> {
+    let mut said = Vec::new();
+    let Robot { model, recordings } = robot;
+    if !model.sigma.iter().flatten().any(|sigma| *sigma > 0.0) {
+        said.push(format!("{} states no uncertainty: it is taken as exact", model.file.name));
+    }
+    for recording in recordings.iter().filter(|recording| recording.about.sigma.is_empty()) {
+        let file = recording.file.display();
+        said.push(format!("{file}: no `sigma` is stated: 0.05 mm is taken"));
+    }
+    said
+}

@@ -1,0 +1,165 @@
+//! Poses that reveal damage.
+
+use std::collections::BTreeMap;
+
+use diagnosis::Hypothesis;
+use diagnosis::plan::Criterion;
+use diagnosis::plan::check::{Checkup, Terms, poses};
+use diagnosis::plan::starting_point::StartingPoint;
+use report::{Number, Page, Table, TextLine, TextTable, Tone, count, fixed, significant};
+use serde::Serialize;
+
+use super::files::PlanFile;
+use super::page::{PageContent, numbered, render};
+use super::{DetectableReport, Robot, Settings, assumptions, detectable_table, least_detectable};
+use crate::error::Error;
+use crate::positions::{columns, shown};
+
+/// Poses of a check: `trued.plan/1` (docs/reference/results.md).
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct CheckReport<'a> {
+    does: &'static str,
+    model: &'a str,
+    seed: u64,
+    alarm: f64,
+    power: f64,
+    poses: Vec<BTreeMap<String, f64>>,
+    detectable: Vec<DetectableReport>,
+    not_checked: Vec<&'static str>,
+}
+
+/// Poses of a check.
+#[derive(Clone, Debug)]
+pub struct CheckPlan<'a> {
+    robot: Robot<'a>,
+    settings: &'a Settings,
+    start: StartingPoint,
+    terms: Terms,
+    /// What was chosen.
+    pub found: Checkup,
+}
+
+/// Chooses `count` poses at which damage shows.
+///
+/// ```
+/// use diagnosis::plan::Criterion;
+/// use diagnosis::plan::check::Terms;
+/// use diagnosis_report::plan::{Robot, Settings, check_poses};
+/// use recording::model::RobotModel;
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let model = RobotModel::read("irb120".as_ref())?;
+/// let robot = Robot { model: &model, recordings: &[] };
+/// let settings = Settings { candidates: 40, ..Settings::default() };
+/// let terms = Terms { alarm: 0.01, power: 0.9 };
+/// let plan = check_poses(robot, &settings, &terms, Criterion::D, 10)?;
+/// assert_eq!(plan.found.poses.len(), 10);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// [`Error::Input`] where recordings cannot be used, or fewer poses pass the constraints.
+pub fn check_poses<'a>(
+    robot: Robot<'a>,
+    settings: &'a Settings,
+    terms: &Terms,
+    criterion: Criterion,
+    count: usize,
+) -> Result<CheckPlan<'a>, Error> {
+    let mut start = settings.start(robot)?;
+    start.task.hypothesis = Hypothesis::fixed(robot.model.physics);
+    let wish = settings.wish(count, criterion);
+    let found = poses(&start.task, &robot.model.sigma, &wish, terms).map_err(Error::input)?;
+    Ok(CheckPlan { robot, settings, start, terms: *terms, found })
+}
+
+impl CheckPlan<'_> {
+    /// The result as an object.
+    #[must_use]
+    pub fn report(&self) -> CheckReport<'_> {
+        let Self { robot: Robot { model, .. }, settings, start, terms, found } = self;
+        CheckReport {
+            does: "check",
+            model: &model.file.name,
+            seed: settings.seed,
+            alarm: terms.alarm,
+            power: terms.power,
+            poses: found.poses.iter().map(|q| columns(&model.physics.arm, q)).collect(),
+            detectable: DetectableReport::all(&model.physics, &found.detectable),
+            not_checked: settings.not_checked(&start.task.sees),
+        }
+    }
+
+    /// The result in lines of text, its tables at most `width_max` characters wide.
+    #[must_use]
+    pub fn text(&self, width_max: Option<usize>) -> Vec<TextLine> {
+        let Self { robot, settings, start, found, .. } = self;
+        let model = &robot.model.physics;
+        let head = count(found.poses.len(), "pose");
+        let rest = format!(" for a check (seed {})", settings.seed);
+        let mut lines = vec![TextLine::with_head(Tone::Plain, head, rest)];
+        let poses = found.poses.iter().enumerate();
+        let table = poses
+            .fold(TextTable::new(["pose", "joints, deg (mm)"]), |table, (place, q)| {
+                table.row([(place + 1).to_string(), shown(&model.arm, q)])
+            });
+        lines.push(table.render(width_max).into());
+        let (detected, false_alarms) = self.rates();
+        lines.push(
+            format!("seen in {detected} of 100 cases where it is at least this large, {false_alarms} false alarms in 1000 sound robots:")
+                .into(),
+        );
+        lines.push(detectable_table(model, &found.detectable, width_max).into());
+        let assumed = assumptions(*robot).into_iter();
+        lines.extend(assumed.map(|warning| TextLine::from(format!("note: {warning}"))));
+        lines.extend(settings.closing(&settings.not_checked(&start.task.sees)));
+        lines
+    }
+
+    /// The result as a page.
+    #[must_use]
+    pub fn page(&self) -> Page {
+        let Self { robot, settings, start, found, .. } = self;
+        let heads = ["Damage", "Minimum detectable change"];
+        let start_table = Table::new("What the poses can show", heads);
+        let detectable = found.detectable.iter().fold(start_table, |table, one| {
+            table
+                .row([one.damage.says().into(), least_detectable(&robot.model.physics, one).into()])
+        });
+        let (detected, false_alarms) = self.rates();
+        let not_checked = settings.not_checked(&start.task.sees);
+        let content = PageContent {
+            verdict: format!("{} for a check", count(found.poses.len(), "pose")),
+            sentence: format!(
+                "Damage of the size in the table is seen in {detected} of 100 cases, with {false_alarms} false alarms in 1000 sound robots."
+            ),
+            numbers: vec![Number::text("Poses", found.poses.len().to_string())],
+            poses: numbered(&found.poses),
+            details: vec![detectable],
+            open: not_checked.iter().map(|open| format!("not checked: {open}")).collect(),
+            next: (
+                "Load the program and run it slowly first; measure, fill the readings into poses.csv, and have them judged.",
+                settings.measured_by("plan --check", ""),
+            ),
+        };
+        render(robot.model, &content)
+    }
+
+    /// Programs and list of the poses.
+    ///
+    /// # Errors
+    /// [`Error::File`] where a program would exceed the joint limits, or axes do not fit the robot.
+    pub fn files(&self) -> Result<Vec<PlanFile>, Error> {
+        let Self { robot, settings, start, found, .. } = self;
+        let approach = settings.programs.approach(settings.setup.both_ways);
+        settings.programs.files(robot.model, &start.task, &found.poses, approach)
+    }
+
+    /// Detections of 100 damaged robots, and false alarms of 1000 sound ones.
+    fn rates(&self) -> (String, String) {
+        let Terms { alarm, power } = self.terms;
+        (fixed(100.0 * power, 0), significant(1e3 * alarm, 2))
+    }
+}

@@ -1,0 +1,155 @@
+//! The experiment that a diagnosis proposes, as a path to be run and measured.
+//!
+//! [`Request::parse`] reads it from `diagnosis.json`. It accepts any text: it returns the experiment, that none is proposed, or why the text is not a
+//! diagnosis. The motion is the one that the diagnosis has evaluated, within the limits and speeds of its model. The robot's surroundings are not considered;
+//! this is stated.
+
+use diagnosis::diagnose::experiment::{self, Measured, menu};
+use physics::Arm;
+use recording::series::{Channel, JOINTS_MAX, Recording, TARGETS_MAX};
+use report::{TextLine, significant};
+use serde::{Deserialize, Serialize};
+
+/// Names of the files: the path with columns for the measurements, and its description.
+pub const FILES: [&str; 2] = ["experiment.csv", "experiment.toml"];
+/// What is not checked.
+const NOT_CHECKED: &str = "what stands around the robot, and whether the tool meets floor, base or cables: run it slowly first, with a hand on the stop";
+
+/// An experiment: `trued.plan/1` (docs/reference/results.md).
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct ExperimentReport<'a> {
+    does: &'static str,
+    experiment: &'a str,
+    says: &'a str,
+    expected_separation: f64,
+    takes_s: f64,
+    rows: usize,
+    files: [String; 2],
+    not_checked: [&'static str; 1],
+}
+
+/// A proposed experiment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Request {
+    /// What a technician has to do.
+    pub says: String,
+    /// Which one of the menu.
+    pub name: String,
+    /// Expected separation of the alternatives, as a log-likelihood ratio.
+    pub expected_separation: f64,
+    /// What is to be measured.
+    pub measured: Measured,
+}
+
+/// What is needed of `diagnosis.json`.
+#[derive(Deserialize)]
+struct DiagnosisFile {
+    next_experiment: Option<String>,
+    experiment: Option<ExperimentEntry>,
+}
+
+#[derive(Deserialize)]
+struct ExperimentEntry {
+    name: String,
+    expected_separation: f64,
+    measure: Vec<String>,
+}
+
+/// A text from which no experiment can be read.
+#[derive(Debug, thiserror::Error)]
+pub enum NoRequest {
+    /// Not JSON, or not of this form.
+    #[error("is no diagnosis: {0}")]
+    NoDiagnosis(#[from] serde_json::Error),
+    /// The request names a quantity that cannot be measured.
+    #[error("`measure` names `{0}`, which is no measured column")]
+    NotMeasured(String),
+}
+
+impl Request {
+    /// Reads the text of a `diagnosis.json`; `None` where it proposes no experiment.
+    ///
+    /// ```
+    /// use diagnosis_report::plan::experiment::Request;
+    ///
+    /// assert_eq!(Request::parse("{}").expect("a diagnosis"), None);
+    /// assert!(Request::parse("[1]").is_err());
+    /// ```
+    ///
+    /// # Errors
+    /// See [`NoRequest`].
+    pub fn parse(text: &str) -> Result<Option<Self>, NoRequest> {
+        let found: DiagnosisFile = serde_json::from_str(text)?;
+        let (Some(entry), Some(says)) = (found.experiment, found.next_experiment) else {
+            return Ok(None);
+        };
+        let measured = measured(&entry.measure)?;
+        let ExperimentEntry { name, expected_separation, .. } = entry;
+        Ok(Some(Self { says, name, expected_separation, measured }))
+    }
+
+    /// The experiment for this arm; none where this version has none of that name.
+    #[must_use]
+    pub fn experiment(&self, arm: &Arm) -> Option<Experiment<'_>> {
+        let motion = menu(arm).into_iter().find(|one| one.name == self.name)?;
+        Some(Experiment { request: self, motion })
+    }
+}
+
+/// A requested experiment with its motion.
+#[derive(Clone, Debug)]
+pub struct Experiment<'a> {
+    request: &'a Request,
+    /// The motion.
+    pub motion: experiment::Experiment,
+}
+
+impl Experiment<'_> {
+    /// The path with empty columns for the measurements.
+    #[must_use]
+    pub fn recording(&self) -> Recording {
+        self.motion.recording(&self.request.measured, f64::NAN)
+    }
+
+    /// The result as an object; `files`: the paths of [`FILES`].
+    #[must_use]
+    pub fn report(&self, files: [String; 2]) -> ExperimentReport<'_> {
+        ExperimentReport {
+            does: "experiment",
+            experiment: &self.motion.name,
+            says: &self.request.says,
+            expected_separation: self.request.expected_separation,
+            takes_s: self.motion.takes_s(),
+            rows: self.motion.rows.len(),
+            files,
+            not_checked: [NOT_CHECKED],
+        }
+    }
+
+    /// The result in lines of text.
+    #[must_use]
+    pub fn text(&self, files: &[String; 2]) -> Vec<TextLine> {
+        let (rows, takes_s) = (self.motion.rows.len(), significant(self.motion.takes_s(), 3));
+        let [list, about] = files;
+        vec![
+            self.request.says.as_str().into(),
+            format!("{rows} rows over {takes_s} s, written to {list} and {about}").into(),
+            format!("not looked at: {NOT_CHECKED}").into(),
+            "record it, fill the empty columns, and give it to trued diagnose beside the first recording".into(),
+        ]
+    }
+}
+
+/// Columns by their names without units.
+fn measured(names: &[String]) -> Result<Measured, NoRequest> {
+    let points = (0..TARGETS_MAX).flat_map(|t| (0..3).map(move |axis| Channel::Target(t, axis)));
+    let all = (0..3).map(Channel::Position).chain(points);
+    let all = all.chain((0..4).map(Channel::Orientation)).chain((0..JOINTS_MAX).map(Channel::Link));
+    let all: Vec<Channel> = all.collect();
+    let channel = |name: &String| {
+        let found = all.iter().copied().find(|channel| channel.base() == *name);
+        found.ok_or_else(|| NoRequest::NotMeasured(name.clone()))
+    };
+    Ok(Measured { channels: names.iter().map(channel).collect::<Result<_, _>>()? })
+}

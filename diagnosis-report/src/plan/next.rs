@@ -1,0 +1,173 @@
+//! The next pose to measure, and whether it is worth measuring.
+
+use diagnosis::plan::next::AHEAD;
+use diagnosis::plan::starting_point::StartingPoint;
+use diagnosis::plan::{Next, next};
+use report::{Number, Page, TextLine, Tone, count};
+use serde::Serialize;
+
+use super::files::PlanFile;
+use super::page::{PageContent, render};
+use super::poses::{PoseReport, before_and_after, mm};
+use super::{MILLI, Robot, Settings};
+use crate::error::Error;
+use crate::positions::shown;
+
+/// The next pose: `trued.plan/1` (docs/reference/results.md).
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct NextReport<'a> {
+    does: &'static str,
+    model: &'a str,
+    seed: u64,
+    measured_poses: usize,
+    enough: bool,
+    tool_mm: f64,
+    tool_with_ten_more_mm: f64,
+    worth_mm: f64,
+    pose: PoseReport,
+    not_checked: Vec<&'static str>,
+}
+
+/// The next pose to measure.
+#[derive(Clone, Debug)]
+pub struct NextPlan<'a> {
+    robot: Robot<'a>,
+    settings: &'a Settings,
+    start: StartingPoint,
+    worth_mm: f64,
+    /// What was chosen.
+    pub found: Next,
+}
+
+/// Chooses the pose that takes most off the tool's expected error. `worth_mm`: what ten more poses have to take off that error to be worth measuring, mm.
+///
+/// ```
+/// use diagnosis_report::plan::{Robot, Settings, next_pose};
+/// use recording::model::RobotModel;
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let model = RobotModel::read("irb120".as_ref())?;
+/// let robot = Robot { model: &model, recordings: &[] };
+/// let settings = Settings { candidates: 20, ..Settings::default() };
+/// let next = next_pose(robot, &settings, 0.003)?;
+/// assert!(!next.found.enough, "nothing was measured yet");
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// [`Error::Input`] where recordings cannot be used, or too few poses pass the constraints.
+pub fn next_pose<'a>(
+    robot: Robot<'a>,
+    settings: &'a Settings,
+    worth_mm: f64,
+) -> Result<NextPlan<'a>, Error> {
+    let start = settings.start_with_zone(robot)?;
+    let Settings { candidates, seed, .. } = settings;
+    let found = next(&start.task, start.known(), *candidates, 1e-3 * worth_mm, *seed)
+        .map_err(Error::input)?;
+    Ok(NextPlan { robot, settings, start, worth_mm, found })
+}
+
+impl NextPlan<'_> {
+    /// The result as an object.
+    #[must_use]
+    pub fn report(&self) -> NextReport<'_> {
+        let Self { robot: Robot { model, .. }, settings, start, found, .. } = self;
+        let [now_m, later_m] = found.tool_m;
+        NextReport {
+            does: "next",
+            model: &model.file.name,
+            seed: settings.seed,
+            measured_poses: start.measured_poses(),
+            enough: found.enough,
+            tool_mm: MILLI * now_m,
+            tool_with_ten_more_mm: MILLI * later_m,
+            worth_mm: self.worth_mm,
+            pose: PoseReport::of(model, &found.pose),
+            not_checked: settings.not_checked(&start.task.sees),
+        }
+    }
+
+    /// The result in lines of text.
+    #[must_use]
+    pub fn text(&self) -> Vec<TextLine> {
+        let Self { robot, settings, start, worth_mm, found } = self;
+        let improvement = self.improvement();
+        let first = if found.enough {
+            let rest = format!(": {improvement} (worth measuring: {worth_mm} mm): stop");
+            TextLine::with_head(Tone::Good, "enough", rest)
+        } else {
+            TextLine::with_head(Tone::Plain, "go on", format!(": {improvement}"))
+        };
+        let q = shown(&robot.model.physics.arm, &found.pose.q);
+        let [before_m, after_m] = found.pose.tool_m;
+        let mut lines = vec![
+            first,
+            format!("next: {q}  (joints, deg; mm where one slides)").into(),
+            format!(
+                "why: the tool goes from {} to {} mm with it; {}",
+                mm(before_m),
+                mm(after_m),
+                self.improved_parameters().join("; ")
+            )
+            .into(),
+        ];
+        lines.extend(settings.closing(&settings.not_checked(&start.task.sees)));
+        lines
+    }
+
+    /// The result as a page.
+    #[must_use]
+    pub fn page(&self) -> Page {
+        let Self { robot, settings, start, worth_mm, found } = self;
+        let whereabouts = settings.whereabouts();
+        let improved = self.improved_parameters();
+        let improved = improved.iter().map(|one| format!("becomes surer: {one}"));
+        let not_checked = settings.not_checked(&start.task.sees);
+        let open = improved.chain(not_checked.iter().map(|open| format!("not checked: {open}")));
+        let [before_m, after_m] = found.pose.tool_m;
+        let content = PageContent {
+            verdict: if found.enough { "enough measured" } else { "go on with this pose" }
+                .to_owned(),
+            sentence: format!("{}.", self.improvement()),
+            numbers: vec![
+                Number::new("Expected error now", MILLI * before_m, "mm").note(whereabouts),
+                Number::new("With this pose", MILLI * after_m, "mm").note(whereabouts),
+                Number::new("Worth measuring", *worth_mm, "mm").note("for ten more poses"),
+            ],
+            poses: vec![("next".to_owned(), found.pose.q)],
+            details: Vec::new(),
+            open: open.collect(),
+            next: settings.to_calibrate(),
+        };
+        render(robot.model, &content)
+    }
+
+    /// Programs and list of the pose.
+    ///
+    /// # Errors
+    /// [`Error::File`] where a program would exceed the joint limits, or axes do not fit the robot.
+    pub fn files(&self) -> Result<Vec<PlanFile>, Error> {
+        let Self { robot, settings, start, found, .. } = self;
+        let approach = settings.programs.approach(settings.setup.both_ways);
+        settings.programs.files(robot.model, &start.task, &[found.pose.q], approach)
+    }
+
+    /// The tool's expected error, and what more poses would take off it.
+    fn improvement(&self) -> String {
+        let [now_m, later_m] = self.found.tool_m;
+        format!(
+            "{} measured; the tool is known to {} mm {}; {AHEAD} more poses would bring {} mm",
+            count(self.start.measured_poses(), "pose"),
+            mm(now_m),
+            self.settings.whereabouts(),
+            mm(now_m - later_m)
+        )
+    }
+
+    fn improved_parameters(&self) -> Vec<String> {
+        self.found.pose.falls.iter().map(before_and_after).collect()
+    }
+}

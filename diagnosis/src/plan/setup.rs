@@ -1,0 +1,255 @@
+//! How poses are measured and what restricts them: instrument, targets, constraints of a [`Task`].
+//!
+//! Positions on the tool are in the tool frame, all others in the base frame; SI.
+
+use super::reach::Reach;
+use super::sight::Sight;
+use super::task::{Patch, Sees, Task, believed};
+use crate::campaign::{Campaign, Noise};
+use crate::surroundings::{Anchor, Fitted, Plane, Sphere, Station, Surroundings};
+use glam::DVec3;
+use physics::{Arm, Frame};
+use recording::model::RobotModel;
+
+/// Standard uncertainty of a length where neither the setup nor a recording gives one, m. Origin: a laser tracker at a few metres.
+pub const LENGTH_SIGMA_M: f64 = 5e-5;
+
+/// How poses are measured, and what restricts them.
+///
+/// ```
+/// use diagnosis::plan::setup::{MeasuringSetup, ToolTarget};
+/// use glam::DVec3;
+///
+/// let reflector = ToolTarget {
+///     place_tool_m: DVec3::new(0.0, 0.0, 0.1),
+///     facing_tool: Some(DVec3::X),
+/// };
+/// let setup = MeasuringSetup {
+///     instrument_base_m: Some(DVec3::new(3.0, 0.0, 1.2)),
+///     targets: vec![reflector],
+///     ..MeasuringSetup::default()
+/// };
+/// assert_eq!(setup.sight().expect("an instrument").facing_tool, [Some(DVec3::X)]);
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeasuringSetup {
+    /// Where the instrument stands, m. Default: none, so that no line of sight is required.
+    pub instrument_base_m: Option<DVec3>,
+    /// Nearest and farthest distance that the instrument measures at, m. Default 0.3 and 30. Origin: data sheets of laser trackers.
+    pub range_m: [f64; 2],
+    /// Largest angle between a reflector's direction and the beam, rad; above 0. Default 25 degrees. Origin: data sheets of ball-mounted retroreflectors.
+    pub acceptance_rad: f64,
+    /// Targets on the tool. Default: none, so that the TCP is measured.
+    pub targets: Vec<ToolTarget>,
+    /// Least number of targets that have to be seen at a pose. Default 1.
+    pub targets_seen_least: usize,
+    /// Whether the targets' places are known; otherwise they are fitted. Default false.
+    pub targets_known: bool,
+    /// Whether the measuring frame is the robot's base; otherwise it is fitted. Default false.
+    pub frame_known: bool,
+    /// Standard uncertainty of a length, m; above 0. Default: none, so that it is estimated from the recordings, or is [`LENGTH_SIGMA_M`].
+    pub length_sigma_m: Option<f64>,
+    /// Standard uncertainty of the tool's orientation, rad; above 0. Default: none, so that it is not measured.
+    pub orientation_sigma_rad: Option<f64>,
+    /// A ballbar or cable, which measures distances instead of points. Default: none.
+    pub ballbar: Option<Ballbar>,
+    /// Planes that a probe touches instead. Default: none.
+    pub planes: Vec<TouchedPatch>,
+    /// Spheres that a probe touches instead. Default: none.
+    pub spheres: Vec<TouchedSphere>,
+    /// Distance kept from the limits of revolute joints, rad; 0 to π/2. Default 5 degrees. Origin: a choice.
+    pub margin_rad: f64,
+    /// Radius about each link, m; above 0. Default: none, so that it is that of [`Reach::of`].
+    pub link_radius_m: Option<f64>,
+    /// Radius about the base's column, m; above 0. Default: none, so that it is that of [`Reach::of`].
+    pub base_radius_m: Option<f64>,
+    /// The floor. Default: the base's foot for an arm that stands upright.
+    pub floor: Floor,
+    /// Boxes that links stay out of: least and largest corner, m. Default: none.
+    pub keep_out: Vec<[DVec3; 2]>,
+    /// Whether each pose is measured twice, all joints from below and from above. Default true.
+    pub both_ways: bool,
+}
+
+/// A target on the tool.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolTarget {
+    /// Where it is, tool frame, m.
+    pub place_tool_m: DVec3,
+    /// Which way it looks, tool frame, unit length; none: it is seen from all sides.
+    pub facing_tool: Option<DVec3>,
+}
+
+/// A ballbar or cable.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ballbar {
+    /// About where its fixed end is, m; fitted.
+    pub anchor_base_m: DVec3,
+    /// Shortest and longest distance that it measures, m.
+    pub length_m: [f64; 2],
+}
+
+/// Part of a plane that a probe touches; the plane is fitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TouchedPatch {
+    /// A point of it, m.
+    pub middle_base_m: DVec3,
+    /// Its direction outwards, unit length.
+    pub normal_base: DVec3,
+    /// How far it extends from the point, m.
+    pub within_m: f64,
+}
+
+/// A sphere that a probe touches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TouchedSphere {
+    /// About where its centre is, m; fitted.
+    pub centre_base_m: DVec3,
+    /// Its radius, m; known.
+    pub radius_m: f64,
+}
+
+/// The floor beneath an arm.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Floor {
+    /// At the base's foot for an arm that stands upright, else none.
+    #[default]
+    OfArm,
+    /// There is none.
+    None,
+    /// At this height, base frame, m.
+    At(f64),
+}
+
+impl Default for MeasuringSetup {
+    fn default() -> Self {
+        Self {
+            instrument_base_m: None,
+            range_m: [0.3, 30.0],
+            acceptance_rad: 25.0_f64.to_radians(),
+            targets: Vec::new(),
+            targets_seen_least: 1,
+            targets_known: false,
+            frame_known: false,
+            length_sigma_m: None,
+            orientation_sigma_rad: None,
+            ballbar: None,
+            planes: Vec::new(),
+            spheres: Vec::new(),
+            margin_rad: 5.0_f64.to_radians(),
+            link_radius_m: None,
+            base_radius_m: None,
+            floor: Floor::default(),
+            keep_out: Vec::new(),
+            both_ways: true,
+        }
+    }
+}
+
+impl MeasuringSetup {
+    /// The task for a model before anything was measured; without poses at which the tool's error counts.
+    #[must_use]
+    pub fn task(&self, model: &RobotModel) -> Task {
+        Task {
+            hypothesis: believed(&model.physics, &model.sigma),
+            surroundings: self.surroundings(),
+            sees: self.sees(),
+            noise: self.noise(LENGTH_SIGMA_M),
+            sight: self.sight(),
+            reach: self.reach(&model.physics.arm),
+            both_ways: self.both_ways,
+            among: Vec::new(),
+            asked: Vec::new(),
+        }
+    }
+
+    /// Adds what is known here to the campaign of a recording: the measuring frame, the targets' places.
+    pub fn add_to(&self, campaign: &mut Campaign) {
+        let Surroundings { frames, targets, .. } = &mut campaign.surroundings;
+        frames.iter_mut().for_each(|frame| frame.free &= !self.frame_known);
+        for (found, stated) in targets.iter_mut().zip(&self.targets) {
+            if found.free && self.targets_known {
+                *found = Fitted::known(stated.place_tool_m);
+            }
+        }
+    }
+
+    /// Noise of lengths: as stated, otherwise `otherwise_m`.
+    #[must_use]
+    pub fn noise(&self, otherwise_m: f64) -> Noise {
+        Noise::Equal(self.length_sigma_m.unwrap_or(otherwise_m))
+    }
+
+    /// Where the arm may go.
+    #[must_use]
+    pub fn reach(&self, arm: &Arm) -> Reach {
+        let usual = Reach::of(arm);
+        Reach {
+            margin_rad: self.margin_rad,
+            link_radius_m: self.link_radius_m.unwrap_or(usual.link_radius_m),
+            base_radius_m: self.base_radius_m.unwrap_or(usual.base_radius_m),
+            floor_m: match self.floor {
+                Floor::OfArm => usual.floor_m,
+                Floor::None => None,
+                Floor::At(height_m) => Some(height_m),
+            },
+            keep_out: self.keep_out.clone(),
+            ..usual
+        }
+    }
+
+    /// The line of sight that is required; none without an instrument.
+    #[must_use]
+    pub fn sight(&self) -> Option<Sight> {
+        Some(Sight {
+            instrument_base: self.instrument_base_m?,
+            range_m: self.range_m,
+            acceptance_rad: self.acceptance_rad,
+            facing_tool: self.targets.iter().map(|target| target.facing_tool).collect(),
+        })
+    }
+
+    fn sees(&self) -> Sees {
+        if let Some(Ballbar { length_m, .. }) = self.ballbar {
+            return Sees::Distance { length_m };
+        }
+        let plane = |(plane, patch): (usize, &TouchedPatch)| Patch::Plane {
+            plane,
+            middle: patch.middle_base_m,
+            within_m: patch.within_m,
+        };
+        let planes = self.planes.iter().enumerate().map(plane);
+        let touched: Vec<Patch> =
+            planes.chain((0..self.spheres.len()).map(Patch::Sphere)).collect();
+        if touched.is_empty() {
+            let orientation_rad = self.orientation_sigma_rad;
+            return Sees::Points { least: self.targets_seen_least, orientation_rad };
+        }
+        Sees::Touch(touched)
+    }
+
+    fn surroundings(&self) -> Surroundings {
+        let station = Station { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
+        let target =
+            |target: &ToolTarget| Fitted { value: target.place_tool_m, free: !self.targets_known };
+        let anchor = |ballbar: &Ballbar| Anchor {
+            place: Fitted::unknown(ballbar.anchor_base_m),
+            offset_m: Fitted::known(0.0),
+        };
+        let plane = |patch: &TouchedPatch| {
+            let normal = patch.normal_base;
+            Fitted::unknown(Plane { normal, offset_m: normal.dot(patch.middle_base_m) })
+        };
+        let sphere = |sphere: &TouchedSphere| Sphere {
+            centre: Fitted::unknown(sphere.centre_base_m),
+            radius_m: Fitted::known(sphere.radius_m),
+        };
+        Surroundings {
+            frames: vec![Fitted { value: station, free: !self.frame_known }],
+            targets: self.targets.iter().map(target).collect(),
+            anchors: self.ballbar.iter().map(anchor).collect(),
+            planes: self.planes.iter().map(plane).collect(),
+            spheres: self.spheres.iter().map(sphere).collect(),
+        }
+    }
+}

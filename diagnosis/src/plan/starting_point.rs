@@ -1,0 +1,109 @@
+//! Starting point of a plan: the model alone, or existing measurements.
+//!
+//! With recordings, targets and frame are taken from a fit, and the noise from its residuals. Gross
+//! errors are always reported.
+
+use super::setup::{LENGTH_SIGMA_M, MeasuringSetup};
+use super::{Known, Task};
+use crate::campaign::Campaign;
+use crate::fit::{Effort, Settings, fit};
+use crate::from_recording::{self, Unusable};
+use crate::gross;
+use crate::result::Fit;
+use crate::robust::Influence;
+use physics::Arm;
+use recording::model::RobotModel;
+use recording::series::Recording;
+
+/// A task, and what is known so far.
+#[derive(Clone, Debug)]
+pub struct StartingPoint {
+    /// The task, without poses at which the tool's error counts.
+    pub task: Task,
+    /// What was measured, with its fit; none where there are no readings yet.
+    pub measured: Option<(Campaign, Fit)>,
+}
+
+/// Why the recordings are no starting point.
+#[derive(Debug, thiserror::Error)]
+pub enum NoStartingPoint {
+    /// A recording cannot be used.
+    #[error(transparent)]
+    Unusable(#[from] Unusable),
+    /// A gross error.
+    #[error("what was measured does not fit the model: {0}")]
+    GrossFault(String),
+}
+
+impl StartingPoint {
+    /// The task of a setup, complemented by what recordings of the robot tell.
+    ///
+    /// ```
+    /// use diagnosis::plan::setup::MeasuringSetup;
+    /// use diagnosis::plan::starting_point::StartingPoint;
+    /// use recording::model::RobotModel;
+    ///
+    /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// let model = RobotModel::read("irb120".as_ref())?;
+    /// let start = StartingPoint::of(&model, &[], &MeasuringSetup::default())?;
+    /// assert_eq!(start.measured_poses(), 0);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// Recordings that cannot be used, or that do not fit the model.
+    pub fn of(
+        model: &RobotModel,
+        recordings: &[Recording],
+        setup: &MeasuringSetup,
+    ) -> Result<Self, NoStartingPoint> {
+        let mut task = setup.task(model);
+        let Some(campaign) = readings(&model.physics.arm, recordings)? else {
+            return Ok(Self { task, measured: None });
+        };
+        if let Some(fault) = gross::suspicions(&campaign, &model.physics).first() {
+            return Err(NoStartingPoint::GrossFault(fault.says.clone()));
+        }
+        let used = vec![true; campaign.poses.len()];
+        let settings =
+            Settings { used: &used, influence: Influence::Huber, from: None, effort: Effort::Full };
+        let found = fit(&campaign, &task.hypothesis, &settings);
+        task.hypothesis.model = found.hypothesis.model.clone();
+        task.surroundings = found.surroundings.clone();
+        task.noise = setup.noise(length_sigma_m(&campaign, &found).unwrap_or(LENGTH_SIGMA_M));
+        Ok(Self { task, measured: Some((campaign, found)) })
+    }
+
+    /// What is known so far.
+    #[must_use]
+    pub fn known(&self) -> Option<Known<'_>> {
+        self.measured.as_ref().map(|(campaign, fit)| Known { campaign, fit })
+    }
+
+    /// Number of poses with readings.
+    #[must_use]
+    pub fn measured_poses(&self) -> usize {
+        let poses = self.measured.iter().flat_map(|(campaign, _)| &campaign.poses);
+        poses.filter(|pose| !pose.seen.is_empty()).count()
+    }
+}
+
+/// What was measured; none where the recordings have no value yet.
+fn readings(arm: &Arm, recordings: &[Recording]) -> Result<Option<Campaign>, Unusable> {
+    if recordings.is_empty() {
+        return Ok(None);
+    }
+    match from_recording::campaign(arm, recordings) {
+        Ok(campaign) => Ok(Some(campaign)),
+        Err(Unusable::NothingMeasured { .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// The standard uncertainty of a length from the fit's residuals, m.
+fn length_sigma_m(campaign: &Campaign, found: &Fit) -> Option<f64> {
+    let mut seen = campaign.poses.iter().flat_map(|pose| &pose.seen);
+    let length = seen.find(|seen| seen.reading.is_length())?;
+    Some(found.factors.get(length.instrument)? / length.whitening.x_axis.length())
+}

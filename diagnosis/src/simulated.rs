@@ -1,0 +1,238 @@
+//! Simulation of a recording: a model run forward on recorded commands, loads and temperatures, read by the recorded instruments.
+//!
+//! All effects of positions and torques act, delays, lags and modes too. The model is not fitted; only the measuring frame and unknown target positions
+//! are estimated, from the recorded data ([`station`]). What the instruments read: [`world::instrument`].
+//!
+//! The same recording and seed give the same bits; without noise the result is the model's own, to the last digit.
+
+pub mod station;
+
+use crate::campaign::{Arrival, Pose};
+use crate::from_recording::{self, Unusable};
+use glam::DVec3;
+use physics::{Given, Inputs, Joints, ModelError};
+use recording::model::RobotModel;
+use recording::series::{Channel, Input, Kind, Recording};
+use station::Station;
+use world::drives;
+use world::dynamics::Dynamics;
+use world::forward::{self, Seen};
+use world::instrument::forces::{self, ProcessColumnMissing};
+use world::instrument::{Instrument, Run};
+use world::servo::{self, ServoError};
+
+pub use world::instrument::Readings;
+
+/// Noise of simulated readings: standard deviations, 0 or above. Default 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Noise {
+    /// Of lengths and angles, m and rad.
+    pub length_m: f64,
+    /// Of torques, Nm (N of a slide).
+    pub torque_nm: f64,
+    /// Of forces of a cut, N.
+    pub force_n: f64,
+}
+
+/// Why a recording cannot be simulated.
+#[derive(Debug, thiserror::Error)]
+pub enum Unsimulated {
+    /// An input is missing.
+    #[error(transparent)]
+    Unusable(#[from] Unusable),
+    /// The model has too many effects.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The loop of the drives cannot be closed.
+    #[error(transparent)]
+    Servo(#[from] ServoError),
+    /// The process data of a cut are missing.
+    #[error(transparent)]
+    Process(#[from] ProcessColumnMissing),
+    /// An effect on the motion cannot be used.
+    #[error("{effect}: {reason}")]
+    Dynamics {
+        /// The effect, as the model file names it.
+        effect: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A target's place on the tool is neither known nor measured.
+    #[error(
+        "{file}: where target {target} sits on the tool is not known, and nothing was recorded of it: give target{target}_mm in the TOML"
+    )]
+    TargetUnknown {
+        /// The recording.
+        file: String,
+        /// From 1.
+        target: usize,
+    },
+    /// Nothing can be simulated.
+    #[error("{file}: neither joint positions nor a [cut]: nothing can be simulated")]
+    Nothing {
+        /// The recording.
+        file: String,
+    },
+}
+
+/// A recording with what its instruments would have read of the robot of `model`.
+///
+/// ```
+/// use diagnosis::simulated::{Noise, simulate};
+/// use recording::model::RobotModel;
+/// use recording::series::{Channel, Need, read_text};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let model = RobotModel::read("irb120".as_ref())?;
+/// let text = "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,10,20,0,30,0\n";
+/// let commands = read_text("commands.csv", text, None, None, Need::Path)?;
+/// let readings = simulate(&model, commands, &Noise::default(), 1)?;
+/// assert_eq!(readings.columns, ["x", "y", "z"]);
+/// assert!(readings.recording.column(Channel::Position(0)).is_some());
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// See [`Unsimulated`].
+pub fn simulate(
+    model: &RobotModel,
+    mut recording: Recording,
+    noise: &Noise,
+    seed: u64,
+) -> Result<Readings, Unsimulated> {
+    let mut readings = if recording.joint_count() == 0 {
+        Readings::without_arm(recording)
+    } else {
+        recording.hold_inputs();
+        let run = run(model, &recording, DriveMotion::of(model, &recording))?;
+        let station = Station::find(model, &recording)?;
+        let instrument = Instrument {
+            measuring_from_base: &|row| station.measuring_from_base(row),
+            targets_tool_m: &station.targets_tool_m,
+            in_base: station.in_base,
+            noise: noise.length_m,
+            torque_noise: noise.torque_nm,
+            seed,
+        };
+        instrument.read(&model.physics.arm, recording, &run)
+    };
+    let with_cutting = model.with_cutting()?;
+    let of_cut = forces::read(&with_cutting, &mut readings.recording, noise.force_n, seed)?;
+    if readings.columns.is_empty() && of_cut.columns.is_empty() {
+        return Err(Unsimulated::Nothing { file: readings.recording.file.display().to_string() });
+    }
+    readings.columns.extend(of_cut.columns);
+    readings.left_out.extend(of_cut.left_out);
+    Ok(readings)
+}
+
+/// The positions of the arm on a recording, row by row.
+///
+/// # Errors
+/// See [`Unsimulated`].
+pub fn positions(model: &RobotModel, mut recording: Recording) -> Result<Vec<Seen>, Unsimulated> {
+    recording.hold_inputs();
+    Ok(run(model, &recording, DriveMotion::NotSimulated)?.seen)
+}
+
+/// The drive torques on a recording that moves as commanded, row by row, Nm or N.
+///
+/// # Errors
+/// See [`Unsimulated`].
+pub fn torques(model: &RobotModel, mut recording: Recording) -> Result<Vec<Joints>, Unsimulated> {
+    recording.hold_inputs();
+    Ok(run(model, &recording, DriveMotion::AsCommanded)?.torques.unwrap_or_default())
+}
+
+/// The sensor's readings of the recording's cut, row by row, N; none without a cut.
+///
+/// # Errors
+/// See [`Unsimulated`].
+pub fn cut_forces(model: &RobotModel, recording: &Recording) -> Result<Vec<DVec3>, Unsimulated> {
+    let Some(cut) = &recording.about.cut else { return Ok(Vec::new()) };
+    Ok(forces::exact(&model.with_cutting()?, cut, recording)?)
+}
+
+/// What is simulated of the drives.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum DriveMotion {
+    /// Nothing.
+    NotSimulated,
+    /// Their torques, on motions that are as commanded.
+    AsCommanded,
+    /// Their torques, and the motion of a closed loop of position and speed.
+    ClosedLoop,
+}
+
+impl DriveMotion {
+    /// Depends on the measured columns; a model without masses and drive effects has no torques.
+    fn of(model: &RobotModel, recording: &Recording) -> Self {
+        if model.physics.arm.bodies().next().is_none() && model.drives.is_empty() {
+            return Self::NotSimulated;
+        }
+        let has = |wanted: fn(&Channel) -> bool| recording.channels().any(|c| wanted(&c));
+        let path = recording.about.kind == Kind::Path;
+        let by_command = path && recording.input_kind() == Input::Command;
+        match has(|c| matches!(c, Channel::Torque(_))) {
+            true if by_command && has(|c| matches!(c, Channel::Motor(_))) => Self::ClosedLoop,
+            true => Self::AsCommanded,
+            false => Self::NotSimulated,
+        }
+    }
+}
+
+/// The positions of the arm, row by row, on a recording whose inputs were held.
+fn run(
+    model: &RobotModel,
+    recording: &Recording,
+    drive_motion: DriveMotion,
+) -> Result<Run, Unsimulated> {
+    let rows = from_recording::motion(&model.physics.arm, recording)?;
+    let with_drives = model.with_drives()?;
+    let has_torques = drive_motion != DriveMotion::NotSimulated;
+    if recording.about.kind == Kind::Poses {
+        let rows: Vec<(Inputs, bool)> =
+            rows.iter().map(|row| (row.inputs, row.arrival == Arrival::FromBefore)).collect();
+        let torques = has_torques.then(|| drives::poses(&with_drives, &rows));
+        return Ok(Run { seen: forward::poses(&model.physics, &rows), torques });
+    }
+    let dynamics = dynamics(model)?;
+    // The motors' own motion already contains delay and lag.
+    let on_motors = Dynamics { delay_s: 0.0, lags: Vec::new(), ..dynamics.clone() };
+    let goes_on = |a: &Pose, b: &Pose| recording.segment.get(a.row) == recording.segment.get(b.row);
+    let (mut seen, mut torques) = (Vec::with_capacity(rows.len()), Vec::new());
+    for segment in rows.chunk_by(goes_on) {
+        let mut inputs: Vec<Inputs> = segment.iter().map(|row| row.inputs).collect();
+        match drive_motion {
+            DriveMotion::NotSimulated => {}
+            DriveMotion::AsCommanded => {
+                torques.extend(drives::path(&with_drives, &dynamics, &inputs));
+            }
+            DriveMotion::ClosedLoop => {
+                let followed = servo::path(&with_drives, &dynamics, &inputs)?;
+                torques.extend(followed.iter().map(|row| row.torque));
+                inputs.iter_mut().zip(followed).for_each(|(row, seen)| row.q = seen.motor);
+            }
+        }
+        let is_closed = drive_motion == DriveMotion::ClosedLoop;
+        let dynamics = if is_closed { &on_motors } else { &dynamics };
+        seen.extend(forward::path(&model.physics, dynamics, &inputs));
+    }
+    Ok(Run { seen, torques: has_torques.then_some(torques) })
+}
+
+/// Delays, lags and modes of the model; effects of drives and forces have no dynamics and are passed over.
+fn dynamics(model: &RobotModel) -> Result<Dynamics, Unsimulated> {
+    let mut dynamics = Dynamics::default();
+    let arm = &model.physics.arm;
+    for entry in model.not_compensated.iter().filter_map(|at| model.file.effects.get(*at)) {
+        let Some(numbers) = entry.to_si(arm) else { continue };
+        let given: Vec<(&str, &[f64])> = numbers.iter().map(|(s, v)| (*s, v.as_slice())).collect();
+        let joint = entry.joint.map(|joint| joint.saturating_sub(1));
+        dynamics.take(arm, &entry.kind, joint, entry.channel.as_deref(), Given(&given)).map_err(
+            |error| Unsimulated::Dynamics { effect: entry.title(), reason: error.to_string() },
+        )?;
+    }
+    Ok(dynamics)
+}
