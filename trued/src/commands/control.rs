@@ -3,7 +3,7 @@
 //! The daemon's answer is reported unchanged, with exit 1 if it refuses; the request's author is
 //! stated in its log and recording. Every wait is limited.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use diagnosis_report::simulation::{Settings, simulate};
+use recording::model::presets;
 use recording::series::{self, Recording};
 use tracing::warn;
 
