@@ -53,7 +53,7 @@ pub fn unusable_robots(manifest: &Manifest, base: &Path, name: &str) -> Vec<Faul
                 Ok(()) => {}
                 Err(FileError::Content(faults)) => all.push(faults),
                 Err(error) => {
-                    let message = format!("of \"{}\": {error}", robot.name);
+                    let message = format!("robot \"{}\": {error}", robot.name);
                     missing.push(Fault::new(key, message).expected(expected));
                 }
             }
@@ -68,7 +68,7 @@ fn missing_recordings(manifest: &Manifest, base: &Path, name: &str) -> Option<Fa
     let mut missing = Faults::of(name);
     for file in manifest.recordings.iter().flat_map(|recording| &recording.files) {
         if !base.join(file).is_file() {
-            let message = format!("\"{file}\" is not there, or is no regular file");
+            let message = format!("\"{file}\" does not exist or is not a regular file");
             missing.push(Fault::new("recording.files", message).expected("a recording"));
         }
     }

@@ -41,15 +41,15 @@ counters! {
     /// Answers to the controller.
     Sent = "answers to the robot", false;
     /// Answers with the daemon's correction for this target.
-    Corrected = "answers with this target's own correction", false;
+    Corrected = "answers with a new correction", false;
     /// Answers with the correction of an earlier target, because the daemon was late.
-    Late = "answers with the last correction, the daemon being late", true;
+    Late = "answers with the last correction (daemon late)", true;
     /// Answers while the client library ramped the correction.
-    Ramping = "answers with a correction on its way", false;
+    Ramping = "answers with a ramping correction", false;
     /// Answers without a correction.
     Plain = "answers without correction", false;
     /// Targets that the daemon refused: they are sent, and the correction ramps to zero.
-    Refused = "targets that the daemon refused", true;
+    Refused = "targets rejected by the daemon", true;
     /// Runs of the robot that started.
     Sessions = "sessions", false;
     /// Missing datagrams of the controller, by their numbers.
@@ -57,11 +57,11 @@ counters! {
     /// Missing datagrams of the application, by their numbers.
     ApplicationMissed = "datagrams of the application missed", true;
     /// Cycles of a guided robot without a datagram of the application.
-    Silent = "cycles without a word of the application", true;
+    Silent = "cycles without a datagram of the application", true;
     /// Repeated datagrams.
     Repeated = "repeated datagrams", true;
     /// Datagrams that were overtaken by later ones.
-    Old = "overtaken datagrams", true;
+    Old = "out-of-order datagrams", true;
     /// Datagrams that were superseded by newer ones before they could be answered.
     Superseded = "superseded datagrams", true;
     /// Datagrams from other addresses.
@@ -69,7 +69,7 @@ counters! {
     /// Datagrams from another port of the controller: a second mechanical unit.
     OtherUnit = "datagrams of another mechanical unit", true;
     /// Datagrams that are not messages of the protocol, or lack a required number.
-    Broken = "broken datagrams", true;
+    Broken = "invalid datagrams", true;
     /// Datagrams of the application without a connected robot.
     Early = "datagrams of the application without a robot", true;
     /// Targets that this bridge does not correct: poses, other numbers of joints.
@@ -81,7 +81,7 @@ counters! {
     /// Datagrams that the system did not send.
     NotSent = "datagrams not sent", true;
     /// Answers that the controller reports as late.
-    ControllerLate = "answers late by the controller's count", true;
+    ControllerLate = "late answers counted by the controller", true;
 }
 
 /// All counters.

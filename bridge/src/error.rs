@@ -19,7 +19,7 @@ pub enum BridgeError {
         fix: String,
     },
     /// A port that cannot be opened.
-    #[error("cannot listen at {at}: {why}; is another program there, or another bridge?")]
+    #[error("cannot listen on {at}: {why}; check whether another program or bridge uses it")]
     Listen {
         /// The address.
         at: SocketAddr,
@@ -27,7 +27,7 @@ pub enum BridgeError {
         why: std::io::Error,
     },
     /// Any other error of the system.
-    #[error("the system refused a thread or a socket: {0}")]
+    #[error("cannot create a thread or a socket: {0}")]
     System(#[from] std::io::Error),
 }
 

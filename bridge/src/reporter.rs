@@ -38,13 +38,13 @@ fn run(counts: &Counts, events: &Receiver<Event>) {
 
 fn report(event: &Event) {
     match event {
-        Event::Joined => tracing::info!("joined the daemon"),
-        Event::Away(why) => tracing::warn!("nothing is corrected: {why}"),
+        Event::Joined => tracing::info!("connected to the daemon"),
+        Event::Away(why) => tracing::warn!("no correction: {why}"),
         Event::Connection(ConnectionEvent::Connected { pid, .. }) => {
-            tracing::info!("the daemon is process {pid}");
+            tracing::info!("connected to the daemon, process {pid}");
         }
         Event::Connection(ConnectionEvent::Lost { why, .. }) => {
-            tracing::warn!("the correction ramps out: {why}");
+            tracing::warn!("the correction ramps to zero: {why}");
         }
     }
 }

@@ -55,9 +55,9 @@ impl Resources {
         fits(&common.cell, &cell, &arm, period_s)?;
         if common.absolute_accuracy {
             tracing::warn!(
-                "absolute_accuracy = \"on\": the controller compensates its robot itself, and nothing may be corrected twice. \
-                 The daemon sees every target, and nothing of its correction goes out. To correct: switch the controller's \
-                 compensation off, calibrate the model with it off, and set absolute_accuracy = \"off\""
+                "absolute_accuracy = \"on\": the controller compensates its robot itself, so trued must not correct it as well. \
+                 The daemon receives every target, but its correction is not sent. To correct, switch the controller's \
+                 compensation off, calibrate the model in that state, and set absolute_accuracy = \"off\""
             );
         }
         let (events, heard) = channel();
@@ -79,14 +79,14 @@ fn fits(
 ) -> Result<(), BridgeError> {
     if arm.joints().iter().any(|joint| joint.kind != JointKind::Revolute) {
         return Err(BridgeError::misfit(
-            format!("the model of {} has a joint that slides", path.display()),
-            "a bridge serves arms that turn in every joint, as both protocols carry degrees",
+            format!("the model of {} has a linear joint", path.display()),
+            "use an arm with revolute joints only, since both protocols transmit degrees",
         ));
     }
     if cell.cycle.stale_s <= 2.0 * period_s {
         return Err(BridgeError::misfit(
             format!(
-                "[cycle] stale_ms = {} in {}: commands come every {} ms here",
+                "[cycle] stale_ms = {} in {}, but commands arrive every {} ms",
                 cell.cycle.stale_s * 1e3,
                 path.display(),
                 period_s * 1e3

@@ -8,25 +8,25 @@ use shm_schema::{DomainError, JOINTS_MAX, JoinError, SendOutcome};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Away {
     /// The daemon is gone.
-    #[error("no daemon is there now; start `trued run`: it is joined by itself")]
+    #[error("no daemon is running; start `trued run`, the client reconnects automatically")]
     DaemonLost,
     /// Connected to a new daemon; reported once, nothing was sent.
     #[error(
-        "the daemon has restarted and was joined again: tell it anew what the one before was told \
-         (bypass, arm, process state). Said once, and nothing was sent: call again"
+        "the daemon restarted and the client reconnected: repeat the settings made before \
+         (bypass, arm, process state). Reported once; nothing was sent, so call again"
     )]
     DaemonRestarted,
     /// The present daemon has another version.
-    #[error("the daemon that is there now is of another version; bring both to one version")]
+    #[error("the running daemon has a different version; install the same version of both")]
     VersionMismatch,
     /// The cell is another user's now.
-    #[error("the cell belongs to another user now; run daemon and clients as one user")]
+    #[error("the cell now belongs to another user; run daemon and clients as the same user")]
     WrongUser,
     /// Another process has taken this role.
-    #[error("another process has taken this role; a cell has one of each: end one of them")]
+    #[error("another process has this role; a cell has one process per role, so stop one of them")]
     RoleTaken,
     /// The transport refuses.
-    #[error("the daemon is there and cannot be joined; is shared memory full?")]
+    #[error("cannot connect to the running daemon; check whether shared memory is full")]
     Transport,
 }
 
@@ -62,7 +62,7 @@ pub enum ConnectError {
     },
     /// Joined, and the daemon says nothing.
     #[error(
-        "joined the daemon (process {pid}), but no status came within {limit:?}; is it stopped or overloaded?"
+        "connected to the daemon (process {pid}), but received no status within {limit:?}; check whether it is stopped or overloaded"
     )]
     Silent {
         /// The daemon's process.
@@ -71,7 +71,7 @@ pub enum ConnectError {
         limit: Duration,
     },
     /// The library's own thread could not be started.
-    #[error("could not start a thread: {0}; raise the limit of processes")]
+    #[error("could not start a thread: {0}; increase the process limit")]
     Thread(#[from] std::io::Error),
 }
 
@@ -89,7 +89,7 @@ pub enum NotATarget {
     Joints(usize),
     /// A joint position that is not finite.
     #[error(
-        "joint {joint} of the command is no finite number, expected rad (m where it slides); a loop that must send something sends its last target again"
+        "joint {joint} of the command is not finite, expected rad (m for a linear joint); to keep sending, repeat the last target"
     )]
     NotFinite {
         /// The first such joint, from 1.
@@ -117,14 +117,16 @@ pub enum NotSent {
     #[error(transparent)]
     Away(#[from] Away),
     /// The daemon is running, and the message was lost; it is counted.
-    #[error("the message was lost: the daemon does not take it; is it overloaded?")]
+    #[error(
+        "the message was lost because the daemon did not read it; check whether it is overloaded"
+    )]
     Lost,
     /// The command is no joint target.
     #[error(transparent)]
     NotATarget(#[from] NotATarget),
     /// A setpoint of the horizon is not finite: nothing was sent, and the horizon sent before remains.
     #[error(
-        "joint {joint} of point {point} of the horizon is no finite number, expected rad (m where it slides); end the horizon before that point"
+        "joint {joint} of point {point} of the horizon is not finite, expected rad (m for a linear joint); end the horizon before that point"
     )]
     HorizonNotFinite {
         /// The first such point, from 1.
@@ -164,7 +166,7 @@ pub enum AskError {
     #[error(transparent)]
     Away(#[from] Away),
     /// No answer in time; whether the request was executed is unknown.
-    #[error("no answer within {limit:?}; the daemon's status tells whether it was done")]
+    #[error("no answer within {limit:?}; see the daemon's status for whether it was done")]
     TimedOut {
         /// The limit given.
         limit: Duration,

@@ -50,8 +50,8 @@ pub fn refusal(
     };
     let by_name = match (request.other_robot, request.in_shadow) {
         (true, true) => return None,
-        (true, false) => "disarm first: `--other-robot` is for shadow mode",
-        (false, _) => "in shadow mode: `trued reload --other-robot`",
+        (true, false) => "switch to shadow mode first (required by `--other-robot`)",
+        (false, _) => "in shadow mode, use `trued reload --other-robot`",
     };
     Some(words(what, &found, &format!("{way_out}, or {by_name}")))
 }

@@ -31,16 +31,17 @@ impl Age {
         if !request.q.iter().all(|q| q.is_finite()) || !model.arm.within_limits(&request.q) {
             return (
                 Answer::Refused,
-                "the joints must be finite and inside their limits".to_owned(),
+                "joint positions must be finite and within their limits".to_owned(),
             );
         }
         let off = DVec3::from_array(request.point_m) - predicted(model, request);
         if !self.ageing.take(off, request.sigma_m, monotonic_ns()) {
-            let words = "the point must be finite and its sigma above zero, both in m";
+            let words = "the point must be finite and its sigma above 0, both in m";
             return (Answer::Refused, words.to_owned());
         }
-        let words = self.words(monotonic_ns()).unwrap_or_else(|| "the model holds".to_owned());
-        (Answer::Done, format!("{:.3} mm from what the model says; {words}", 1e3 * off.length()))
+        let words =
+            self.words(monotonic_ns()).unwrap_or_else(|| "the model is confirmed".to_owned());
+        (Answer::Done, format!("{:.3} mm from the model's prediction; {words}", 1e3 * off.length()))
     }
 
     /// Adds the trim's estimate of the model's error, once in each pose: repeated estimates at one
@@ -70,7 +71,7 @@ impl Age {
     pub fn words(&self, now_ns: u64) -> Option<String> {
         let since_ns = self.ageing.broken_since_ns()?;
         Some(format!(
-            "the model no longer holds, since {} ago: the tool is off by {:.3} mm; record a measuring program and ask `trued diagnose` why",
+            "the model has been outdated since {} ago: tool error {:.3} mm; record a measuring program and run `trued diagnose`",
             span(now_ns.saturating_sub(since_ns)),
             1e3 * self.ageing.residual_m()
         ))

@@ -37,7 +37,7 @@ pub fn read(path: &Path) -> Result<RobotModel, String> {
             return read.map_err(|fault| fault.to_string());
         }
     }
-    Err(format!("{}: is being written; ask again once it is whole", path.display()))
+    Err(format!("{}: is being written; retry when it is complete", path.display()))
 }
 
 /// Whether it changed a moment ago, or in the future (by a clock that was set since).

@@ -18,28 +18,28 @@ use tracing::{debug, info, warn};
 
 /// Counters that are logged: name, meaning, and whether they can occur in normal operation.
 const COUNTED: [(&str, &str, bool); 7] = [
-    ("missed_cycles", "an answer took longer than a cycle", false),
-    ("commands_lost", "commands did not arrive", false),
-    ("corrected_lost", "targets could not be handed over", false),
-    ("malformed", "messages could not be read", false),
-    ("force_gaps", "force blocks did not arrive", false),
-    ("force_refused", "force blocks were refused", false),
-    ("recorder_dropped", "the black box dropped records", false),
+    ("missed_cycles", "a cycle exceeded its period", false),
+    ("commands_lost", "commands were lost", false),
+    ("corrected_lost", "targets could not be sent", false),
+    ("malformed", "messages were invalid", false),
+    ("force_gaps", "force blocks were lost", false),
+    ("force_refused", "force blocks were rejected", false),
+    ("recorder_dropped", "the recorder dropped records", false),
 ];
 
 /// Reasons of answers that are counted and logged, in the same form. The others show in the
 /// daemon's health, or need no message.
 const REASONS: [(Reason, &str, bool); 10] = [
-    (Reason::NotFinite, "a command holds a number that is not finite", false),
+    (Reason::NotFinite, "a command contains a non-finite number", false),
     (Reason::OutOfLimits, "a commanded joint is outside the model's limits", false),
-    (Reason::OutOfOrder, "a command is older than the one before it", false),
+    (Reason::OutOfOrder, "a command is older than its predecessor", false),
     (Reason::Stale, "no fresh command: the correction ramps to zero", true),
-    (Reason::Duplicate, "a command came twice", false),
-    (Reason::WrongJointCount, "a command has another number of joints than the model", false),
-    (Reason::NotConverged, "no correction was found for a command", false),
-    (Reason::TimeJump, "the clock that stamps the commands jumped", false),
-    (Reason::Malformed, "a command could not be read", false),
-    (Reason::CommandJump, "a command jumped further than the joints can move", false),
+    (Reason::Duplicate, "a command was received twice", false),
+    (Reason::WrongJointCount, "a command has a different number of joints than the model", false),
+    (Reason::NotConverged, "no correction could be computed for a command", false),
+    (Reason::TimeJump, "the clock of the command timestamps jumped", false),
+    (Reason::Malformed, "a command was invalid", false),
+    (Reason::CommandJump, "a command exceeded the speed of the joints", false),
 ];
 
 /// Messages on health in a burst, and interval of further ones, ns.
@@ -104,7 +104,7 @@ impl ChangeLog {
         self.log_faults(status);
         let learning = status.watch() == Ok(WatchState::Learning);
         if learning != self.learning {
-            let words = if learning { "learns the noise floor" } else { "watches" };
+            let words = if learning { "is learning the noise floor" } else { "watches" };
             info!("the vibration monitor {words}");
         }
         self.learning = learning;
@@ -113,7 +113,7 @@ impl ChangeLog {
             warn!(
                 measurements = status.model_measurements,
                 residual_mm = 1e3 * status.model_residual_m,
-                "the model no longer holds; `trued diagnose` on a measuring program says why"
+                "the model is outdated; record a measuring program and run `trued diagnose`"
             );
         }
         self.broken_since_ns = since_ns;
@@ -153,7 +153,7 @@ impl ChangeLog {
         self.faults.retain(|fault| {
             let is_over = !faults.contains(fault) && sensors.take(status.t_ns);
             if is_over {
-                info!("no more: {fault}");
+                info!("cleared: {fault}");
             }
             !is_over
         });
@@ -166,7 +166,7 @@ impl ChangeLog {
         }
         match fault {
             Some(fault) => warn!("{fault}"),
-            None => info!("measurements of the tool are used again"),
+            None => info!("tool measurements are used again"),
         }
         self.trim_fault = fault;
     }
@@ -178,7 +178,7 @@ impl ChangeLog {
         }
         match fault {
             Some(fault) => warn!("{fault}"),
-            None => info!("the feed's limit is kept"),
+            None => info!("the feed limit is kept again"),
         }
         self.feed_fault = fault;
     }
@@ -190,10 +190,10 @@ impl ChangeLog {
             return;
         }
         if begun != 0 {
-            warn!("temperatures are stale and count as unknown: {}", places(begun));
+            warn!("temperatures are stale and treated as unknown: {}", places(begun));
         }
         if over != 0 {
-            info!("no more: temperatures are stale: {}", places(over));
+            info!("temperatures are no longer stale: {}", places(over));
         }
         self.stale_temperatures = stale;
     }

@@ -100,7 +100,7 @@ pub enum DaemonError {
     #[error(transparent)]
     Port(#[from] PortError),
     /// A real-time setting that the configuration requires was refused.
-    #[error("{0}; or set `[realtime] enforce = false`, and the daemon goes on without")]
+    #[error("{0}; or set `[realtime] enforce = false` to continue without it")]
     Refused(#[from] Refused),
     /// A thread could not be started, or did not end properly.
     #[error("thread `{name}`: {why}")]
@@ -353,7 +353,7 @@ fn start(
     }
     match thread.join() {
         Ok(Err(fault)) => Err(fault),
-        _ => Err(DaemonError::thread(name, "it ended at once")),
+        _ => Err(DaemonError::thread(name, "it ended immediately")),
     }
 }
 
@@ -362,7 +362,7 @@ fn finish(name: &'static str, thread: Thread) -> Result<(), DaemonError> {
     let since = Instant::now();
     while !thread.is_finished() {
         if since.elapsed() > END_PATIENCE {
-            return Err(DaemonError::thread(name, "it hangs; what it had not written is lost"));
+            return Err(DaemonError::thread(name, "it does not respond; unwritten data are lost"));
         }
         std::thread::sleep(Duration::from_millis(1));
     }
@@ -394,7 +394,7 @@ fn tolerate(done: Result<(), Refused>, enforce: bool) -> Result<(), Refused> {
     match done {
         Err(refused) if enforce => Err(refused),
         Err(refused) => {
-            warn!(%refused, "going on without");
+            warn!(%refused, "continuing without it");
             Ok(())
         }
         Ok(()) => Ok(()),

@@ -84,7 +84,7 @@ impl Process {
         let (spindle_rpm, feed_mm_s) = (request.spindle_rpm, request.feed_mm_s);
         let possible = |x: f64| x.is_nan() || (0.0..f64::INFINITY).contains(&x);
         if !possible(spindle_rpm) || !possible(feed_mm_s) {
-            let words = "spindle speed and feed must be 0 or more, or NaN where unknown";
+            let words = "spindle speed and feed must be 0 or more, or NaN if unknown";
             return (Answer::Refused, words.to_owned());
         }
         let cut = match request.in_cut() {

@@ -18,7 +18,7 @@ use thread_priority::{
 pub enum Refused {
     /// `SCHED_FIFO`.
     #[error(
-        "SCHED_FIFO priority {priority} was refused: {why}; it takes an RTPRIO limit of {priority} or more (LimitRTPRIO={priority} in a \
+        "SCHED_FIFO priority {priority} was denied: {why}; it requires an RTPRIO limit of {priority} or more (LimitRTPRIO={priority} in a \
          unit, rtprio {priority} in /etc/security/limits.d), or CAP_SYS_NICE"
     )]
     Policy {
@@ -28,7 +28,7 @@ pub enum Refused {
         why: io::Error,
     },
     /// Pinning to a core.
-    #[error("pinning to core {core} was refused: {why}; choose a core that this process may use")]
+    #[error("pinning to core {core} was denied: {why}; choose a core that this process may use")]
     Core {
         /// 0-based.
         core: usize,
@@ -37,7 +37,7 @@ pub enum Refused {
     },
     /// Locking memory.
     #[error(
-        "locking memory was refused: {why}; it takes a MEMLOCK limit that is infinite (LimitMEMLOCK=infinity in a unit, memlock \
+        "locking memory was denied: {why}; it requires an infinite MEMLOCK limit (LimitMEMLOCK=infinity in a unit, memlock \
          unlimited in /etc/security/limits.d), or CAP_IPC_LOCK"
     )]
     Memory {

@@ -100,7 +100,7 @@ impl Recorder {
     /// Closes the file with its index; returns whether it could be written.
     fn finish(&mut self) -> bool {
         let Some(Err(fault)) = self.file.take().map(BlackBox::finish) else { return true };
-        warn!(%fault, "a recording has no index; it reads back all the same");
+        warn!(%fault, "a recording has no index but can still be read");
         self.may_repair = true;
         false
     }
@@ -109,7 +109,7 @@ impl Recorder {
         exchange.counters.recorder_turn_ns.store(monotonic_ns(), Relaxed);
         self.begin_file(exchange);
         if let Err(fault) = self.drain(exchange) {
-            warn!(%fault, "the black box stops for a while");
+            warn!(%fault, "the recorder pauses");
             exchange.set_recorder(RecorderState::Failed);
             (self.file, self.may_repair) = (None, true);
             self.retry_at = Some(Instant::now() + RETRY_AFTER);
@@ -130,7 +130,7 @@ impl Recorder {
                 self.begin_file(exchange);
                 match &self.file {
                     Some(file) => done(format!("recording to {}", file.path().display())),
-                    None => refused("the recording cannot be written; the daemon's log says why"),
+                    None => refused("the recording cannot be written; see the daemon's log"),
                 }
             }
             RecorderAction::Stop => {
@@ -142,7 +142,7 @@ impl Recorder {
                     None => "nothing is recorded".to_owned(),
                     Some(path) if has_index => format!("stopped; {path} is closed"),
                     Some(path) => format!(
-                        "stopped; {path} could not be closed: `trued info --repair` gives it its index"
+                        "stopped; {path} could not be closed; `trued info --repair` restores its index"
                     ),
                 })
             }
@@ -154,14 +154,14 @@ impl Recorder {
     /// Keeps the present recording, the one just before it, and the one that follows.
     fn keep(&mut self, why: &str) -> RecorderAnswer {
         let Settings { dir, kept_files_max, .. } = &self.settings;
-        let Some(file) = &mut self.file else { return refused("nothing is recorded now") };
+        let Some(file) = &mut self.file else { return refused("nothing is being recorded") };
         let all = retention::recordings(dir, &self.header.cell);
         let mut count = all.iter().filter(|path| retention::is_kept(path)).count();
         let earlier = retention::before(dir, &self.header.cell, file.path());
         if !retention::is_kept(file.path()) {
             if count >= *kept_files_max {
                 return refused(&format!(
-                    "{count} recordings are kept already (recorder.kept_files_max); move some of {} elsewhere",
+                    "{count} recordings are already kept (recorder.kept_files_max); move some of {} elsewhere",
                     dir.display()
                 ));
             }
@@ -198,7 +198,7 @@ impl Recorder {
         let RecorderAnswer { answer, says } = self.keep("it follows one that is kept");
         self.keep_until = None;
         if answer != Answer::Done {
-            warn!(says, "what follows a kept recording is not kept");
+            warn!(says, "the recording after a kept one is not kept");
         }
     }
 
@@ -241,7 +241,7 @@ impl Recorder {
             }
             Err(fault) => {
                 if exchange.recorder(monotonic_ns()) != RecorderState::Failed {
-                    warn!(%fault, "no black box for now");
+                    warn!(%fault, "not recording for now");
                 }
                 exchange.set_recorder(RecorderState::Failed);
                 self.retry_at = Some(Instant::now() + RETRY_AFTER);
@@ -252,7 +252,7 @@ impl Recorder {
     fn create(&mut self) -> Result<BlackBox, BlackBoxError> {
         let dir = &self.settings.dir;
         fs::create_dir_all(dir).map_err(|source| BlackBoxError::Io {
-            action: "make the folder",
+            action: "create the folder",
             path: dir.clone(),
             source,
         })?;
@@ -332,7 +332,7 @@ impl Recorder {
         file.set_clocks(clocks())?;
         file.flush()?;
         if !file.is_in_a_folder() {
-            warn!(file = %file.path().display(), "the black box was removed; another one is begun");
+            warn!(file = %file.path().display(), "the recording was removed; a new one is started");
             self.file = None;
         }
         Ok(())
@@ -353,9 +353,9 @@ fn ended_lately(path: &Path) -> bool {
 /// Keeps a recording that is already closed.
 fn keep_closed(path: &Path) {
     match fs::rename(path, retention::kept(path)) {
-        Ok(()) => info!(file = %path.display(), "the recording before it is kept too"),
+        Ok(()) => info!(file = %path.display(), "the previous recording is kept too"),
         Err(why) => {
-            warn!(%why, file = %path.display(), "the recording before it could not be kept");
+            warn!(%why, file = %path.display(), "the previous recording could not be kept");
         }
     }
 }

@@ -27,7 +27,7 @@ pub fn unclosed(dir: &Path, cell: &str, current: &Path) {
         match repair(&path) {
             Ok(Repair::NotNeeded) => {}
             Ok(Repair::Done { was, messages }) => {
-                info!(%file, messages, was, "a recording that was not closed is whole again");
+                info!(%file, messages, was, "a recording that was not closed was repaired");
             }
             Err(why) => warn!(%why, "a recording that was not closed could not be repaired"),
         }
@@ -52,7 +52,7 @@ pub fn start(dir: PathBuf, cell: String, current: PathBuf) -> Option<JoinHandle<
         .name("repair".to_owned())
         .spawn(body)
         .inspect_err(|why| {
-            warn!(%why, "no thread to repair recordings; `trued info FILE --repair` does it");
+            warn!(%why, "cannot start a thread to repair recordings; use `trued info FILE --repair`");
         })
         .ok()
 }

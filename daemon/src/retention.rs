@@ -68,7 +68,7 @@ pub fn remove_oldest(dir: &Path, cell: &str, keep: usize, current: &Path) {
     let surplus = files.len().saturating_sub(keep.max(1));
     for (_, file) in files.into_iter().take(surplus).filter(|(_, file)| file != current) {
         if let Err(why) = fs::remove_file(&file) {
-            warn!(%why, file = %file.display(), "an old black box could not be removed");
+            warn!(%why, file = %file.display(), "an old recording could not be removed");
         }
     }
 }

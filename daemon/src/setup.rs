@@ -193,7 +193,7 @@ pub fn deflection_limit_fault(config: &CellConfig, model: &Model) -> Option<Faul
     if !matches!(feed.limit, cell::FeedLimit::Deflection(_)) || has_compliance(model) {
         return None;
     }
-    let message = "limits the deflection, but this model has no compliance at the tool";
+    let message = "limits the deflection, but the model has no compliance at the tool";
     let fault = Fault::new("feed.deflection_limit_mm", message);
     Some(fault.expected("a model with compliance, or force_limit_N"))
 }

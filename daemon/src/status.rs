@@ -283,7 +283,7 @@ impl Constants {
         }
         if self.is_thermal && status.stale_temperatures != 0 {
             let stale = places(status.stale_temperatures);
-            add(format_args!("temperatures are stale and count as unknown: {stale}"));
+            add(format_args!("temperatures are stale and treated as unknown: {stale}"));
         }
         if let Some(fault) = recorder_fault(status) {
             add(format_args!("{fault}"));
@@ -293,7 +293,7 @@ impl Constants {
         }
         if status.watch() == Ok(WatchState::Learning) {
             add(format_args!(
-                "the vibration monitor learns the noise floor and reports no lines yet"
+                "the vibration monitor is learning the noise floor and reports no lines yet"
             ));
         }
         if self.uncompensated > 0 {
@@ -314,20 +314,22 @@ pub fn trim_fault(status: &Status) -> Option<&'static str> {
     status.trim_state().ok().filter(|state| missing.contains(state))?;
     Some(match status.trim_reason().ok()? {
         TrimReason::None | TrimReason::Bounded => return None,
-        TrimReason::NoMeasurement => "no measurement of the tool comes: is the beam broken?",
-        TrimReason::NotFinite => "measurements of the tool are no numbers, or far away",
-        TrimReason::OutOfOrder => "measurements of the tool are not in the order of their stamps",
+        TrimReason::NoMeasurement => {
+            "no tool measurements received; check whether the beam is interrupted"
+        }
+        TrimReason::NotFinite => "tool measurements are not finite or implausibly far away",
+        TrimReason::OutOfOrder => "tool measurements are not in the order of their timestamps",
         TrimReason::Late => {
-            "measurements of the tool are older than twice latency and interval together"
+            "tool measurements are older than twice the sum of latency and interval"
         }
         TrimReason::Ahead => {
-            "stamps of the instrument lie ahead of the clock: synchronise its clock"
+            "timestamps of the instrument are in the future; synchronise its clock"
         }
         TrimReason::NotPredicted => {
-            "the model cannot say where the tool was when it was measured: commands paused or were refused"
+            "no tool position is available for the time of the measurement: commands paused or were rejected"
         }
         TrimReason::Jumped => {
-            "the instrument has jumped: look after its registration, then `trued arm`"
+            "the instrument's readings jumped; check its registration, then run `trued arm`"
         }
     })
 }
@@ -337,22 +339,22 @@ pub fn feed_fault(status: &Status) -> Option<&'static str> {
     Some(match status.feed_reason().ok()? {
         FeedReason::None | FeedReason::AtRest => return None,
         FeedReason::NoWrench => {
-            "the feed's limit cannot be kept: no wrench comes; the override goes to lost_percent"
+            "the feed limit cannot be kept: no wrench received; the override goes to lost_percent"
         }
         FeedReason::Stale => {
-            "the feed's limit cannot be kept: the wrench is stale; the override goes to lost_percent"
+            "the feed limit cannot be kept: the wrench is stale; the override goes to lost_percent"
         }
         FeedReason::SensorFault => {
-            "the feed's limit cannot be kept: the force sensor has a fault; the override goes to lost_percent"
+            "the feed limit cannot be kept: the force sensor has a fault; the override goes to lost_percent"
         }
         FeedReason::NotFinite => {
-            "the feed's limit cannot be kept: the wrench is no number; the override goes to lost_percent"
+            "the feed limit cannot be kept: the wrench is not finite; the override goes to lost_percent"
         }
         FeedReason::NoDeflection => {
-            "the feed's limit cannot be kept: the model does not tell how far the tool gives way; the override goes to lost_percent"
+            "the feed limit cannot be kept: the model has no compliance at the tool; the override goes to lost_percent"
         }
         FeedReason::AtFloor => {
-            "the feed's limit is exceeded at floor_percent: take a lighter cut, or a lower floor"
+            "the feed limit is exceeded at floor_percent; reduce the cut or floor_percent"
         }
     })
 }
@@ -362,11 +364,11 @@ fn recorder_fault(status: &Status) -> Option<&'static str> {
     match RecorderState::try_from(status.recorder) {
         Ok(RecorderState::Off | RecorderState::Recording | RecorderState::Stopped) => None,
         Ok(RecorderState::Dropping) => {
-            Some("the black box loses records: its disk does not answer")
+            Some("the recorder loses records: its disk does not respond")
         }
-        Ok(RecorderState::Failed) | Err(_) => {
-            Some("nothing is recorded: the black box cannot be written; is its disk full?")
-        }
+        Ok(RecorderState::Failed) | Err(_) => Some(
+            "nothing is recorded: the recording cannot be written; check whether the disk is full",
+        ),
     }
 }
 

@@ -109,16 +109,16 @@ impl Supervisor {
         self.process.look(&self.model, exchange, commands_come);
         let found = self.domain.supervise();
         if found.cleaned > 0 {
-            info!(clients = found.cleaned, "cleaned up after clients that died");
+            info!(clients = found.cleaned, "cleaned up after terminated clients");
         }
         let wanted = found.knocked || found.torn;
         if wanted && self.renewed.is_none_or(|at| at.elapsed() > RENEW_AGAIN_AFTER) {
             let why = if found.torn {
-                "its files were removed or changed"
+                "its shared-memory files were removed or changed"
             } else {
                 "a client cannot join"
             };
-            warn!("{why}: making a new shared memory for this cell");
+            warn!("{why}: creating new shared memory for this cell");
             self.renewed = Some(Instant::now());
             self.renew(exchange)?;
         }
@@ -184,7 +184,7 @@ impl Supervisor {
         }
         match (ports.publisher(), ports.control()) {
             (Ok(status), Ok(control)) => (self.status, self.control) = (status, control),
-            _ => warn!("no status or control in the new epoch"),
+            _ => warn!("no status or control service in the new epoch"),
         }
         self.tell(exchange);
         if let Err(fault) = self.domain.announce() {
@@ -209,7 +209,7 @@ struct Desk<'a> {
 impl Desk<'_> {
     fn answer(&mut self, exchange: &Exchange, request: &Request) -> (Answer, String) {
         let Ok(operation) = request.operation() else {
-            return (Answer::Malformed, format!("operation {} is unknown here", request.operation));
+            return (Answer::Malformed, format!("unknown operation {}", request.operation));
         };
         let on = request.on != 0;
         match operation {
@@ -230,7 +230,7 @@ impl Desk<'_> {
         let state = exchange.recorder(monotonic_ns());
         if state != RecorderState::Recording {
             let words = format!(
-                "nothing is recorded now (recorder: {state}); `trued record start` begins, where the configuration has a table [recorder]"
+                "nothing is being recorded (recorder: {state}); use `trued record start`, with a table [recorder] in the configuration"
             );
             return (Answer::Refused, words);
         }
@@ -251,7 +251,7 @@ impl Desk<'_> {
     /// Sets a mode; the corrector and the client's limiter ramp the change.
     fn go_to(&mut self, exchange: &Exchange, code: u32) -> (Answer, String) {
         let Ok(mode) = shm_schema::Mode::try_from(code) else {
-            return (Answer::Malformed, format!("mode {code} is unknown here"));
+            return (Answer::Malformed, format!("unknown mode {code}"));
         };
         let most = self.constants.mode_max;
         if mode.code() > most.code() {
@@ -262,11 +262,9 @@ impl Desk<'_> {
             return (Answer::Refused, words);
         }
         let words = match mode {
-            shm_schema::Mode::Shadow => "shadow: commands go out as they come",
-            shm_schema::Mode::Limited => {
-                "limited: corrections go out within a tenth of the envelope"
-            }
-            shm_schema::Mode::Full => "full: corrections go out within the envelope",
+            shm_schema::Mode::Shadow => "shadow: commands pass unchanged",
+            shm_schema::Mode::Limited => "limited: corrections up to a tenth of the limits",
+            shm_schema::Mode::Full => "full: corrections up to the limits",
         };
         self.set_mode(exchange, status::mode_of(mode));
         (Answer::Done, words.to_owned())
@@ -284,10 +282,10 @@ impl Desk<'_> {
         // Independent of the configured mode: the registration of the instrument was checked.
         exchange.believe_instrument.store(on, Relaxed);
         let (mode, words) = match (on, self.constants.armed_mode) {
-            (false, _) => (Mode::Shadow, "shadow: commands go out as they come"),
-            (true, Some(mode)) => (mode, "armed: corrections go out"),
+            (false, _) => (Mode::Shadow, "shadow: commands pass unchanged"),
+            (true, Some(mode)) => (mode, "armed: corrections are applied"),
             (true, None) => {
-                let words = "this cell is configured to look on: set mode = \"limited\" or \"full\" \
+                let words = "this cell is configured for shadow mode: set mode = \"limited\" or \"full\" \
                              in its configuration and restart the daemon, or mode_max, and ask for a mode; \
                              an instrument that jumped is believed again all the same";
                 return (Answer::Refused, words.to_owned());
@@ -312,7 +310,7 @@ impl Desk<'_> {
             return (Answer::Refused, words);
         }
         if !self.hand_over(exchange, &next) {
-            return (Answer::Failed, "the cycle did not take the model over in time".to_owned());
+            return (Answer::Failed, "the cycle did not take over the model in time".to_owned());
         }
         let words = format!("{} loaded from {}", next.file.name, path.display());
         log_model(&next, self.constants.lead.is_some());
@@ -351,10 +349,10 @@ impl Desk<'_> {
 /// Passes a request to the recorder, and returns its answer.
 fn record(exchange: &Exchange, code: u32) -> (Answer, String) {
     let Ok(action) = RecorderAction::try_from(code) else {
-        return (Answer::Malformed, format!("what to do with a recording: {code} is unknown here"));
+        return (Answer::Malformed, format!("unknown recorder request {code}"));
     };
     if !exchange.records() {
-        let words = "this cell has no recorder: give its configuration a table [recorder]";
+        let words = "this cell has no recorder; add a table [recorder] to its configuration";
         return (Answer::Refused, words.to_owned());
     }
     // Late answers of a slow recorder.
@@ -369,8 +367,8 @@ fn record(exchange: &Exchange, code: u32) -> (Answer, String) {
     }
     // A request that nobody waits for any more is withdrawn.
     let words = match exchange.recorder_asked.pop() {
-        Some(_) => "the recorder does not answer: does its disk? Nothing was done",
-        None => "the recorder is at it, and slow; `trued status` says how it is",
+        Some(_) => "the recorder does not respond; check its disk. Nothing was done",
+        None => "the recorder is slow and still working; see `trued status`",
     };
     (Answer::Failed, words.to_owned())
 }

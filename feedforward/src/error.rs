@@ -111,7 +111,7 @@ pub enum FeedforwardError {
     Unusable(#[from] Unusable),
     /// Rows of a table with corrected joints are not even in time.
     #[error(
-        "{file}: its rows are not even in time, expected the table of `trued correct --dynamic` or `trued learn`, or a path without corrected joints (c1_deg …)"
+        "{file}: time steps are uneven, expected the output of `trued correct --dynamic` or `trued learn`, or a path without corrected joints (c1_deg …)"
     )]
     UnevenTable {
         /// The table.
@@ -128,7 +128,7 @@ pub enum FeedforwardError {
         column: String,
     },
     /// Some joints have a column, others not.
-    #[error("{file}: has corrected joints (c1_deg …) of {found} joints, expected {expected}")]
+    #[error("{file}: has corrected positions (c1_deg …) of {found} joints, expected {expected}")]
     JointsLacking {
         /// The table.
         file: String,

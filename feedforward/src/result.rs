@@ -53,10 +53,10 @@ impl JointCorrection {
         let Self { joint, unit, correction, left, bandwidth_hz, limited_rows, .. } = self;
         let limited = match limited_rows {
             0 => String::new(),
-            rows => format!("; held back by its limits in {rows} rows"),
+            rows => format!("; limited in {rows} rows"),
         };
         format!(
-            "joint {joint}: in time up to {correction:.3} {unit}, {left:.3} {unit} left at most, band {bandwidth_hz:.0} Hz{limited}"
+            "joint {joint}: largest dynamic correction {correction:.3} {unit}, largest remaining error {left:.3} {unit}, bandwidth {bandwidth_hz:.0} Hz{limited}"
         )
     }
 }
@@ -94,7 +94,7 @@ impl ToolErrors {
     fn text(&self, what: &str) -> String {
         let Self { in_time_mm, from_path_mm } = self;
         format!(
-            "{what:<19} from the path {:.3} mm at most ({:.3} rms), at its time {:.3} mm ({:.3} rms)\n",
+            "{what:<19} path deviation at most {:.3} mm ({:.3} rms), tracking error at most {:.3} mm ({:.3} rms)\n",
             from_path_mm.largest, from_path_mm.rms, in_time_mm.largest, in_time_mm.rms
         )
     }

@@ -40,7 +40,7 @@ fn run(thread_settings: ThreadSettings, loops: u32) -> Result<Latencies, String>
     })?;
     parse(&String::from_utf8_lossy(&done.stdout)).ok_or_else(|| {
         let why = String::from_utf8_lossy(&done.stderr);
-        format!("ended with {}, which said nothing that can be read: {}", done.status, why.trim())
+        format!("ended with {} and unreadable output: {}", done.status, why.trim())
     })
 }
 

@@ -11,7 +11,7 @@ use trued_client::ConnectError;
 pub enum BenchError {
     /// Too few cores.
     #[error(
-        "{what}: the bench wants two cores of its own, this process may use {allowed:?}; give it two, or name them with --cores"
+        "{what}: the benchmark needs two cores, this process may use {allowed:?}; allow two, or set them with --cores"
     )]
     Cores {
         /// The option.
@@ -20,14 +20,12 @@ pub enum BenchError {
         allowed: Vec<usize>,
     },
     /// Scheduling, pinning or memory locking was refused: nothing is measured without.
-    #[error(
-        "what was asked for was refused, so nothing is measured: {0}; or ask for --policy other"
-    )]
+    #[error("the requested policy was denied, so nothing is measured: {0}; or use --policy other")]
     Refused(#[from] Refused),
     /// The daemon of a running cell does not have the requested policy.
     #[error(
         "the daemon of cell `{cell}` (process {pid}) does not run its cycle under SCHED_FIFO, so nothing is measured; start it with \
-         `[realtime] policy = \"fifo\"`, or ask for --policy other"
+         `[realtime] policy = \"fifo\"`, or use --policy other"
     )]
     OfCell {
         /// The cell.
@@ -36,7 +34,7 @@ pub enum BenchError {
         pid: u32,
     },
     /// The daemon of the bench did not start.
-    #[error("the daemon did not start ({status}); it said: {said}")]
+    #[error("the daemon did not start ({status}); its log: {said}")]
     Daemon {
         /// How it ended.
         status: String,
@@ -47,7 +45,7 @@ pub enum BenchError {
     #[error(transparent)]
     Connect(#[from] ConnectError),
     /// A helper process ended, or does not answer.
-    #[error("the bench's own process `{part}` failed: {why}; what it said is above")]
+    #[error("the benchmark process `{part}` failed: {why}; see its output above")]
     Part {
         /// Its name.
         part: &'static str,
@@ -56,7 +54,7 @@ pub enum BenchError {
     },
     /// The daemon does not answer.
     #[error(
-        "no answer from the daemon within {limit_ms} ms in part `{stage}`; is it stopped, or its core taken by another real-time thread?"
+        "no answer from the daemon within {limit_ms} ms in part `{stage}`; check whether it is stopped or another real-time thread uses its core"
     )]
     Silent {
         /// The part of the bench.
@@ -65,10 +63,10 @@ pub enum BenchError {
         limit_ms: u64,
     },
     /// A reference transport could not be set up.
-    #[error("plain iceoryx2: {0}; is shared memory full?")]
+    #[error("plain iceoryx2: {0}; check whether shared memory is full")]
     Transport(String),
     /// A measuring thread ended.
-    #[error("a measuring thread of part `{0}` ended early; this is a fault of the bench")]
+    #[error("a measuring thread of part `{0}` ended early; this is a bug of the benchmark")]
     Thread(&'static str),
     /// An error of the system.
     #[error("could not {step} {}: {source}", path.display())]

@@ -78,7 +78,7 @@ pub fn part(words: &str) -> Result<(), BenchError> {
     match words.split_first() {
         Some((&"echo", arguments)) => peers::echo::answer(arguments),
         Some((&"load", arguments)) => load::make(arguments),
-        _ => Err(BenchError::part("unknown", "there is no such part")),
+        _ => Err(BenchError::part("unknown", "unknown part")),
     }
 }
 
@@ -157,18 +157,18 @@ impl Bench<'_> {
         let under = setting.name();
         for (stage, way) in [(Stage::Flat, Way::Poll), (Stage::Woken, Way::Wake)] {
             if self.plan.has(stage) && way == Way::Wake && self.plan.cell.is_some() {
-                self.skip(stage.name(), "beside a running cell, whose core is not the bench's");
+                self.skip(stage.name(), "not available for a running cell on another core");
             } else if self.plan.has(stage) {
                 say(&format!("{}, {under}", stage.name()));
                 let flat = self.flat(policy, way)?;
                 load::still_made(&mut made)?;
                 if way == Way::Poll && self.plan.cell.is_some() {
-                    let why = "beside a running cell, whose core is not the bench's";
-                    self.skip("what trued is compared with", why);
+                    let why = "not available for a running cell on another core";
+                    self.skip("reference transports", why);
                 }
                 if !flat.is_of_corrections() {
-                    let why = "for more than a tenth of the daemon's answers no correction was solved for: see `answers` of --json, and the daemon's log";
-                    self.skip("trued's round trips beside their bars", why);
+                    let why = "more than 10 % of the daemon's answers have no solved correction; see `answers` of --json and the daemon's log";
+                    self.skip("trued's round trips and their limits", why);
                 }
                 *(if way == Way::Poll { &mut setting.flat } else { &mut setting.woken }) =
                     Some(flat);
@@ -197,7 +197,7 @@ impl Bench<'_> {
     fn once(&mut self, policy: Policy, say: &mut dyn FnMut(&str)) -> Result<(), BenchError> {
         if self.plan.cell.is_some() {
             for stage in [Stage::Start, Stage::Swap, Stage::Cost] {
-                self.skip(stage.name(), "not done to a running cell");
+                self.skip(stage.name(), "not available for a running cell");
             }
             return Ok(());
         }
@@ -269,7 +269,7 @@ impl Bench<'_> {
 
     fn force(&mut self, policy: Policy) -> Result<Option<Force>, BenchError> {
         if self.plan.cell.is_some() {
-            self.skip(Stage::Force.name(), "a running cell has a sensor of its own");
+            self.skip(Stage::Force.name(), "a running cell has its own sensor");
             return Ok(None);
         }
         let subject = self.subject(policy, Wait::Sleep, 1e-3, true)?;

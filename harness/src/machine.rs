@@ -85,29 +85,31 @@ impl Machine {
         let mut say = |words: &str| means.push(words.to_owned());
         if self.is_virtual {
             say(
-                "A virtual machine: its host takes cores away and moves them, so that quantiles from 99.9 % on and the worst are the host's \
-                 doing. Ratios of medians in one run hold; for anything else measure on the robot's own machine.",
+                "Virtual machine: the host preempts and moves its cores, so quantiles from 99.9 % and the maximum depend on the host. \
+                 Ratios of medians within one run are valid; for everything else, measure on the robot's own computer.",
             );
         }
         if !self.preempt_rt {
-            say("Not a PREEMPT_RT kernel: the worst has no bound here, however good it looks.");
+            say(
+                "No PREEMPT_RT kernel: the maximum latency is not bounded, however small the measured one is.",
+            );
         }
         if self.scheduling == Policy::Other {
-            say(
-                "Not measured under SCHED_FIFO: any other process may stand in the way of a cycle.",
-            );
+            say("Not measured under SCHED_FIFO: any other process may delay a cycle.");
         }
         if !self.cores.iter().all(|core| self.isolated.contains(core)) {
             say(
-                "The cores are not isolated: others run on them, and what spins is stalled by the kernel where they want to.",
+                "The cores are not isolated: other threads run on them, and the kernel stalls spinning threads in their favour.",
             );
         }
         if self.governor != "performance" {
-            say("The governor is not known to be performance: the clock may slow down when idle.");
+            say(
+                "The frequency governor is not known to be `performance`: the clock may slow down when idle.",
+            );
         }
         if self.cpus <= 2 {
             say(
-                "No core is left for anything else: the bench's own helpers, the log and the load share the two that are measured.",
+                "No other core is available: the benchmark's helper threads, the log and the load share the two measured cores.",
             );
         }
         means

@@ -17,23 +17,24 @@ pub fn plots(findings: &Findings) -> Vec<(String, String, Svg)> {
         let under = setting.name();
         let name = |what: &str| format!("{what}-{}-{}", setting.policy.name(), setting.load_name());
         if let Some(flat) = &setting.flat {
-            let caption =
-                format!("Round trips flat out, polled ({under}): what share is slower than that.");
+            let caption = format!(
+                "Round trips at maximum rate, polled ({under}): fraction of trips slower than the given time."
+            );
             plots.push((name("flat"), caption, curves(flat)));
         }
         if let Some(woken) = &setting.woken {
-            let caption = format!("Round trips woken by the kernel ({under}).");
+            let caption = format!("Round trips with kernel wake-up ({under}).");
             plots.push((name("woken"), caption, curves(woken)));
         }
         if !setting.paced.is_empty() {
             let caption = format!(
-                "At a rate ({under}): command to answer, from the time it was due; grey: the empty cycle's wake-up at the first rate."
+                "At fixed rates ({under}): command to answer, measured from the scheduled time; grey: wake-up of an empty cycle at the first rate."
             );
             plots.push((name("paced"), caption, paced(setting)));
         }
     }
     for (name, what, _, costs) in findings.cost.iter().flat_map(tables::kinds) {
-        let caption = format!("{what}, by {name}, with the straight line through the figures.");
+        let caption = format!("{what} over {name}, with a fitted line.");
         plots.push((format!("cost-{name}"), caption, line(name, costs)));
     }
     plots
@@ -44,13 +45,13 @@ fn line(name: &str, costs: &Costs) -> Svg {
     let ends = costs.points.first().into_iter().chain(costs.points.last());
     let line = ends.map(|point| (point.n as f64, costs.line.at(point.n)));
     Plot::new(format!("Cost by {name}"), Axis::new(name, ""), Axis::new("Cost", "µs"))
-        .series(Series::line("straight line", line).role(Role::Before))
+        .series(Series::line("fitted line", line).role(Role::Before))
         .series(Series::dots("measured", measured))
         .render()
 }
 
 fn axes(title: &str) -> Plot {
-    let x = Axis::new("One trip in so many is slower", "").log();
+    let x = Axis::new("Fraction of slower trips", "").log();
     Plot::new(title, x, Axis::new("Time", "µs").log())
 }
 
@@ -83,15 +84,15 @@ pub fn render(findings: &Findings) -> Page {
     let machine = &findings.machine;
     let missed = findings.judged.iter().filter(|judged| !judged.ok).count();
     let (tone, word) = match (findings.judged.len(), missed) {
-        (0, _) => (Tone::Plain, "measured, no bound asked".to_owned()),
-        (_, 0) => (Tone::Good, "all bounds held".to_owned()),
-        (all, missed) => (Tone::Bad, format!("{missed} of {all} bounds missed")),
+        (0, _) => (Tone::Plain, "measured, no limits requested".to_owned()),
+        (_, 0) => (Tone::Good, "all limits met".to_owned()),
+        (all, missed) => (Tone::Bad, format!("{missed} of {all} limits missed")),
     };
-    let mut page = Page::new("Latency on this machine")
+    let mut page = Page::new("Latency of this computer")
         .kicker(match (&findings.cell, findings.model) {
             (Some(cell), _) => format!("trued bench: cell {cell}"),
             (None, model) => {
-                format!("trued bench: a daemon of its own, model {}", model.unwrap_or("unknown"))
+                format!("trued bench: separate daemon, model {}", model.unwrap_or("unknown"))
             }
         })
         .verdict(tone, &word, &sentence(findings))
@@ -103,10 +104,9 @@ pub fn render(findings: &Findings) -> Page {
     if let Some((_, caption, plot)) = all.next() {
         page = page.figure(&caption, &plot);
     }
+    page = page.next("Check this computer for real-time use.", Some("trued doctor"));
     page = page
-        .next("Look at what the machine lacks for a cycle of a millisecond.", Some("trued doctor"));
-    page = page
-        .section("The machine")
+        .section("Computer")
         .facts([
             ("Kernel", machine.kernel.clone()),
             ("PREEMPT_RT", yes(machine.preempt_rt)),
@@ -124,7 +124,10 @@ pub fn render(findings: &Findings) -> Page {
             ),
             ("Governor", machine.governor.clone()),
             ("Clock source", machine.clock_source.clone()),
-            ("Taken by the host meanwhile", format!("{:.2} s", machine.stolen_ticks as f64 * 0.01)),
+            (
+                "CPU time taken by the host (steal)",
+                format!("{:.2} s", machine.stolen_ticks as f64 * 0.01),
+            ),
         ])
         .list(&machine.means);
     if !findings.skipped.is_empty() {
@@ -148,7 +151,7 @@ fn sentence(findings: &Findings) -> String {
     let latency = trued_latency(findings).map_or(String::new(), |(how, quantiles)| {
         let us = |ns: u64| quantity(ns as f64 * 1e-3, "µs");
         format!(
-            "From command to corrected target it takes {} in the median and {} at worst of {} ({how}). ",
+            "From command to corrected target: median {}, maximum {} of {} ({how}). ",
             us(quantiles.p50),
             us(quantiles.max),
             quantiles.n
@@ -190,7 +193,7 @@ fn numbers(findings: &Findings) -> Vec<Number> {
         numbers.push(Number::new("Round trip, median", us(quantiles.p50), "µs").note(how));
         numbers.push(Number::new("Round trip, 99.9 %", us(quantiles.p999), "µs"));
         let of = format!("of {}", quantiles.n);
-        numbers.push(Number::new("Round trip, worst", us(quantiles.max), "µs").note(of));
+        numbers.push(Number::new("Round trip, maximum", us(quantiles.max), "µs").note(of));
     }
     let missed = findings.judged.iter().filter(|judged| !judged.ok).count();
     let tone = match findings.judged.len() {
@@ -199,7 +202,7 @@ fn numbers(findings: &Findings) -> Vec<Number> {
         _ => Tone::Bad,
     };
     let all = findings.judged.len();
-    numbers.push(Number::text("Bounds held", format!("{} of {all}", all - missed)).tone(tone));
+    numbers.push(Number::text("Limits met", format!("{} of {all}", all - missed)).tone(tone));
     numbers
 }
 

@@ -27,13 +27,16 @@ pub fn tables(findings: &Findings) -> Vec<Words> {
         let under = setting.name();
         if let Some(flat) = &setting.flat {
             tables.push(trips(
-                format!("Round trip flat out, polled on both sides, µs ({under}){}", solved(flat)),
+                format!(
+                    "Round trip at maximum rate, polled on both sides, µs ({under}){}",
+                    solved(flat)
+                ),
                 flat,
             ));
         }
         if let Some(woken) = &setting.woken {
             let title = format!(
-                "Round trip woken by the kernel, µs ({under}); trued's daemon has no such wake-up, it looks or sleeps"
+                "Round trip with kernel wake-up, µs ({under}); trued's daemon has no such wake-up, it polls or sleeps"
             );
             tables.push(trips(title, woken));
         }
@@ -104,7 +107,7 @@ fn trips(title: String, flat: &Flat) -> Words {
     }
     if flat.correction.count() > 0 {
         for (name, counted) in
-            [("  of it the correction", &flat.correction), ("  of it the way", &flat.around)]
+            [("  of which correction", &flat.correction), ("  of which transport", &flat.around)]
         {
             table.rows.push(cells(&[name, ""], &counted.quantiles()));
         }
@@ -113,7 +116,7 @@ fn trips(title: String, flat: &Flat) -> Words {
 }
 
 fn paced(setting: &Setting) -> Words {
-    let title = format!("At a rate, command to answer, µs ({})", setting.name());
+    let title = format!("At fixed rates, command to answer, µs ({})", setting.name());
     let mut table = with_quantiles(title, &["rate", "daemon by", "from"]);
     for at in &setting.paced {
         let (rate, wait) = (format!("{} Hz", at.rate_hz), at.wait.name());
@@ -146,7 +149,10 @@ fn counts(setting: &Setting) -> Words {
         cells
     });
     Words {
-        title: format!("Missed cycles ({}): answered later than the next was due", setting.name()),
+        title: format!(
+            "Missed cycles ({}): answered after the next command was due",
+            setting.name()
+        ),
         heads: heads.map(str::to_owned).to_vec(),
         rows: rows.collect(),
     }
@@ -191,14 +197,14 @@ fn once(findings: &Findings) -> Vec<Words> {
                 format!("{:.3}", swap.step_over_bound),
             ),
             (
-                "largest jump of what the models ask for, mrad",
+                "largest step of the requested correction, mrad",
                 format!("{:.3}", swap.jump_wanted * 1e3),
             ),
         ];
         let rows = facts.into_iter().map(|(name, value)| vec![name.to_owned(), value]).collect();
         let heads = vec![String::new(), String::new()];
         tables.push(Words {
-            title: "Models swapped under a running path, 1 kHz".into(),
+            title: "Models swapped during a running path, 1 kHz".into(),
             heads,
             rows,
         });
@@ -211,9 +217,8 @@ pub(crate) fn kinds(cost: &Cost) -> [(&'static str, String, &'static str, &Costs
     let correction = "Time of one correction, µs (lowest median of batches)".to_owned();
     let of_six = format!("{correction}, six joints");
     let rate_hz = cost.cell_rate_hz;
-    let in_all = format!(
-        "Processor time of one daemon, µs in a second, each cell commanded at {rate_hz} Hz"
-    );
+    let in_all =
+        format!("Processor time of one daemon, µs per second, each cell commanded at {rate_hz} Hz");
     [
         ("joints", correction, "steps of the solve", &cost.joints),
         ("effects", of_six, "steps of the solve", &cost.effects),

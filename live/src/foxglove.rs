@@ -160,7 +160,7 @@ fn greet(
     let target = request.uri().to_string();
     let (host, authorization) = (header("Host"), header("Authorization"));
     if !access.allows(Asked { target: &target, host, authorization }) {
-        return refused(StatusCode::UNAUTHORIZED, "a token is needed: ?token=TOKEN");
+        return refused(StatusCode::UNAUTHORIZED, "a token is required: ?token=TOKEN");
     }
     let offered = header("Sec-WebSocket-Protocol").unwrap_or_default();
     let offers = |name: &&str| offered.split(',').any(|one| one.trim() == *name);

@@ -47,7 +47,7 @@ impl Collector for Cell {
         let there = self.report.as_ref().filter(|report| report.away.is_none());
         metrics.gauge(
             "up",
-            "1 where the daemon of the cell answers",
+            "1 if the daemon of the cell responds",
             f64::from(u8::from(there.is_some())),
         )?;
         let Some(report) = there else { return Ok(()) };
@@ -109,19 +109,19 @@ impl Metrics<'_, '_> {
         let flag = |is: bool| f64::from(u8::from(is));
         self.gauge(
             "bypassed",
-            "1 where the correction was taken out on request",
+            "1 if the correction is bypassed on request",
             flag(report.bypassed),
         )?;
         self.gauge("uptime_seconds", "Time since the daemon's start", report.uptime_s)?;
         self.gauge(
             "status_age_seconds",
-            "Age of the status that these figures are of",
+            "Age of the status from which these metrics are taken",
             report.age_s,
         )?;
         let model = &report.model;
         self.gauge(
             "model_epoch",
-            "Counts the models since the daemon's start",
+            "Number of models loaded since the daemon's start",
             model.epoch as f64,
         )?;
         self.gauge(
@@ -130,12 +130,12 @@ impl Metrics<'_, '_> {
             flag(model.holds),
         )?;
         let name = "model_residual_meters";
-        let help = "How far the last measurements of the tool were from the model, RMS";
+        let help = "RMS deviation of the last tool measurements from the model";
         if model.residual_mm.is_finite() {
             self.gauge(name, help, 1e-3 * model.residual_mm)?;
         }
         let name = "model_uncompensated_effects";
-        let help = "Effects of the model that the cycle does not correct";
+        let help = "Effects of the model that are not compensated";
         self.gauge(name, help, f64::from(model.uncompensated_effects))
     }
 
@@ -160,9 +160,9 @@ impl Metrics<'_, '_> {
             ("100", latency.max),
         ];
         let values = values.map(|(percentile, us)| (Some(("percentile", percentile)), 1e-6 * us));
-        let help = "Percentiles since the start of the time from a command's sending to its answer";
+        let help = "Percentiles of the round-trip time since the daemon's start";
         self.put("latency_percentile_seconds", help, &values)?;
-        let help = "Time from a command's sending to its answer";
+        let help = "Round-trip time from sending a command to its answer";
         let kind = MetricType::Histogram;
         let mut metric = self.encoder.encode_descriptor("latency_seconds", help, None, kind)?;
         let buckets: Vec<(f64, u64)> = latency
@@ -180,26 +180,22 @@ impl Metrics<'_, '_> {
     fn counts(&mut self, report: &Report) -> fmt::Result {
         let counts = &report.counts;
         for (name, help, value) in [
-            ("cycles", "Cycles run", counts.cycles),
-            ("missed_cycles", "Cycles that came too late", counts.missed_cycles),
-            ("commands", "Commands taken", counts.commands),
-            ("commands_lost", "Commands that never came, by their numbers", counts.commands_lost),
-            ("commands_rejected", "Commands refused", counts.rejected),
+            ("cycles", "Cycles executed", counts.cycles),
+            ("missed_cycles", "Cycles that missed their deadline", counts.missed_cycles),
+            ("commands", "Commands received", counts.commands),
+            ("commands_lost", "Commands lost, by their sequence numbers", counts.commands_lost),
+            ("commands_rejected", "Commands rejected", counts.rejected),
             ("targets_held", "Targets with the last correction held", counts.held),
-            ("command_silences", "Times that the commands fell silent", counts.stale),
-            ("targets_lost", "Targets that could not be handed over", counts.corrected_lost),
-            ("messages_malformed", "Messages that could not be read", counts.malformed),
-            ("force_blocks", "Blocks of force samples taken", report.force.blocks),
-            ("force_gaps", "Blocks of force samples that never came", report.force.gaps),
-            ("force_refused", "Blocks of force samples refused", report.force.refused),
+            ("command_silences", "Command timeouts", counts.stale),
+            ("targets_lost", "Targets that could not be sent", counts.corrected_lost),
+            ("messages_malformed", "Invalid messages", counts.malformed),
+            ("force_blocks", "Blocks of force samples received", report.force.blocks),
+            ("force_gaps", "Blocks of force samples lost", report.force.gaps),
+            ("force_refused", "Blocks of force samples rejected", report.force.refused),
             ("trim_measurements", "Measured points of the tool", report.trim.measurements),
-            ("trim_refused", "Measured points that were refused", report.trim.refused),
-            ("feed_refused", "Wrenches that were refused for the feed", report.feed.refused),
-            (
-                "horizons_refused",
-                "Horizons that were refused",
-                u64::from(report.lead.horizons_refused),
-            ),
+            ("trim_refused", "Measured points rejected", report.trim.refused),
+            ("feed_refused", "Wrenches rejected by the feed adaptation", report.feed.refused),
+            ("horizons_refused", "Horizons rejected", u64::from(report.lead.horizons_refused)),
             ("recorder_dropped", "Records that the recorder dropped", report.recorder_dropped),
         ] {
             self.counter(name, help, value)?;
@@ -217,14 +213,10 @@ impl Metrics<'_, '_> {
         self.gauge("vibration_line", "1 while a line of the force spectrum is reported", line)?;
         let rpm = report.vibration.spindle_rpm;
         if rpm.is_finite() {
-            self.gauge(
-                "spindle_hertz",
-                "Spindle speed that the vibration monitor goes by",
-                rpm / 60.0,
-            )?;
+            self.gauge("spindle_hertz", "Spindle speed used by the vibration monitor", rpm / 60.0)?;
         }
         let stale = report.stale_temperatures.len() as f64;
-        self.gauge("stale_temperatures", "Temperatures that are too old to be used", stale)?;
+        self.gauge("stale_temperatures", "Temperatures too old to be used", stale)?;
         self.feed(report)?;
         self.lead(report)?;
         self.trim(report)
@@ -236,12 +228,16 @@ impl Metrics<'_, '_> {
             return Ok(());
         }
         let share = 1e-2 * feed.override_percent;
-        self.gauge("feed_override_ratio", "Share of the programmed feed that goes out", share)?;
+        self.gauge(
+            "feed_override_ratio",
+            "Feed override as a fraction of the programmed feed",
+            share,
+        )?;
         for (name, help, value) in [
             ("feed_force_newtons", "Process force, low-passed", feed.force_n),
             (
                 "feed_programmed_force_newtons",
-                "Process force that the programmed feed would take",
+                "Predicted process force at the programmed feed",
                 feed.programmed_force_n,
             ),
             ("feed_limit_newtons", "Limit of the process force", feed.limit_n),
@@ -259,7 +255,11 @@ impl Metrics<'_, '_> {
             return Ok(());
         }
         let points = f64::from(lead.horizon_points);
-        self.gauge("horizon_points", "Setpoints known ahead, of those that the lead uses", points)
+        self.gauge(
+            "horizon_points",
+            "Setpoints known ahead, of those used by the lead compensation",
+            points,
+        )
     }
 
     fn trim(&mut self, report: &Report) -> fmt::Result {
@@ -268,8 +268,8 @@ impl Metrics<'_, '_> {
         }
         let trim_m = 1e-3 * report.trim.length_mm();
         let found_m = 1e-3 * report.trim.found_length_mm();
-        self.gauge("trim_meters", "What the tool's target is displaced by", trim_m)?;
-        self.gauge("trim_found_meters", "What the instrument finds of the model's error", found_m)
+        self.gauge("trim_meters", "Displacement applied to the tool target", trim_m)?;
+        self.gauge("trim_found_meters", "Model error estimated from the instrument", found_m)
     }
 }
 

@@ -39,7 +39,7 @@ pub enum LiveError {
     },
     /// Other machines could view the cell without a token.
     #[error(
-        "{0} can be reached from other machines: give a token (TRUED_LIVE_TOKEN), or listen on 127.0.0.1"
+        "{0} is reachable from other computers: set a token (TRUED_LIVE_TOKEN), or listen on 127.0.0.1"
     )]
     Open(SocketAddr),
     /// The system refused a thread.

@@ -29,9 +29,7 @@ const DRAWN_EVERY: Duration = Duration::from_millis(250);
 #[derive(Debug, thiserror::Error)]
 pub enum TopError {
     /// The terminal cannot be used.
-    #[error(
-        "the terminal cannot be used: {0}; is this a terminal? `trued status --watch` needs none"
-    )]
+    #[error("cannot use the terminal: {0}; without a terminal, use `trued status --watch`")]
     Terminal(#[from] io::Error),
     /// The system refused a thread.
     #[error(transparent)]

@@ -26,7 +26,7 @@ const BEAT_AFTER: Duration = Duration::from_secs(2);
 
 /// Answer to a request without access.
 const REFUSED: &str =
-    "a token is needed (?token=TOKEN); without one: call this machine 127.0.0.1 or localhost\n";
+    "a token is required (?token=TOKEN); without one, use the address 127.0.0.1 or localhost\n";
 
 const HTML: &str = "text/html; charset=utf-8";
 const JSON: &str = "application/json";
@@ -83,7 +83,7 @@ impl Server {
             return respond(request, 401, TEXT, REFUSED.to_owned());
         }
         if *request.method() != Method::Get {
-            return respond(request, 405, TEXT, "only GET is answered\n".to_owned());
+            return respond(request, 405, TEXT, "only GET is supported\n".to_owned());
         }
         let seen = watch.now();
         let report = seen.as_deref().map(|seen| &seen.report);
@@ -92,7 +92,7 @@ impl Server {
             "/" => respond(request, 200, HTML, PAGE.to_owned()),
             "/status" => match report.map(json) {
                 Some(text) => respond(request, 200, JSON, text),
-                None => respond(request, 503, TEXT, "no status has come yet\n".to_owned()),
+                None => respond(request, 503, TEXT, "no status received yet\n".to_owned()),
             },
             "/metrics" => {
                 let cell = report.map_or("", |report| &report.cell);
@@ -101,7 +101,7 @@ impl Server {
             }
             "/events" => follow(request, watch, followers, stop),
             _ => {
-                let places = "there are /, /status, /events, /metrics\n".to_owned();
+                let places = "not found; available: /, /status, /events, /metrics\n".to_owned();
                 respond(request, 404, TEXT, places);
             }
         }
@@ -143,7 +143,7 @@ fn follow(
 ) {
     if followers.fetch_add(1, Relaxed) >= FOLLOWERS_MAX {
         followers.fetch_sub(1, Relaxed);
-        let words = format!("{FOLLOWERS_MAX} browsers follow already\n");
+        let words = format!("{FOLLOWERS_MAX} browsers are connected already\n");
         return respond(request, 503, TEXT, words);
     }
     let (watch, stop, count) = (Arc::clone(watch), Arc::clone(stop), Arc::clone(followers));

@@ -89,7 +89,7 @@ impl CutFile {
 fn cut_file(root: &Table<'_, '_>) -> Option<CutFile> {
     root.require("schema", "schema = \"trued.cut/1\"");
     root.require("spindle_rpm", "the spindle speed, rev/min");
-    root.require("cut", "a table [cut], as beside a recording");
+    root.require("cut", "a table [cut], as in the TOML of a recording");
     root.choice("schema", &[(SCHEMA, ())]);
     let feed = direction(root, "feed", [1.0, 0.0, 0.0]);
     let up = direction(root, "up", [0.0, 0.0, 1.0]);
@@ -99,7 +99,7 @@ fn cut_file(root: &Table<'_, '_>) -> Option<CutFile> {
     let cut = root.table("cut").map(|table| read_cut(&table));
     let modes: Vec<Option<CutMode>> = root.tables("mode").iter().map(mode).collect();
     if modes.is_empty() && taps.is_empty() {
-        root.fault("mode", "there is no mode", "tables headed [[mode]], or taps = [\"tap.json\"]");
+        root.fault("mode", "no mode is given", "tables headed [[mode]], or taps = [\"tap.json\"]");
     }
     let depth_m = cut.as_ref().and_then(|cut| Some(cut.as_ref()?.axial_depth_m));
     let chart = chart(root.table("chart").as_ref(), spindle_rpm, depth_m);
@@ -133,7 +133,7 @@ fn mode(table: &Table<'_, '_>) -> Option<CutMode> {
     for key in numbers {
         table.require(key, "a number above zero");
     }
-    table.require("direction", "three numbers: how the tip of the tool moves");
+    table.require("direction", "three numbers: mode shape at the tool tip");
     let frequency_hz = table.number("frequency_Hz", 0.1..=1e5);
     let damping_ratio = table.number("damping_ratio", 1e-5..=0.99);
     let stiffness = table.number("stiffness_N_per_um", 1e-6..=1e6);
@@ -168,7 +168,7 @@ fn chart(
         }
         if let Some(depth) = depth_max_m.filter(|max| depth_m.is_some_and(|depth| *max <= depth)) {
             let found = format!("is {} mm", 1e3 * depth);
-            table.fault("depth_max_mm", found, "more than the axial depth of the cut");
+            table.fault("depth_max_mm", found, "larger than the axial depth of cut");
         }
         table.close();
     }
@@ -224,7 +224,7 @@ direction = [0.0, 2.0, 0.0]
     #[test]
     fn a_cut_without_any_mode_is_refused() {
         let text = SHORT.split("[[mode]]").next().unwrap();
-        CutFile::parse("cut.toml", text).unwrap_err().assert_say("there is no mode");
+        CutFile::parse("cut.toml", text).unwrap_err().assert_say("no mode is given");
         let named = text.replace("[cut]", "taps = [\"x.json\"]\n[cut]");
         assert_eq!(CutFile::parse("cut.toml", &named).unwrap().taps, [PathBuf::from("x.json")]);
     }

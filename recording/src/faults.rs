@@ -180,7 +180,7 @@ impl Faults {
             Some(value) if self.list.is_empty() => Ok(value),
             _ => {
                 if self.list.is_empty() {
-                    self.push(Fault::new("", "the file could not be read as a whole"));
+                    self.push(Fault::new("", "the file could not be read completely"));
                 }
                 let line = |fault: &Fault| fault.place.as_ref().map(|p| (p.line, p.column));
                 self.list.sort_by_key(line);
@@ -237,7 +237,7 @@ impl Faults {
         let shown = self.list.iter().map(|fault| renderer.render(&[fault.report(&self.file)]));
         let mut text = shown.collect::<Vec<_>>().join("\n\n");
         if self.left_out > 0 {
-            text.push_str(&format!("\n\nand {} more faults in {}", self.left_out, self.file));
+            text.push_str(&format!("\n\nand {} more errors in {}", self.left_out, self.file));
         }
         text
     }

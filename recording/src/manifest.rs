@@ -86,7 +86,11 @@ fn manifest(root: &Table<'_, '_>) -> Option<Manifest> {
         if let Some(name) = filled(table, "name")
             && places.insert(name, place).is_some()
         {
-            table.fault("name", format!("is \"{name}\" again"), "a name of its own for each robot");
+            table.fault(
+                "name",
+                format!("is \"{name}\", which is used already"),
+                "a unique name for each robot",
+            );
         }
         robots.push(robot(table));
     }
@@ -113,7 +117,7 @@ fn filled<'d>(table: &Table<'d, '_>, key: &str) -> Option<&'d str> {
 }
 
 fn robot(table: &Table<'_, '_>) -> Option<Robot> {
-    table.require("name", "what the plant calls the robot");
+    table.require("name", "the robot's name in the plant");
     table.require("model", "a model file, or a preset of `trued model presets`");
     let name = table.text("name").filter(|name| !name.is_empty()).map(str::to_owned);
     let model = filled(table, "model").map(PathBuf::from);
@@ -129,12 +133,12 @@ fn entry(
     seen: &mut BTreeSet<(usize, String)>,
 ) -> Option<Entry> {
     table.require("robot", "the name of a [[robot]]");
-    table.require("files", "a list of files, as [\"2026-03-01.csv\"]");
+    table.require("files", "a list of files, such as [\"2026-03-01.csv\"]");
     let robot = filled(table, "robot").and_then(|name| {
         let place = robots.get(name).copied();
         if place.is_none() {
             let near = nearest(name, robots.keys().copied());
-            let meant = near.map(|near| format!(", perhaps \"{near}\"")).unwrap_or_default();
+            let meant = near.map(|near| format!(" (did you mean \"{near}\"?)")).unwrap_or_default();
             table.fault(
                 "robot",
                 format!("is \"{name}\""),
@@ -146,19 +150,19 @@ fn entry(
     let files: Option<Vec<String>> =
         table.texts("files").map(|all| all.into_iter().map(str::to_owned).collect());
     if files.as_ref().is_some_and(|files| files.is_empty() || files.iter().any(String::is_empty)) {
-        table.fault("files", "holds no file, or an empty name", "names of one file or more");
+        table.fault("files", "is empty or contains an empty name", "one or more file names");
     }
     for file in files.iter().flatten() {
         if let Some(robot) = robot
             && !seen.insert((robot, file.clone()))
         {
-            table.fault("files", format!("holds \"{file}\" again"), "each file once for a robot");
+            table.fault("files", format!("contains \"{file}\" twice"), "each file once per robot");
         }
     }
     let recorded_at_us = table.text("recorded_at").and_then(|text| {
         let time = instant_us(text);
         if time.is_none() {
-            let expected = "a time with its zone, as \"2026-03-01T06:30:00Z\"";
+            let expected = "a time with time zone, such as \"2026-03-01T06:30:00Z\"";
             table.fault("recorded_at", format!("is \"{text}\""), expected);
         }
         time

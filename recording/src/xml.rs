@@ -60,7 +60,7 @@ pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Decoded, Faults> {
             Some(encoding) if encoding == UTF_16LE || encoding == UTF_16BE => UTF_8,
             Some(encoding) => encoding,
             None => {
-                let message = format!("declares the encoding \"{label}\", which is not known");
+                let message = format!("declares the unknown encoding \"{label}\"");
                 return refuse(message, "save the file as UTF-8");
             }
         },
@@ -73,7 +73,7 @@ pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Decoded, Faults> {
         let (text, _, _) = WINDOWS_1252.decode(bytes);
         return Ok(Decoded { text: text.into_owned(), assumed: Some(WINDOWS_1252.name()) });
     }
-    let message = format!("is not text in its encoding, {}", encoding.name());
+    let message = format!("is not valid text in its encoding, {}", encoding.name());
     refuse(message, "save the file as UTF-8")
 }
 

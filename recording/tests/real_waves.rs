@@ -62,7 +62,7 @@ fn a_thinned_labview_file_has_the_rate_of_its_times_and_the_units_of_its_header(
     let units: Vec<_> = record.channels.iter().map(|wave| wave.unit.as_str()).collect();
     assert_eq!(units, ["Volts", "Pounds", "g"]);
     assert_eq!(record.channels[2].quantity(), Some((Quantity::Acceleration, 9.806_65)));
-    assert!(waves.notes.iter().any(|note| note.contains("the column is used")));
+    assert!(waves.notes.iter().any(|note| note.contains("the column takes precedence")));
 }
 
 #[test]

@@ -5,9 +5,7 @@
 
 /// A number that is in no list of this version.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "{list}: code {code} is unknown here, expected one of 0 to {last}; bring both sides to one version"
-)]
+#[error("{list}: unknown code {code}, expected 0 to {last}; use the same version on both sides")]
 pub struct UnknownCode {
     /// Which list.
     pub list: &'static str,

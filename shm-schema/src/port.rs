@@ -23,7 +23,7 @@ use crate::{Request, Response};
 pub enum PortError {
     /// Another process, or one that died a moment ago, has the only place.
     #[error(
-        "service `/{service}`: the place of the {port} is taken; another process holds it, or the daemon has not cleaned up yet: try again"
+        "service `/{service}`: the {port} is in use by another process, or the daemon has not cleaned up yet; retry"
     )]
     Occupied {
         /// Which service.
@@ -32,7 +32,9 @@ pub enum PortError {
         port: &'static str,
     },
     /// The transport refused.
-    #[error("service `/{service}`: no {port} could be made ({cause}); is shared memory full?")]
+    #[error(
+        "service `/{service}`: cannot create the {port} ({cause}); check whether shared memory is full"
+    )]
     Refused {
         /// Which service.
         service: &'static str,

@@ -62,26 +62,29 @@ impl SensorFault {
     /// What is wrong, and what to do.
     const fn words(self) -> (&'static str, &'static str) {
         match self {
-            Self::None => ("is in order", "nothing to do"),
+            Self::None => ("is OK", "nothing to do"),
             Self::Saturated => ("is saturated", "choose a larger range or cut with less force"),
             Self::Stuck => ("is stuck", "check the sensor"),
-            Self::NotFinite => ("holds NaN or infinite samples", "check the sensor's driver"),
-            Self::Gaps => ("has gaps", "check the sender and the load of the machine"),
+            Self::NotFinite => ("contains NaN or infinite samples", "check the sensor's driver"),
+            Self::Gaps => ("has gaps", "check the sender and the load of the computer"),
             Self::WrongRate => {
-                ("has another rate than configured", "correct force.rate_Hz or the sender")
+                ("has a different rate than configured", "correct force.rate_Hz or the sender")
             }
             Self::Dead => ("is dead", "check cable and amplifier"),
             Self::WrongShape => {
-                ("has other channels than configured", "correct force.channels or the sender")
+                ("has different channels than configured", "correct force.channels or the sender")
             }
-            Self::OutOfOrder => ("brings blocks twice or too late", "check the sender"),
-            Self::Silent => ("is silent", "start the sender or take [force] out of the cell"),
-            Self::InFuture => {
-                ("is stamped in the future", "stamp blocks with this machine's CLOCK_MONOTONIC")
+            Self::OutOfOrder => ("delivers blocks twice or out of order", "check the sender"),
+            Self::Silent => {
+                ("delivers no data", "start the sender or remove [force] from the cell")
             }
+            Self::InFuture => (
+                "has timestamps in the future",
+                "stamp blocks with this computer's CLOCK_MONOTONIC",
+            ),
             Self::Late => (
-                "is stamped long before it comes",
-                "stamp blocks with this machine's CLOCK_MONOTONIC, or send them at once",
+                "has timestamps long before arrival",
+                "stamp blocks with this computer's CLOCK_MONOTONIC, or send them at once",
             ),
         }
     }
@@ -132,9 +135,9 @@ mod tests {
         assert_eq!(
             all,
             [
-                "force stream has gaps: check the sender and the load of the machine",
+                "force stream has gaps: check the sender and the load of the computer",
                 "force channel z is stuck: check the sensor",
-                "force channel z holds NaN or infinite samples: check the sensor's driver",
+                "force channel z contains NaN or infinite samples: check the sensor's driver",
             ]
         );
     }

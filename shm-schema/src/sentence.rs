@@ -33,7 +33,7 @@ impl fmt::Display for Verdict {
             write!(f, ", {word} {:.0} /s", self.growth_per_s.abs())?;
         }
         if self.sensor_faults != 0 {
-            f.write_str(", on a sensor that is not in order")?;
+            f.write_str(", on a faulty sensor")?;
         }
         self.remedy(f)
     }
@@ -67,27 +67,30 @@ impl Verdict {
         let words = match Advice::try_from(self.advice) {
             Ok(Advice::None) => return Ok(()),
             Ok(Advice::MoveOffMode) => {
-                return write!(f, ": go to {rpm:.0} rev/min, which moves the teeth off the modes");
+                return write!(
+                    f,
+                    ": change to {rpm:.0} rev/min to move the tooth frequency away from the modes"
+                );
             }
             Ok(Advice::StabilityPocket) => {
                 return write!(
                     f,
-                    ": go to {rpm:.0} rev/min, stability pocket {}",
+                    ": change to {rpm:.0} rev/min, stability lobe {}",
                     self.advice_lobe
                 );
             }
             Ok(Advice::CheckGear) if self.gear_joint > 0 => {
-                return write!(f, ": look at the gear train of joint {}", self.gear_joint);
+                return write!(f, ": check the gear train of joint {}", self.gear_joint);
             }
-            Ok(Advice::CheckGear) => "look at the gear trains",
+            Ok(Advice::CheckGear) => "check the gear trains",
             Ok(Advice::ChangeCut) => {
-                "another spindle speed does not help; change the direction of cut, the feed or the depth"
+                "not affected by spindle speed; change the direction of cut, the feed or the depth"
             }
             Ok(Advice::ReduceDepth) => "reduce the depth of cut",
             Ok(Advice::SampleFaster) => {
-                "may be a folded multiple of the spindle speed; sample faster, or filter before sampling"
+                "may be an aliased harmonic of the spindle speed; increase the sampling rate or add an anti-aliasing filter"
             }
-            Ok(Advice::CheckWiring) => "look at cables, shields and grounding",
+            Ok(Advice::CheckWiring) => "check cables, shields and grounding",
             Err(_) => return write!(f, ": advice {}", self.advice),
         };
         write!(f, ": {words}")
@@ -100,9 +103,9 @@ const fn class_words(class: VibrationClass) -> &'static str {
         VibrationClass::Forced => "forced by the spindle",
         VibrationClass::Chatter => "chatter",
         VibrationClass::ModeCoupling => "mode coupling",
-        VibrationClass::Gear => "a gear",
-        VibrationClass::Structural => "the structure's own motion",
-        VibrationClass::Electrical => "mains",
+        VibrationClass::Gear => "gear mesh",
+        VibrationClass::Structural => "structural vibration",
+        VibrationClass::Electrical => "mains interference",
     }
 }
 

@@ -72,7 +72,7 @@ fn a_drift_is_reported_with_its_time_and_a_new_model_resets_the_test() {
     for _ in 0..200 {
         let answer = bench.measure(&mut monitor, 0.0);
         assert_eq!(answer.answer(), Ok(Answer::Done), "{}", answer.message);
-        assert!(answer.message.as_str().contains("the model holds"), "{}", answer.message);
+        assert!(answer.message.as_str().contains("the model is confirmed"), "{}", answer.message);
     }
     let quiet = status(&mut monitor);
     assert_eq!((quiet.model_broken_since_ns, quiet.model_measurements), (0, 200));
@@ -81,7 +81,8 @@ fn a_drift_is_reported_with_its_time_and_a_new_model_resets_the_test() {
 
     let from_ns = monotonic_ns();
     let mut after = 0;
-    while !bench.measure(&mut monitor, 2.0 * SIGMA_M).message.as_str().contains("no longer holds") {
+    while !bench.measure(&mut monitor, 2.0 * SIGMA_M).message.as_str().contains("has been outdated")
+    {
         after += 1;
         assert!(after < 25, "two sigma are said soon");
         std::thread::sleep(Duration::from_millis(20));
@@ -93,7 +94,11 @@ fn a_drift_is_reported_with_its_time_and_a_new_model_resets_the_test() {
         "dated {early_s} s before the drift, it came {after} measurements ago"
     );
     assert_eq!(said.health(), Ok(Health::Idle), "no command comes, which is said first");
-    assert!(said.message.as_str().contains("the model no longer holds, since"), "{}", said.message);
+    assert!(
+        said.message.as_str().contains("the model has been outdated since"),
+        "{}",
+        said.message
+    );
     assert!(daemon.says("the model no longer holds", LIMIT), "{:?}", daemon.lines());
 
     assert_eq!(monitor.reload(None, LIMIT).unwrap().answer(), Ok(Answer::Done));
@@ -116,7 +121,7 @@ fn a_measurement_that_makes_no_sense_is_refused_and_changes_nothing() {
     };
     let cases = [
         (Measured { joints: &MIDDLE[..5], ..sound }, "5 joints, the model has 6"),
-        (Measured { joints: &[9.0; JOINTS], ..sound }, "inside their limits"),
+        (Measured { joints: &[9.0; JOINTS], ..sound }, "within their limits"),
         (Measured { joints: &[f64::NAN; JOINTS], ..sound }, "finite"),
         (Measured { point_m: [f64::NAN; 3], ..sound }, "must be finite"),
         (Measured { sigma_m: 0.0, ..sound }, "above zero"),

@@ -132,7 +132,7 @@ fn a_policy_that_is_refused_fails_and_measures_nothing() {
     let arguments = ["bench", "--policy", "fifo", "--only", "paced", "--seconds", "0.1"];
     let done = place.run_unprivileged(&[&arguments[..], &["--json", "bench.json"]].concat());
     assert_eq!(done.code, Some(3), "{done:#?}");
-    assert!(done.err.contains("refused, so nothing is measured"), "{}", done.err);
+    assert!(done.err.contains("denied, so nothing is measured"), "{}", done.err);
     assert!(done.err.contains("--policy other"), "says what to do: {}", done.err);
     assert!(done.err.contains("memlock unlimited"), "and what it takes: {}", done.err);
     assert!(!done.err.contains("[realtime]"), "a bench has no such key: {}", done.err);

@@ -467,7 +467,10 @@ fn what_cannot_be_read_or_would_be_written_over_is_refused() {
     refused(&["--model", BASE, "--out", "m.toml", "absent.csv"], "absent.csv");
     refused(&["--model", "absent", "--out", "m.toml", "seen.csv"], "neither a model file");
     refused(&["--model", "fr3", "--out", "m.toml", "seen.csv"], "joint");
-    refused(&["--model", "robot.toml", "--out", "robot.toml", "seen.csv"], "replace its own input");
+    refused(
+        &["--model", "robot.toml", "--out", "robot.toml", "seen.csv"],
+        "overwrite an input file",
+    );
     refused(&["--model", BASE, "--out", "m.toml", "few.csv"], "measure more poses");
     refused(&["--model", BASE, "--out", "no/folder/m.toml", "seen.csv"], "no/folder");
 }

@@ -105,7 +105,7 @@ impl Bench {
         );
         assert!(self.daemon.says(&format!("WARN {words}"), LIMIT), "{:#?}", self.daemon.lines());
         assert!(
-            self.daemon.says(&format!("no more: {words}"), LIMIT),
+            self.daemon.says(&format!("cleared: {words}"), LIMIT),
             "{:#?}",
             self.daemon.lines()
         );
@@ -129,7 +129,7 @@ fn stuck(block: &mut ForceBlock) {
 #[test]
 fn forces_from_the_future_close_the_gate_and_are_named() {
     let mut bench = Bench::new("");
-    let words = "force stream is stamped in the future";
+    let words = "force stream has timestamps in the future";
     bench.strike(|block| block.t_ns += HOUR_NS, SensorFault::InFuture, None, words);
     let a_little = |block: &mut ForceBlock| block.t_ns = monotonic_ns() + 10 * AHEAD_NS;
     bench.strike(a_little, SensorFault::InFuture, None, words);
@@ -146,7 +146,7 @@ fn a_stamp_within_the_tolerance_is_none_from_the_future() {
 
 #[test]
 fn forces_by_a_clock_that_is_behind_close_the_gate_and_are_named() {
-    let words = "force stream is stamped long before it comes";
+    let words = "force stream has timestamps long before arrival";
     let mut bench = Bench::new("");
     let behind: Change = |block| block.t_ns = block.t_ns.saturating_sub(HOUR_NS);
     bench.strike(behind, SensorFault::Late, None, words);
@@ -220,7 +220,7 @@ fn temperatures_hold_for_their_time_and_are_then_named_stale_without_a_step() {
     let status = client.status().unwrap();
     assert_eq!(status.stale_temperatures, 1, "{}", status.message);
     assert_eq!(status.health(), Ok(Health::Degraded));
-    let words = "temperatures are stale and count as unknown: ambient";
+    let words = "temperatures are stale and treated as unknown: ambient";
     assert!(status.message.as_str().contains(words), "{}", status.message);
     assert!(daemon.says(&format!("WARN {words}"), LIMIT), "{:#?}", daemon.lines());
     let changed = apart(wanted(&mut client), warm);
@@ -228,5 +228,5 @@ fn temperatures_hold_for_their_time_and_are_then_named_stale_without_a_step() {
     assert!(step < 0.5 * changed, "ramped: {step} of {changed}");
     drive(&mut client, second, |setpoint| setpoint.temperatures(60.0, &[]));
     assert_eq!(client.status().unwrap().stale_temperatures, 0);
-    assert!(daemon.says("no more: temperatures are stale: ambient", LIMIT));
+    assert!(daemon.says("temperatures are no longer stale: ambient", LIMIT));
 }

@@ -460,17 +460,17 @@ fn the_document_leads_from_a_model_to_what_was_learned_of_two_runs() {
         .unwrap();
     let said = String::from_utf8_lossy(&run.stdout).into_owned();
     assert!(run.status.success(), "{said}\n{}", String::from_utf8_lossy(&run.stderr));
-    for words in ["the arm stands still for", "by this run", "repeatable to", "next commands"] {
+    for words in ["the arm stands still for", "estimated delay", "repeatability", "next commands"] {
         assert!(said.contains(words), "{words}: {said}");
     }
     // Of the second run, with learned commands, and of the first.
     let measured = |line: &str| {
-        let (_, rest) = line.split_once("from the path ").unwrap();
+        let (_, rest) = line.split_once("path deviation at most ").unwrap();
         rest.split(' ').next().unwrap().parse::<f64>().unwrap()
     };
-    let before = said.lines().find(|line| line.starts_with("error without")).unwrap();
+    let before = said.lines().find(|line| line.starts_with("uncompensated error")).unwrap();
     let errors: Vec<f64> =
-        said.lines().filter(|line| line.starts_with("error measured")).map(measured).collect();
+        said.lines().filter(|line| line.starts_with("measured error")).map(measured).collect();
     assert!(
         errors.len() == 2 && errors[1] < errors[0] && 10.0 * errors[1] < measured(before),
         "{said}"

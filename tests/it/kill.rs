@@ -110,7 +110,7 @@ fn the_daemon_ramps_out_counts_and_serves_the_next_when_its_client_is_killed() {
         last.is_some_and(|status| status.health() == Ok(Health::Idle) && status.stale > 0)
     });
     assert!(idle, "{last:?}");
-    assert!(pair.daemon.says("cleaned up after clients that died", JAM));
+    assert!(pair.daemon.says("cleaned up after terminated clients", JAM));
 
     pair.start_anew(Who::Cell);
     pair.back();

@@ -63,8 +63,8 @@ fn confirmed(said: &[Verdict], near_hz: f64) -> Verdict {
 fn what_would_help_stands_in_verdict_status_and_log() {
     for (rpm, frequency_hz, advice, words) in [
         (28_000.0, 72.0, Advice::ChangeCut, "another spindle speed does not help"),
-        (2400.0, 72.0, Advice::StabilityPocket, ": go to 2160 rev/min, stability pocket 1"),
-        (2160.0, 72.0, Advice::MoveOffMode, "which moves the teeth off the modes"),
+        (2400.0, 72.0, Advice::StabilityPocket, ": change to 2160 rev/min, stability lobe 1"),
+        (2160.0, 72.0, Advice::MoveOffMode, "to move the tooth frequency away from the modes"),
         (28_000.0, 66.67, Advice::SampleFaster, "may be a folded multiple of the spindle speed"),
     ] {
         let (_place, daemon, mut sensor) = watching("");

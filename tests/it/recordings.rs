@@ -280,7 +280,7 @@ fn a_folder_that_is_removed_is_created_again_and_written_on() {
     };
     assert!(super::faults::wait_for(LIMIT, has_file));
     std::fs::remove_dir_all(place.file("recordings")).unwrap();
-    assert!(daemon.says("the black box was removed", LIMIT), "{:#?}", daemon.lines());
+    assert!(daemon.says("the recording was removed", LIMIT), "{:#?}", daemon.lines());
     assert!(super::faults::wait_for(Duration::from_secs(2), has_file), "{:#?}", daemon.lines());
     assert_eq!(monitor.ping(LIMIT).unwrap().answer(), Ok(Answer::Done));
     assert!(daemon.end().success());
@@ -289,7 +289,7 @@ fn a_folder_that_is_removed_is_created_again_and_written_on() {
     assert_eq!(info.end, End::Closed);
     let contents = blackbox::read(file).unwrap();
     let told = contents.records.iter().any(|record| {
-        matches!(record, Record::Log(line) if line.says.contains("the black box was removed"))
+        matches!(record, Record::Log(line) if line.says.contains("the recording was removed"))
     });
     assert!(told, "the new file says what became of the old one");
 }

@@ -67,12 +67,20 @@ fn is_good(status: &Status) -> bool {
 #[test]
 fn a_channel_that_fails_is_named_while_the_others_are_watched_on() {
     let faults: [Case; 5] = [
-        (SensorFault::NotFinite, "force channel z holds NaN or infinite samples: check", |block| {
-            on_z(block, |s, x| if s % 50 == 0 { f64::NAN } else { x });
-        }),
-        (SensorFault::NotFinite, "force channel z holds NaN or infinite samples: check", |block| {
-            on_z(block, |_, _| f64::INFINITY);
-        }),
+        (
+            SensorFault::NotFinite,
+            "force channel z contains NaN or infinite samples: check",
+            |block| {
+                on_z(block, |s, x| if s % 50 == 0 { f64::NAN } else { x });
+            },
+        ),
+        (
+            SensorFault::NotFinite,
+            "force channel z contains NaN or infinite samples: check",
+            |block| {
+                on_z(block, |_, _| f64::INFINITY);
+            },
+        ),
         (SensorFault::Stuck, "force channel z is stuck: check the sensor", |block| {
             on_z(block, |_, _| 3.25);
         }),
@@ -99,7 +107,7 @@ fn a_channel_that_fails_is_named_while_the_others_are_watched_on() {
         sensor.run(4.0, quiet);
         let status = sensor.settled();
         assert!(is_good(&status), "after {fault}: {}", status.message);
-        assert!(daemon.says(&format!("no more: {words}"), LIMIT), "{:#?}", daemon.lines());
+        assert!(daemon.says(&format!("cleared: {words}"), LIMIT), "{:#?}", daemon.lines());
         let on_z = sensor.said.iter().filter(|v| v.axis as usize == Z).count();
         assert_eq!(on_z, 0, "no line where the channel failed: {:?}", sensor.said);
     }
@@ -130,16 +138,16 @@ fn a_channel_that_recovers_is_learned_again_without_an_alarm() {
 #[test]
 fn a_stream_that_fails_is_named() {
     let faults: [Case; 5] = [
-        (SensorFault::WrongRate, "force stream has another rate than configured", |block| {
+        (SensorFault::WrongRate, "force stream has a different rate than configured", |block| {
             block.rate_hz = 8000.0;
         }),
-        (SensorFault::WrongRate, "force stream has another rate than configured", |block| {
+        (SensorFault::WrongRate, "force stream has a different rate than configured", |block| {
             block.rate_hz = f64::NAN;
         }),
-        (SensorFault::WrongShape, "force stream has other channels than configured", |block| {
+        (SensorFault::WrongShape, "force stream has different channels than configured", |block| {
             block.channels = 6;
         }),
-        (SensorFault::WrongShape, "force stream has other channels than configured", |block| {
+        (SensorFault::WrongShape, "force stream has different channels than configured", |block| {
             block.channels = u32::MAX;
         }),
         (SensorFault::Gaps, "force stream has gaps: check the sender", |block| {
@@ -174,16 +182,20 @@ fn silence_is_named_from_the_first_second_on_and_ends_with_the_first_block() {
     let (_place, daemon, mut sensor) = watching();
     let silent = |status: &Status| status.stream_faults & SensorFault::Silent.bit() != 0;
     let status = sensor.wait("silence at the start", silent);
-    names(&status, None, SensorFault::Silent, "force stream is silent: start the sender");
+    names(&status, None, SensorFault::Silent, "force stream delivers no data: start the sender");
     assert_eq!(status.watch(), Ok(WatchState::Learning));
-    assert!(status.message.as_str().contains("learns the noise floor"), "{}", status.message);
+    assert!(status.message.as_str().contains("is learning the noise floor"), "{}", status.message);
     sensor.run(3.0, tone);
     let status = sensor.settled();
-    assert!(!silent(&status) && !status.message.as_str().contains("learns"), "{}", status.message);
+    assert!(
+        !silent(&status) && !status.message.as_str().contains("learning"),
+        "{}",
+        status.message
+    );
     assert_eq!(status.verdict.state(), Ok(VibrationState::Confirmed));
     let status = sensor.wait("silence in between", silent);
     assert_eq!(status.verdict.state(), Ok(VibrationState::Over), "what rang then is not known now");
-    assert!(daemon.says("no more: force stream is silent", LIMIT), "{:#?}", daemon.lines());
+    assert!(daemon.says("cleared: force stream delivers no data", LIMIT), "{:#?}", daemon.lines());
 }
 
 #[test]
@@ -194,7 +206,7 @@ fn without_a_watch_the_sensor_is_looked_after_all_the_same() {
     sensor.run(1.0, quiet);
     assert_eq!(sensor.settled().watch(), Ok(WatchState::Off));
     sensor.run_broken(1.0, quiet, |block| on_z(block, |_, _| f64::NAN));
-    let words = "force channel z holds NaN or infinite samples";
+    let words = "force channel z contains NaN or infinite samples";
     names(&sensor.settled(), Some(Z), SensorFault::NotFinite, words);
     sensor.lose(3);
     sensor.run(0.1, quiet);

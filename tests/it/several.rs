@@ -82,5 +82,5 @@ fn one_cell_twice_is_bad_input() {
     let mut daemon = two(&place, (OTHER, CELL));
     assert_eq!(daemon.wait().code(), Some(2), "{:?}", daemon.lines());
     let said = daemon.lines().join("\n");
-    assert!(said.contains("two of the files are for cell `cell`"), "{said}");
+    assert!(said.contains("two files configure the cell `cell`"), "{said}");
 }

@@ -150,7 +150,7 @@ fn a_cell_that_is_configured_to_look_on_refuses_to_be_armed_and_states_the_remed
     let said = cell.client.arm(true, LIMIT).unwrap();
     assert_eq!(said.answer(), Ok(Answer::Refused));
     let words = said.message.as_str();
-    assert!(words.contains("configured to look on") && words.contains("mode = "), "{words}");
+    assert!(words.contains("configured for shadow mode") && words.contains("mode = "), "{words}");
     assert_eq!(cell.client.arm(false, LIMIT).unwrap().answer(), Ok(Answer::Done));
     until(&mut cell, CorrectionStatus::Shadow, true);
 }

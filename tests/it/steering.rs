@@ -134,7 +134,7 @@ fn a_cell_needs_no_name_where_it_is_the_only_one() {
     let place = Place::new("shadow", "");
     let none = trued(&place, &["status"]);
     assert_eq!(none.code, Some(3), "{}", none.said);
-    assert!(none.said.contains("no cell is served here"), "{}", none.said);
+    assert!(none.said.contains("no running cell found"), "{}", none.said);
     let _daemon = Process::ready_daemon(TRUED, &place);
     assert_eq!(trued(&place, &["status"]).code, Some(0));
     assert_eq!(trued(&place, &["status", "other"]).code, Some(3));
@@ -181,7 +181,7 @@ fn a_status_fits_a_terminal_and_its_keys_stand_in_the_reference() {
     let watch = Process::start(TRUED, &["status", "--watch", CELL], &place);
     assert!(watch.says("health    idle", LIMIT), "{:?}", watch.lines());
     daemon.kill();
-    assert!(watch.says("NOT THERE", LIMIT), "{:?}", watch.lines());
+    assert!(watch.says("NOT RUNNING", LIMIT), "{:?}", watch.lines());
     watch.signal(rustix::process::Signal::INT);
     let mut watch = watch;
     assert_eq!(watch.wait().code(), Some(0));
@@ -191,8 +191,7 @@ fn a_status_fits_a_terminal_and_its_keys_stand_in_the_reference() {
 fn the_help_of_bypass_says_that_it_stays_and_how_it_ends() {
     let done = Folder::new().succeed(&["bypass", "--help"]);
     let flat = done.out.split_whitespace().collect::<Vec<_>>().join(" ");
-    for words in ["It stays so when this command", "`off`: it ramps in again, whoever took it out"]
-    {
+    for words in ["The bypass remains after this command", "`off`: the correction ramps in again"] {
         assert!(flat.contains(words), "{words}: {flat}");
     }
 }

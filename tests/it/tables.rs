@@ -59,8 +59,7 @@ fn thousands_that_may_be_decimals_are_refused_with_line_column_and_way_out() {
     place.file("poses.toml", "schema = \"trued.recording/1\"\nkind = \"poses\"\n");
     let done = place.run(&["check", "poses.csv"]);
     assert_eq!(done.code, Some(1));
-    for says in ["poses.csv:2:7", "`1.042` can be read as 1042 and as 1.042", "`thousands = \".\"`"]
-    {
+    for says in ["poses.csv:2:7", "`1.042` is ambiguous: 1042 or 1.042", "`thousands = \".\"`"] {
         assert!(done.out.contains(says), "{says} in\n{}", done.out);
     }
     let stated = "schema = \"trued.mapping/1\"\ndecimal = \",\"\nthousands = \".\"\n";
@@ -90,12 +89,16 @@ fn readings_under_two_names_are_reported_by_check_and_refused_by_a_fit() {
     place.file("twins.csv", &text);
     place.file("twins.toml", "schema = \"trued.recording/1\"\nkind = \"poses\"\n");
     let done = place.succeed(&["check", "twins.csv"]);
-    assert!(done.out.contains("`target2` holds the same readings as `target1`"), "{}", done.out);
+    assert!(
+        done.out.contains("`target2` has exactly the same values as `target1`"),
+        "{}",
+        done.out
+    );
     let model = ["--model", "irb1600-6-145"];
     for command in [&["diagnose", "--out", "said"][..], &["calibrate", "--out", "new.toml"]] {
         let done = place.run(&[command, &model, &["twins.csv"]].concat());
         assert_eq!(done.code, Some(2), "{command:?}: {done:#?}");
-        assert!(done.err.contains("holds the same readings as `target1`"), "{}", done.err);
+        assert!(done.err.contains("has exactly the same values as `target1`"), "{}", done.err);
     }
     assert_eq!(place.names(), ["twins.csv", "twins.toml"]);
 }

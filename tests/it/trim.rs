@@ -241,7 +241,7 @@ fn a_running_daemon_trims_by_the_points_that_a_client_publishes_and_lets_go_with
     assert_eq!(status.trim_reason(), Ok(TrimReason::NoMeasurement));
     assert_eq!(status.health(), Ok(Health::Degraded), "{}", status.message);
     assert!(
-        status.message.as_str().contains("no measurement of the tool comes"),
+        status.message.as_str().contains("no tool measurements received"),
         "{}",
         status.message
     );

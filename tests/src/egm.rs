@@ -53,7 +53,7 @@ pub fn bridge(
     let at = process
         .lines()
         .iter()
-        .find_map(|line| line.strip_prefix("ready: listens at ")?.parse().ok());
+        .find_map(|line| line.strip_prefix("ready: listening on ")?.parse().ok());
     (process, at.expect("an address"))
 }
 

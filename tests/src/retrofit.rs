@@ -72,7 +72,7 @@ pub fn run(program: &str, before: &[&str], seed: u64) -> Outcome {
     let config =
         config("off", "joints", application.local_addr().ok(), "[force]\nframe = \"tool\"\n");
     let (mut process, at) = bridge(program, before, "egm", &place, &config);
-    assert!(process.says("joined the daemon", PATIENCE), "{:#?}", process.lines());
+    assert!(process.says("connected to the daemon", PATIENCE), "{:#?}", process.lines());
     let first = cell.next_command().map_or([0.0; JOINTS_MAX], |sample| sample.q);
     let mut rig = Rig { robot: EgmRobot::new(at, &degrees(&first)), application };
     let mut outcome = Outcome { errors_m: Vec::new(), missed: 0, late: 0, counted: Vec::new() };

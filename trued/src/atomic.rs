@@ -33,7 +33,7 @@ const HEAD: u64 = 1024;
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// The system refused.
-    #[error("cannot write {}: {source}; check that its directory exists, is writable, and has room", path.display())]
+    #[error("cannot write {}: {source}; check that its folder exists and is writable, and that the disk is not full", path.display())]
     Io {
         /// The file that was to be.
         path: PathBuf,
@@ -41,13 +41,13 @@ pub enum WriteError {
         source: io::Error,
     },
     /// Something is there.
-    #[error("{} exists already, and nothing was written: give another name, or --overwrite to replace it", .0.display())]
+    #[error("{} already exists; nothing was written. Choose another name, or use --overwrite to replace it", .0.display())]
     Exists(PathBuf),
     /// An input would be lost, `--overwrite` or not.
-    #[error("{}: the result would replace its own input; give it another name", .0.display())]
+    #[error("{}: the output would overwrite an input file; choose another name", .0.display())]
     Input(PathBuf),
     /// Two outputs have one name.
-    #[error("{} is named for two outputs: give each a name of its own", .0.display())]
+    #[error("{} is given for two outputs; choose different names", .0.display())]
     Twice(PathBuf),
 }
 

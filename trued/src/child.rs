@@ -28,7 +28,11 @@ impl Guarded {
 
     /// Writes a line to its standard input.
     pub(crate) fn tell(&mut self, line: &str) -> Result<(), Failure> {
-        let input = self.0.stdin.as_mut().ok_or_else(|| Failure::system("it does not listen"))?;
+        let input = self
+            .0
+            .stdin
+            .as_mut()
+            .ok_or_else(|| Failure::system("the child process has no standard input"))?;
         writeln!(input, "{line}").and_then(|()| input.flush()).map_err(Failure::system)
     }
 

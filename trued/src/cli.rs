@@ -5,10 +5,10 @@ use clap::Parser;
 use crate::commands::Command;
 use crate::options::Common;
 
-/// Makes a robot's tool go where it was told to.
+/// Corrects a robot's joint targets so that the tool reaches the commanded pose.
 ///
-/// trued corrects commanded joint targets over shared memory with a model of this very robot, and says what the model
-/// does not know yet.
+/// trued corrects commanded joint targets over shared memory with a model of the individual robot, and finds the errors
+/// that the model does not cover.
 #[derive(Debug, Parser)]
 #[command(name = "trued", version, max_term_width = 100, subcommand_required = true)]
 #[command(arg_required_else_help = true, disable_help_subcommand = true)]

@@ -283,12 +283,12 @@ impl Figures {
             text += &format!("largest correction  {value:.4} {unit} (joint {joint}, row {row})\n");
         }
         let Some(Left { mm, mm_row, mrad, mrad_row }) = self.largest_left else {
-            return text + "largest error left  not known for any row";
+            return text + "largest error left  unknown for all rows";
         };
         text += &format!("largest error left  {mm:.6} mm (row {mm_row}), ");
         text += &format!("{mrad:.6} mrad (row {mrad_row}), by the model");
         if self.unknown_rows > 0 {
-            text += &format!(", not known for {}", count(self.unknown_rows, "row"));
+            text += &format!(", unknown for {}", count(self.unknown_rows, "row"));
         }
         text
     }
@@ -299,11 +299,11 @@ impl Tolerance {
     pub(crate) fn told(&self) -> String {
         let Self { tolerance_mm, rows_beyond, met, .. } = self;
         if *met {
-            return format!("tolerance           {tolerance_mm} mm met by every row");
+            return format!("tolerance           {tolerance_mm} mm met in every row");
         }
         let rows = count(*rows_beyond, "row");
         format!(
-            "tolerance           {tolerance_mm} mm not met: {rows} leave more, or what they leave is not known; column `left_mm`"
+            "tolerance           {tolerance_mm} mm not met: {rows} with a larger or unknown remaining error; see the column `left_mm`"
         )
     }
 }

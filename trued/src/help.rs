@@ -4,16 +4,19 @@ use clap::Command;
 
 /// Every command of the interface, grouped by task.
 const TASKS: [(&str, &[&str]); 8] = [
-    ("See it work", &["demo", "bench", "doctor"]),
+    ("Try trued and test the computer", &["demo", "bench", "doctor"]),
     (
         "Correct a robot",
         &["run", "check", "reload", "correct", "learn", "replay", "bridge", "fleet"],
     ),
-    ("Steer a running cell", &["status", "top", "bypass", "mode", "arm", "mark", "record", "live"]),
-    ("Make a model", &["model", "plan", "calibrate", "gears", "simulate"]),
-    ("Find what is wrong", &["diagnose", "trends", "challenge"]),
-    ("Look at vibration", &["spectrum", "surface", "tap", "stability"]),
-    ("Look at recordings", &["record", "info", "convert"]),
+    (
+        "Operate a running cell",
+        &["status", "top", "bypass", "mode", "arm", "mark", "record", "live"],
+    ),
+    ("Create a model", &["model", "plan", "calibrate", "gears", "simulate"]),
+    ("Find model errors", &["diagnose", "trends", "challenge"]),
+    ("Analyse vibration and surfaces", &["spectrum", "surface", "tap", "stability"]),
+    ("Work with recordings", &["record", "info", "convert"]),
     ("Set up a shell", &["completions"]),
 ];
 
@@ -22,22 +25,22 @@ const EXAMPLES: [(&str, &str, &str); 5] = [
     (
         "demo",
         "trued demo --quick",
-        "a simulated cell: what correcting is worth, and what its model lacks",
+        "simulate a cell: accuracy with and without correction, then a diagnosis",
     ),
-    ("run", "trued run --config cell.toml", "the daemon for one cell"),
+    ("run", "trued run --config cell.toml", "run the daemon for one cell"),
     (
         "correct",
         "trued correct --model robot.toml path.csv",
-        "a path file, corrected, without a daemon",
+        "correct a path file without a daemon",
     ),
-    ("model", "trued model presets", "the robots that come along"),
-    ("check", "trued check cell.toml", "all faults of a configuration at once"),
+    ("model", "trued model presets", "list the built-in robot models"),
+    ("check", "trued check cell.toml", "check a configuration and report every error"),
 ];
 
-const EXIT_CODES: &str = "  0    done
-  1    done, and the answer is no
-  2    bad input or usage
-  3    the system failed (shared memory, permission, disk)
+const EXIT_CODES: &str = "  0    success
+  1    completed with a negative result (for example a failed check or a rejected request)
+  2    invalid input or usage
+  3    system error (shared memory, permission, disk)
   130  interrupted";
 
 /// The command with its help laid out.
@@ -45,7 +48,7 @@ pub(crate) fn dressed(command: Command) -> Command {
     let commands = tasks(&command) + &examples(&command);
     let template = format!(
         "{{about-with-newline}}\nUsage: {{usage}}\n\n{commands}Options:\n{{options}}\n\nExit codes:\n{EXIT_CODES}\n\n\
-         `trued COMMAND --help` tells more about a command.\n"
+         Run `trued COMMAND --help` for more about a command.\n"
     );
     command.help_template(template)
 }
@@ -101,7 +104,9 @@ mod tests {
         let mut command = dressed(Command::new("trued").about("About").subcommands(known));
         let help = command.render_help().to_string();
         assert!(
-            help.contains("See it work:\n  demo        What it does\n\nMake a model:\n  model"),
+            help.contains(
+                "Try trued and test the computer:\n  demo        What it does\n\nCreate a model:\n  model"
+            ),
             "{help}"
         );
         assert!(help.contains("trued demo --quick") && help.contains("trued model presets"));

@@ -8,23 +8,23 @@ use crate::corrections::Corrections;
 use crate::exit::Failure;
 use crate::input::Input;
 
-/// How far a compensation in time goes.
+/// Bandwidth, robustness and limits of dynamic compensation.
 #[derive(Debug, Clone, Args)]
-#[command(next_help_heading = "Compensation in time")]
+#[command(next_help_heading = "Dynamic compensation")]
 pub(crate) struct InTime {
-    /// The band in which errors in time are compensated, Hz, 1 to 100
+    /// Bandwidth of the dynamic compensation, Hz, 1 to 100
     #[arg(long, value_name = "HZ", default_value_t = 40.0)]
     bandwidth_hz: f64,
-    /// Share by which delay, lags, frequencies and damping of the model may be off without the path becoming worse, 0 to 0.5
+    /// Relative error of the model's delay, lags, frequencies and damping that must not make the path worse, 0 to 0.5
     #[arg(long, value_name = "SHARE", default_value_t = 0.3)]
     robust_to: f64,
-    /// Largest correction in time, mrad (mm of a slide): at speed it is many times that of a static error
+    /// Largest dynamic correction of a joint, mrad (mm for a linear axis); at speed it is many times the static correction
     #[arg(long, value_name = "MRAD", default_value_t = 200.0)]
     max_mrad: f64,
-    /// Its largest rate, mrad/s (mm/s)
+    /// Largest rate of the dynamic correction, mrad/s (mm/s)
     #[arg(long, value_name = "MRAD/S", default_value_t = 1e3)]
     max_rate_mrad_s: f64,
-    /// Its largest jerk, mrad/s³ (mm/s³)
+    /// Largest jerk of the dynamic correction, mrad/s³ (mm/s³)
     #[arg(long, value_name = "MRAD/S3", default_value_t = 5e6)]
     max_jerk_mrad_s3: f64,
 }
@@ -58,7 +58,7 @@ pub(crate) fn settled(corrections: &Corrections) -> Result<Vec<Vec<f64>>, Failur
     match lacking {
         None => Ok(joints.to_vec()),
         Some(row) => Err(Failure::input(format!(
-            "row {}: was rejected, so that there is nothing to command there; `trued correct` without --dynamic says why",
+            "row {}: the corrector rejected it, so there is no joint command for it; run `trued correct` without --dynamic to see why",
             row + 1
         ))),
     }

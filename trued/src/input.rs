@@ -27,10 +27,10 @@ const NO_ARM: &str = include_str!("no_arm.toml");
 /// Whose recording it is, and how it is read.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct Reading {
-    /// The robot's model: a file, or the name of a preset; if not given, the one that the recording's TOML names
+    /// Robot model: a file, or the name of a preset; if not given, the model stated in the recording's TOML
     #[arg(long, value_name = "MODEL")]
     pub(crate) model: Option<PathBuf>,
-    /// How another program's table becomes a recording; if not given, `NAME.mapping.toml` beside it
+    /// Mapping from another program's table to a recording; if not given, `NAME.mapping.toml` in the same folder
     #[arg(long, value_name = "FILE")]
     pub(crate) mapping: Option<PathBuf>,
 }
@@ -68,12 +68,12 @@ pub(crate) struct Faulty(pub(crate) Faults);
 
 /// No model was named.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: no model is named; give --model MODEL (a file, or a preset of `trued model presets`)", .0.display())]
+#[error("{}: no model is stated; give --model MODEL (a file, or a preset of `trued model presets`)", .0.display())]
 struct Unnamed(PathBuf);
 
 /// Recordings of several robots.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: names another model than the first recording; give --model MODEL if both are of one robot", .0.display())]
+#[error("{}: states a different model than the first recording; give --model MODEL if both are of one robot", .0.display())]
 struct Different(PathBuf);
 
 impl Reading {
@@ -176,8 +176,8 @@ impl Input {
         let corrects = need == Need::Path && recording.about.kind == Kind::Path;
         if corrects && step_s > STEP_S_MAX {
             warn!(
-                "rows are {step_s:.3} s apart: a correction moves between two rows only as far as it may in \
-                 {STEP_S_MAX} s. Poses at rest: say kind = \"poses\" in the TOML beside the recording"
+                "the time step is {step_s:.3} s, but the correction changes between two rows by no more than its limits allow in \
+                 {STEP_S_MAX} s; for poses at rest, set kind = \"poses\" in the recording's TOML"
             );
         }
     }
@@ -194,7 +194,7 @@ pub(crate) fn unusable_model(name: &Path, error: FileError) -> Failure {
         FileError::Io { source, .. } if source.kind() == ErrorKind::NotFound => {
             let presets = presets::PRESETS.iter().map(|preset| preset.name);
             let near = name.to_str().and_then(|name| nearest(name, presets));
-            let meant = near.map(|near| format!(" (is `{near}` meant?)")).unwrap_or_default();
+            let meant = near.map(|near| format!(" (did you mean `{near}`?)")).unwrap_or_default();
             Failure::input(NoModel { name: name.to_owned(), meant })
         }
         error => unusable(error),

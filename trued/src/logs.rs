@@ -52,7 +52,10 @@ impl Queue {
                 let lost = shared.lost.swap(0, Relaxed);
                 // A write error cannot be reported.
                 if lost > 0 {
-                    let _ = writeln!(out, " WARN {lost} lines of log were lost: nobody read them");
+                    let _ = writeln!(
+                        out,
+                        " WARN {lost} log lines were dropped: the log was not read fast enough"
+                    );
                 }
                 let _ = out.write_all(&line);
                 shared.waiting.fetch_sub(1, Relaxed);

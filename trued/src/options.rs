@@ -13,19 +13,19 @@ use crate::exit::Failure;
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Options of every command")]
 pub struct Common {
-    /// Also write what was found as one JSON object; with `-` to standard output, the text then to standard error
+    /// Also write the result as one JSON object to FILE; `-`: to standard output, and the text to standard error
     #[arg(long, value_name = "FILE", global = true)]
     pub json: Option<PathBuf>,
-    /// Replace files that exist already. Without it only results that trued made (JSON, pages, plots) are replaced; inputs never are
+    /// Overwrite existing files. Without it, only earlier results of trued (JSON, pages, plots) are overwritten. Input files are never overwritten
     #[arg(long, global = true)]
     pub overwrite: bool,
-    /// No progress, no log but errors
+    /// Show no progress, and log errors only
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub quiet: bool,
-    /// More log; twice for all of it
+    /// Log more; `-vv` logs everything
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub verbose: u8,
-    /// Colours in text; `auto`: on a terminal, unless `NO_COLOR` is set
+    /// Colour the text output; `auto`: on a terminal, unless `NO_COLOR` is set
     #[arg(long, value_name = "auto|always|never", global = true, value_enum, default_value_t)]
     #[arg(hide_possible_values = true, hide_default_value = true)]
     pub color: Color,
@@ -46,7 +46,7 @@ pub enum Color {
 /// For commands where chance plays a part.
 #[derive(Debug, Clone, Args)]
 pub struct Seed {
-    /// Seed of all chance; drawn and told if not given
+    /// Seed of the random numbers; if not given, a random one is used and reported
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
 }
@@ -63,7 +63,7 @@ impl Seed {
 /// For commands whose work is spread over threads; results do not depend on it.
 #[derive(Debug, Clone, Args)]
 pub struct Threads {
-    /// Threads to work with; as many as the machine offers if not given
+    /// Number of threads; if not given, one for each available core
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
 }
@@ -78,8 +78,8 @@ impl Threads {
 
     /// Limits the threads of this process's diagnoses, if a number is given.
     ///
+    /// # Errors
     /// The system provides no threads.
-    /// The system gives none.
     pub(crate) fn bound(&self) -> Result<(), Failure> {
         self.threads.map_or(Ok(()), |threads| bound_threads(threads).map_err(Failure::system))
     }
@@ -88,9 +88,9 @@ impl Threads {
 /// Parses `--tolerance-mm`, mm: above 0.
 ///
 /// # Errors
-/// What is wrong with it, in words.
+/// Why the text is not such a length.
 pub(crate) fn tolerance_mm(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    let value: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
     if value.is_finite() && value > 0.0 {
         Ok(value)
     } else {

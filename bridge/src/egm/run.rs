@@ -85,8 +85,8 @@ fn fits(config: &EgmConfig, resources: &Resources) -> Result<(), BridgeError> {
     let on_wire = count - usize::from(config.seventh_after.is_some()).min(count);
     if on_wire > 6 || config.seventh_after.is_some_and(|after| after > on_wire) {
         return Err(BridgeError::misfit(
-            format!("the model has {count} joints, and EGM carries 6 and external axes"),
-            "where the arm has seven, say `seventh_after` under [robot]: how many axes stand before it",
+            format!("the model has {count} joints, but EGM supports 6 and external axes"),
+            "for a seven-axis arm, set `seventh_after` under [robot], the number of axes before the seventh",
         ));
     }
     if config.force.is_none() {
@@ -96,7 +96,7 @@ fn fits(config: &EgmConfig, resources: &Resources) -> Result<(), BridgeError> {
     let fits = |force: recording::cell::Force| (force.rate_hz / rate_hz - 1.0).abs() < RATE_SHARE;
     if !resources.cell.force.is_some_and(|force| fits(force) && force.channels == 6) {
         return Err(BridgeError::misfit(
-            "[force] of the bridge hands the controller's force to the watch, and the cell expects another stream",
+            "[force] of the bridge sends the controller's force to the vibration monitor, but the cell expects a different stream",
             "set [force] rate_Hz = 248.0 and channels = 6 in the cell, or enabled = false in the bridge's [force]",
         ));
     }

@@ -12,10 +12,10 @@ pub enum Broken {
     #[error("the message ends within a field")]
     CutOff,
     /// A tag, or a number, that Protocol Buffers do not define.
-    #[error("a tag or number that is none")]
+    #[error("invalid tag or number")]
     NoField,
     /// A field has another type than the protocol states.
-    #[error("field {number} has wire type {wire_type}, which it cannot have")]
+    #[error("field {number} has the invalid wire type {wire_type}")]
     WrongType {
         /// Number of the field.
         number: u32,

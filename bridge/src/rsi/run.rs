@@ -32,10 +32,10 @@ pub fn run(
     let adapts = resources.cell.feed.is_some_and(|feed| feed.mode == FeedMode::Adapt);
     match (adapts, &config.feed) {
         (true, None) => tracing::warn!(
-            "the cell adapts its feed, but the controller receives no override: name its tag under [feed]"
+            "the cell adapts its feed, but the controller receives no override; set its tag under [feed]"
         ),
         (false, Some(feed)) => tracing::warn!(
-            "{} is 100 always: the cell does not adapt its feed ([feed] of {})",
+            "{} is always 100: the cell does not adapt its feed ([feed] of {})",
             feed.tag,
             resources.cell.cell
         ),
@@ -76,8 +76,8 @@ fn fits(config: &RsiConfig, resources: &Resources) -> Result<(), BridgeError> {
     let count = resources.arm.count();
     let misfit = |what: &str, names: usize| {
         Err(BridgeError::misfit(
-            format!("the model has {count} joints, and [{what}] names {names} axes"),
-            format!("say `names` under [{what}], one per joint of the model, in its order"),
+            format!("the model has {count} joints, but [{what}] has {names} axes"),
+            format!("set `names` under [{what}], one per joint of the model, in its order"),
         ))
     };
     if config.setpoint.names.len() != count {

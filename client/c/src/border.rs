@@ -131,7 +131,7 @@ pub(crate) unsafe fn numbers<'a, T>(
         return Err(Fault::Null(what));
     }
     if !at.is_aligned() {
-        return Err(Fault::Malformed { what, expected: "at an address that its numbers may have" });
+        return Err(Fault::Malformed { what, expected: "aligned for its type" });
     }
     // SAFETY: not null, aligned, and as long as the caller promises; callers bound `count`.
     Ok(unsafe { core::slice::from_raw_parts(at, count) })
@@ -147,10 +147,11 @@ pub(crate) unsafe fn text<'a>(what: &'static str, at: *const c_char) -> Result<&
     }
     // SAFETY: each byte up to the first zero is readable, and none is read beyond.
     let length = (0..TEXT_BYTES_MAX).find(|i| unsafe { at.add(*i).read() } == 0);
-    let length = length.ok_or(Fault::Malformed { what, expected: "ended within 4096 bytes" })?;
+    let length =
+        length.ok_or(Fault::Malformed { what, expected: "terminated within 4096 bytes" })?;
     // SAFETY: so many bytes were just read there.
     let bytes = unsafe { core::slice::from_raw_parts(at.cast::<u8>(), length) };
-    core::str::from_utf8(bytes).map_err(|_| Fault::Malformed { what, expected: "a text in UTF-8" })
+    core::str::from_utf8(bytes).map_err(|_| Fault::Malformed { what, expected: "a UTF-8 string" })
 }
 
 /// A file's path; NULL names none.

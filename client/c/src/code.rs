@@ -93,29 +93,29 @@ pub(crate) enum Fault {
     )]
     StructSize { what: &'static str, size: usize, min: usize, max: usize },
     #[error(
-        "`{what}`: struct_size is {size}, this library knows {known} bytes, and what stands beyond is not zero; \
-         the program was built for a newer library: install that one"
+        "`{what}`: struct_size is {size}, this library knows {known} bytes, and the bytes beyond them are not zero; \
+         the program was built for a newer library; install that one"
     )]
     Newer { what: &'static str, size: usize, known: usize },
     #[error("{what} is {value}, expected {expected}")]
     Argument { what: &'static str, value: u64, expected: &'static str },
     #[error("`{what}` is not {expected}")]
     Malformed { what: &'static str, expected: &'static str },
-    #[error("this handle has been closed, or never was one; connect anew")]
+    #[error("this handle is closed or invalid; connect again")]
     Closed,
     #[error("another thread is in a call with this handle; use a handle from one thread at a time")]
     Busy,
-    #[error("{0} handles of this kind are open, which is the most; close some")]
+    #[error("{0} handles of this kind are open, the maximum; close some")]
     TooMany(usize),
     #[error(
-        "an earlier call with this handle failed inside the library; close it and connect anew"
+        "an earlier call with this handle failed inside the library; close it and connect again"
     )]
     Broken,
-    #[error("the library failed: {0}; please report this, close the handle and connect anew")]
+    #[error("the library failed: {0}; please report this, close the handle and connect again")]
     Panic(String),
-    #[error("no answer within {0:?}; trued_client_target() tells what to publish all the same")]
+    #[error("no answer within {0:?}; publish the result of trued_client_target()")]
     TimedOut(Duration),
-    #[error("the daemon refused: {}", .0.message)]
+    #[error("the daemon rejected the request: {}", .0.message)]
     Refused(Box<Response>),
     #[error("the daemon failed: {}", .0.message)]
     Failed(Box<Response>),

@@ -103,10 +103,7 @@ pub(crate) unsafe fn force<'a>(from: &trued_force_samples) -> Result<ForceSample
         (true, false) => Samples::F32(unsafe { numbers("floats", from.floats, count) }?),
         (true, true) => return Err(Fault::Null("doubles")),
         (false, false) => {
-            return Err(Fault::Malformed {
-                what: "floats",
-                expected: "NULL where doubles are given",
-            });
+            return Err(Fault::Malformed { what: "floats", expected: "NULL if doubles are given" });
         }
     };
     let (channels, frame) = (from.channels as usize, frame(from.in_base == 1));

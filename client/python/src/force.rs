@@ -44,7 +44,7 @@ impl ForceSource {
         // Column by column is contiguous too, and would mix channels and samples up.
         let crooked = || {
             PyValueError::new_err(
-                "`samples` does not lie sample by sample; numpy.ascontiguousarray() makes it so",
+                "`samples` is not C-contiguous; use numpy.ascontiguousarray()",
             )
         };
         let (by_sample, channels) = match &samples {

@@ -102,7 +102,7 @@ enum No {
 impl No {
     fn raise(self, py: Python<'_>) -> PyErr {
         let (class, words) = match self {
-            Self::Closed => ("Closed", "this object has been closed; connect anew"),
+            Self::Closed => ("Closed", "this object is closed; connect again"),
             Self::Busy => (
                 "Busy",
                 "another thread is in a call with this object; use one from one thread at a time",
@@ -115,7 +115,7 @@ impl No {
 /// A time limit, which every wait has.
 pub(crate) fn limit(seconds: f64) -> PyResult<Duration> {
     if !(0.0..=LONGEST_S).contains(&seconds) {
-        let words = format!("a time limit is {seconds} s, expected 0 to {LONGEST_S}");
+        let words = format!("the time limit is {seconds} s, expected 0 to {LONGEST_S}");
         return Err(PyValueError::new_err(words));
     }
     Ok(Duration::from_secs_f64(seconds))
@@ -141,7 +141,7 @@ pub(crate) fn named<T: Copy>(
 pub(crate) fn slice<'a>(what: &str, numbers: &'a Numbers<'_>) -> PyResult<&'a [f64]> {
     let words = || {
         PyValueError::new_err(format!(
-            "`{what}` is not contiguous; numpy.ascontiguousarray() makes it so"
+            "`{what}` is not contiguous; use numpy.ascontiguousarray()"
         ))
     };
     numbers.as_slice().map_err(|_| words())

@@ -60,10 +60,10 @@ struct ExperimentEntry {
 #[derive(Debug, thiserror::Error)]
 pub enum NoRequest {
     /// Not JSON, or not of this form.
-    #[error("is no diagnosis: {0}")]
+    #[error("not a diagnosis (`diagnosis.json` of `trued diagnose`): {0}")]
     NoDiagnosis(#[from] serde_json::Error),
     /// The request names a quantity that cannot be measured.
-    #[error("`measure` names `{0}`, which is no measured column")]
+    #[error("`measure` lists `{0}`, which is not a measured column")]
     NotMeasured(String),
 }
 

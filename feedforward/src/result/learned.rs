@@ -67,7 +67,7 @@ impl RunDynamics {
     fn text(&self) -> String {
         let Self { delay_ms, lag_ms, frequencies_hz, .. } = self;
         let modes: Vec<String> = frequencies_hz.iter().map(|hz| format!(", {hz:.2} Hz")).collect();
-        format!("by this run delay {delay_ms:.2} ms, lag {lag_ms:.2} ms{}", modes.concat())
+        format!("estimated delay {delay_ms:.2} ms, lag {lag_ms:.2} ms{}", modes.concat())
     }
 }
 
@@ -90,9 +90,9 @@ impl JointReport {
     fn text(&self) -> String {
         let Self { measured, error, error_rms, repeatability, by_run, next } = self;
         let mut text = next.text();
-        text += &format!("; measured ({measured}) {error:.3} at most, {error_rms:.3} rms");
+        text += &format!("; measured error ({measured}) at most {error:.3}, {error_rms:.3} rms");
         if let Some(deviation) = repeatability {
-            text += &format!(", repeatable to {deviation:.4} rms");
+            text += &format!(", repeatability {deviation:.4} rms");
         }
         if let Some(by_run) = by_run {
             text += &format!("; {}", by_run.text());
@@ -147,13 +147,13 @@ impl LearnReport {
         self.joints.iter().for_each(|joint| text += &joint.text());
         for joint in &self.not_learned {
             text += &format!(
-                "joint {joint}: not learned, nothing was measured of it but a motor that does not see its mode\n"
+                "joint {joint}: not learned; no measurement, or only at the motor, which does not observe the joint's flexible mode\n"
             );
         }
-        text += &self.tool_before.text("error measured");
-        text += self.tool_next.text("next, by the model").trim_end();
+        text += &self.tool_before.text("measured error");
+        text += self.tool_next.text("predicted next run").trim_end();
         if self.runs == 1 {
-            text += "\nrepeatability       not known of one run; give several recordings of the same commands";
+            text += "\nrepeatability       unknown from one run; give several recordings of the same commands";
         }
         text
     }

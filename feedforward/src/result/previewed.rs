@@ -63,12 +63,12 @@ impl PreviewReport {
     pub fn text(&self) -> String {
         let mut text = format!("rows                every {:.3} ms", self.step_ms);
         if self.resampled {
-            text += ", resampled: those of the path are not even, other columns are left out";
+            text += ", resampled from uneven time steps; other columns are left out";
         }
         text += &format!("; the arm stands still for {:.3} s at both ends\n", self.lead_s);
         self.joints.iter().for_each(|joint| text += &(joint.text() + "\n"));
-        text += &self.tool_without.text("error without");
-        text += self.tool_with.text("error in time with").trim_end();
+        text += &self.tool_without.text("uncompensated error");
+        text += self.tool_with.text("compensated error").trim_end();
         for effect in &self.left_out {
             text += &format!("\nnot compensated     {effect}");
         }

@@ -39,7 +39,7 @@ const FAIR_SERVER_SINCE: (u32, u32) = (6, 12);
 fn kernel(texts: &Texts) -> Check {
     let name = "real-time kernel";
     let version = texts.version.as_deref();
-    let release = version.and_then(parse::release).unwrap_or("a kernel that does not say which");
+    let release = version.and_then(parse::release).unwrap_or("unknown kernel");
     match parse::is_preempt_rt(texts.realtime.as_deref(), version) {
         Some(true) => Check::pass(name, format!("{release}, PREEMPT_RT")),
         Some(false) => Check::fix(
@@ -47,7 +47,7 @@ fn kernel(texts: &Texts) -> Check {
             format!("{release}, not PREEMPT_RT"),
             "boot a PREEMPT_RT kernel (Debian: apt install linux-image-rt-amd64)",
         ),
-        None => Check::unknown(name, release, "look at `uname -v` for PREEMPT_RT"),
+        None => Check::unknown(name, release, "check `uname -v` for PREEMPT_RT"),
     }
 }
 
@@ -59,8 +59,8 @@ fn governor(cores: &[Core]) -> Check {
     match (governed.as_slice(), slow.as_slice()) {
         ([], _) => Check::unknown(
             name,
-            "nothing here governs the frequency (a virtual machine, or the firmware does)",
-            "set the host or the firmware to performance",
+            "the kernel does not control the frequency (virtual machine, or controlled by the firmware)",
+            "set the host or the firmware to its performance mode",
         ),
         (_, []) => Check::pass(name, "performance on all cores"),
         (_, [(core, governor), ..]) => Check::fix(
@@ -78,9 +78,8 @@ fn idle(cores: &[Core]) -> Check {
     let mut deep = Vec::new();
     for (core, state) in &states {
         let Ok(latency_us) = state.latency_us.parse::<u64>() else {
-            let found =
-                format!("core {core} does not say how long `{}` takes to leave", state.name);
-            return Check::unknown(name, found, "look at `cpupower idle-info`");
+            let found = format!("unknown exit latency of `{}` on core {core}", state.name);
+            return Check::unknown(name, found, "check `cpupower idle-info`");
         };
         if state.disable != "1" && latency_us > IDLE_LATENCY_US_MAX {
             deep.push((core, state, latency_us));
@@ -89,13 +88,13 @@ fn idle(cores: &[Core]) -> Check {
     match (states.as_slice(), deep.first()) {
         ([], _) => Check::unknown(
             name,
-            "the kernel manages no idle states here; a hypervisor may halt the core all the same",
+            "the kernel manages no idle states; a hypervisor may still halt the core",
             "keep the cycle's core busy: cycle.wait = \"spin\" on an isolated core",
         ),
-        (_, None) => Check::pass(name, "none that takes long to leave"),
+        (_, None) => Check::pass(name, "none with a long exit latency"),
         (_, Some((core, state, latency_us))) => Check::fix(
             name,
-            format!("`{}` on core {core} takes {latency_us} µs to leave", state.name),
+            format!("`{}` on core {core} has an exit latency of {latency_us} µs", state.name),
             format!("cpupower idle-set --disable-by-latency {}", IDLE_LATENCY_US_MAX + 1),
         ),
     }
@@ -112,7 +111,7 @@ fn isolated(texts: &Texts) -> Check {
             let tick = if quiet { "without tick" } else { "with the kernel's tick" };
             Check::pass(name, format!("{cores:?}, {tick}"))
         }
-        Some(None) | None => Check::unknown(name, "the kernel does not say", fix),
+        Some(None) | None => Check::unknown(name, "not reported by the kernel", fix),
     }
 }
 
@@ -129,11 +128,13 @@ fn throttling(texts: &Texts) -> Check {
         Some(Ok(runtime_us)) if release.is_some() => Check::fix(
             name,
             format!(
-                "real-time threads get {runtime_us} µs of each second's part; what spins is stalled"
+                "real-time threads are limited to {runtime_us} µs per period; spinning threads are stalled"
             ),
-            "let the cycle sleep (cycle.wait = \"sleep\"), or isolate its core and: sysctl kernel.sched_rt_runtime_us=-1",
+            "use cycle.wait = \"sleep\", or isolate the core and run: sysctl kernel.sched_rt_runtime_us=-1",
         ),
-        _ => Check::unknown(name, "the kernel does not say", "sysctl kernel.sched_rt_runtime_us"),
+        _ => {
+            Check::unknown(name, "not reported by the kernel", "sysctl kernel.sched_rt_runtime_us")
+        }
     }
 }
 
@@ -145,14 +146,14 @@ fn fair_server(texts: &Texts, name: &'static str) -> Check {
         Check::pass(name, format!("the kernel's fair server is off on {off:?}"))
     } else if !isolated.is_empty() {
         let found = format!(
-            "nobody else is on {isolated:?}, so the kernel's fair server stalls nothing there"
+            "no other thread runs on {isolated:?}, so the kernel's fair server stalls nothing there"
         );
         Check::pass(name, found)
     } else {
         Check::fix(
             name,
-            "what spins is stalled by 50 ms in each second where others want its core (the kernel's fair server; sched_rt_runtime_us is none of it since 6.12)",
-            "let the cycle sleep (cycle.wait = \"sleep\"), or isolate its core N, or: echo 0 > /sys/kernel/debug/sched/fair_server/cpuN/runtime",
+            "spinning threads are stalled for 50 ms per second if other threads need the core (the kernel's fair server, independent of sched_rt_runtime_us since 6.12)",
+            "use cycle.wait = \"sleep\", or isolate its core N, or run: echo 0 > /sys/kernel/debug/sched/fair_server/cpuN/runtime",
         )
     }
 }
@@ -168,12 +169,12 @@ fn priority(texts: &Texts) -> Check {
         }
         (_, Some(limit)) => Check::fix(
             name,
-            format!("up to {}, the daemon asks for {PRIORITY}", worded(limit, "")),
+            format!("up to {}, the daemon needs {PRIORITY}", worded(limit, "")),
             format!(
                 "LimitRTPRIO={PRIORITY} in the unit, or rtprio {PRIORITY} in /etc/security/limits.d"
             ),
         ),
-        (_, None) => Check::unknown(name, "the kernel does not say", "ulimit -r"),
+        (_, None) => Check::unknown(name, "not reported by the kernel", "ulimit -r"),
     }
 }
 
@@ -182,16 +183,16 @@ fn locked(texts: &Texts) -> Check {
     let may = texts.status.as_deref().and_then(|s| parse::has_capability(s, CAP_IPC_LOCK));
     let limit = texts.limits.as_deref().and_then(|l| parse::limit(l, "Max locked memory"));
     match (may, limit) {
-        (Some(true), _) => Check::pass(name, "as much as there is (CAP_IPC_LOCK)"),
+        (Some(true), _) => Check::pass(name, "unlimited (CAP_IPC_LOCK)"),
         (_, Some(limit)) if limit.is_at_least(LOCKED_BYTES) => {
             Check::pass(name, worded(limit, " bytes"))
         }
         (_, Some(limit)) => Check::fix(
             name,
-            format!("{}, the daemon locks all of its own", worded(limit, " bytes")),
+            format!("{}, the daemon locks all its memory", worded(limit, " bytes")),
             "LimitMEMLOCK=infinity in the unit, or memlock unlimited in /etc/security/limits.d",
         ),
-        (_, None) => Check::unknown(name, "the kernel does not say", "ulimit -l"),
+        (_, None) => Check::unknown(name, "not reported by the kernel", "ulimit -l"),
     }
 }
 
@@ -226,14 +227,14 @@ fn clock(texts: &Texts) -> Check {
         Some(source) if others.split_whitespace().any(|other| other == "tsc") => Check::fix(
             name,
             format!("{source}: reading the time is slow"),
-            "boot with clocksource=tsc tsc=reliable, if the hardware bears it",
+            "boot with clocksource=tsc tsc=reliable, if the hardware supports it",
         ),
         Some(source) if !source.is_empty() => Check::fix(
             name,
             format!("{source}: reading the time is slow, and there is no tsc"),
-            "look in `dmesg` for why the tsc was given up; on a virtual machine ask for an invariant tsc",
+            "check `dmesg` for why the tsc was rejected; on a virtual machine, configure an invariant tsc",
         ),
-        _ => Check::unknown(name, "the kernel does not say", "`dmesg | grep clocksource`"),
+        _ => Check::unknown(name, "not reported by the kernel", "`dmesg | grep clocksource`"),
     }
 }
 
@@ -245,18 +246,18 @@ fn siblings(cores: &[Core]) -> Check {
             Some(Some(threads)) if threads.len() > 1 => shared.push(threads),
             Some(Some(threads)) if threads.len() == 1 => {}
             _ => {
-                let found = format!("core {} does not say whom it shares with", core.number);
+                let found = format!("unknown siblings of core {}", core.number);
                 return Check::unknown(name, found, "lscpu --extended");
             }
         }
     }
     match shared.first() {
         None if cores.is_empty() => Check::unknown(name, "no core is listed", "lscpu --extended"),
-        None => Check::pass(name, "no two of them share a core, as far as this machine reports"),
+        None => Check::pass(name, "none reported"),
         Some(threads) => Check::fix(
             name,
-            format!("{threads:?} are one core: what runs on one slows the other"),
-            "leave the cycle's sibling idle (isolate both), or switch them off: echo off > /sys/devices/system/cpu/smt/control",
+            format!("{threads:?} share one physical core and slow each other down"),
+            "keep the sibling of the cycle's core idle (isolate both), or disable SMT: echo off > /sys/devices/system/cpu/smt/control",
         ),
     }
 }
@@ -267,10 +268,10 @@ fn swap(texts: &Texts) -> Check {
         Some(Some(0)) => Check::pass(name, "none"),
         Some(Some(n)) => Check::fix(
             name,
-            format!("{n} in use: memory that is not locked may be on a disk when it is needed"),
-            "swapoff -a, and out of /etc/fstab; or lock memory: realtime.lock_memory = true",
+            format!("{n} in use: memory that is not locked may be swapped out"),
+            "swapoff -a, and remove it from /etc/fstab; or lock memory: realtime.lock_memory = true",
         ),
-        _ => Check::unknown(name, "the kernel does not say", "swapon --show"),
+        _ => Check::unknown(name, "not reported by the kernel", "swapon --show"),
     }
 }
 

@@ -56,7 +56,7 @@ pub(super) fn measure(settings: TimerlatSettings) -> Check {
         Err(why) if why.kind() == std::io::ErrorKind::NotFound => {
             Check::unknown(NAME, "rtla is not installed", "Debian: apt install rtla")
         }
-        Err(why) => Check::unknown(NAME, format!("rtla: {why}"), "run it by hand"),
+        Err(why) => Check::unknown(NAME, format!("rtla: {why}"), "run it manually"),
         Ok(done) => {
             let said = String::from_utf8_lossy(&done.stdout);
             let why = String::from_utf8_lossy(&done.stderr);
@@ -68,7 +68,7 @@ pub(super) fn measure(settings: TimerlatSettings) -> Check {
 fn judge(said: &str, why: &str, settings: TimerlatSettings) -> Check {
     let Some(found) = parse(said) else {
         let why = [why, said].concat();
-        let why = why.trim().lines().next().unwrap_or("rtla said nothing").to_owned();
+        let why = why.trim().lines().next().unwrap_or("rtla printed no output").to_owned();
         let fix = "rtla needs root, a kernel with CONFIG_TIMERLAT_TRACER and tracefs mounted";
         return Check::unknown(NAME, why, fix);
     };

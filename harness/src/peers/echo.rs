@@ -126,7 +126,7 @@ fn accept(listener: &UnixListener, process: &mut Guarded) -> Result<UnixStream, 
             return Err(failed(format!("it ended with {status}")));
         }
         if since.elapsed() > WITHIN {
-            return Err(failed("it does not come"));
+            return Err(failed("no connection"));
         }
         std::thread::sleep(Duration::from_millis(1));
     }
@@ -143,7 +143,11 @@ fn tell(words: &mut BufReader<UnixStream>, line: &str) -> Result<(), BenchError>
 fn hear(words: &mut BufReader<UnixStream>) -> Result<String, BenchError> {
     let mut line = String::new();
     words.read_line(&mut line).map_err(failed)?;
-    if line.is_empty() { Err(failed("it has gone")) } else { Ok(line.trim().to_owned()) }
+    if line.is_empty() {
+        Err(failed("the connection was closed"))
+    } else {
+        Ok(line.trim().to_owned())
+    }
 }
 
 /// The process itself: answers until it receives `end`.

@@ -102,7 +102,7 @@ fn draw_state(frame: &mut Frame<'_>, area: Rect, report: &Report, frozen: bool) 
     }
     let why = report.away.as_deref().unwrap_or(&report.message);
     let model = &report.model;
-    let holds = if model.holds { "" } else { ", no longer holds by measurements" };
+    let holds = if model.holds { "" } else { ", outdated by measurements" };
     let lines = vec![Line::from(first), Line::from(why.to_owned())];
     let [state, about] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(area);
     frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }), state);
@@ -152,7 +152,7 @@ fn draw_cycle(frame: &mut Frame<'_>, area: Rect, report: &Report, rate_hz: Optio
         format!("median {:.1} us", latency.p50),
         format!("99.9 % {:.1} us{share}", latency.p999),
         format!("largest {:.1} us, missed {}", latency.max, counts.missed_cycles),
-        format!("refused {}, held {}, lost {lost}", counts.rejected, counts.held),
+        format!("rejected {}, held {}, lost {lost}", counts.rejected, counts.held),
         format!("wrench gate {}{}", report.force.wrench_gate, feed(report)),
     ];
     let lines: Vec<Line<'_>> = lines.into_iter().map(Line::from).collect();

@@ -19,9 +19,9 @@ use bus::{
 };
 use clap::{Args, Parser, Subcommand};
 
-/// Cells on the plant's bus (Zenoh)
+/// Connect cells to the plant's message bus (Zenoh)
 ///
-/// Exit codes: 0 done; 1 a cell is missing or has an alarm (fleet), or refuses the model (offer); 2 bad input; 3 the system failed, or no cell answers.
+/// Exit codes: 0 success; 1 a cell is missing or has an alarm (fleet), or rejects the model (offer); 2 invalid input; 3 system error, or no cell answers.
 #[derive(Debug, Parser)]
 #[command(name = "trued-plant", version)]
 struct Options {
@@ -45,22 +45,22 @@ struct Where {
     connect: Vec<String>,
 }
 
-/// Publish a cell on the bus: summaries, events, health; keep them for subscribers that missed them
+/// Publish a cell on the bus: summaries, events and health, and store them for subscribers that were offline
 ///
-/// A separate process that reads the daemon's status; the daemon does not wait for it. Without `--models` nothing from the network reaches the daemon. Runs until interrupted and
+/// A separate process that reads the daemon's status; the daemon does not wait for it. Without `--models`, nothing from the network reaches the daemon. Runs until interrupted and
 /// continues after a restart of the daemon or the router.
 #[derive(Debug, Args)]
 struct BridgeOf {
-    /// The cell
+    /// Name of the cell
     #[arg(value_name = "CELL")]
     cell: String,
     /// Group of cells, for example the line
     #[arg(long, value_name = "NAME", default_value = "plant")]
     group: String,
-    /// Folder where messages are kept; one for each cell
+    /// Folder of the stored messages; use a separate one for each cell
     #[arg(long, value_name = "DIR")]
     spool: PathBuf,
-    /// Size of the kept messages, MiB; the oldest are removed
+    /// Maximum size of the stored messages, MiB, 1 to 1048576; the oldest are removed
     #[arg(long, value_name = "MIB", default_value_t = Settings::default().spool_bytes >> 20, value_parser = clap::value_parser!(u64).range(1..=1 << 20))]
     spool_mib: u64,
     /// Summaries per second, 0.1 to 10
@@ -71,45 +71,45 @@ struct BridgeOf {
     /// Address to listen on, for a plant without a router; repeat for several
     #[arg(long, value_name = "tcp/HOST:PORT")]
     listen: Vec<String>,
-    /// The cell owner's file that says which offered models are taken; if not given, none
+    /// File of the cell's owner with the rules for accepting offered models; if not given, none are accepted
     #[arg(long, value_name = "MODELS.toml")]
     models: Option<PathBuf>,
-    /// MQTT broker to which the messages are sent as Sparkplug B as well
+    /// MQTT broker to which the messages are also sent as Sparkplug B
     #[arg(long, value_name = "HOST:PORT")]
     mqtt: Option<String>,
 }
 
-/// Print what is signed with a model that is to be offered: hash, robot, counter and expiry
+/// Print the statement to sign with an offered model: hash, robot, counter and expiry
 ///
-/// One line for the trusted comment: minisign -S -s SECRET.key -m MODEL -t "$(trued-plant statement MODEL --valid-days 7)"
+/// The output is one line for the trusted comment of minisign: minisign -S -s SECRET.key -m MODEL -t "$(trued-plant statement MODEL --valid-days 7)"
 #[derive(Debug, Args)]
 struct StatementOf {
     /// The model file; its table [robot] states the serial number
     #[arg(value_name = "MODEL")]
     model: PathBuf,
-    /// Above the counter of the last model that the cell took; if not given, the present time in s since 1970
+    /// Counter, greater than that of the last model that the cell accepted; if not given, the current time in s since 1970
     #[arg(long, value_name = "N")]
     counter: Option<u64>,
-    /// Days after which the offer is refused
+    /// Days until the offer expires, 1 to 3650
     #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u64).range(1..=3650))]
     valid_days: u64,
 }
 
-/// Offer a signed model to a cell, and print what became of it
+/// Offer a signed model to a cell, and print the outcome
 ///
-/// The cell takes it only where a file of its owner says so (`trued-plant bridge --models`).
+/// The cell accepts it only if the file of its owner permits it (`trued-plant bridge --models`).
 #[derive(Debug, Args)]
 struct OfferOf {
     /// The cell
     #[arg(value_name = "GROUP/CELL")]
     cell: String,
-    /// The model file; its signature MODEL.minisig stands beside it
+    /// The model file; its signature MODEL.minisig must be in the same folder
     #[arg(value_name = "MODEL")]
     model: PathBuf,
-    /// Timeout for the answer, s
+    /// Timeout for the answer, s, 1 to 60
     #[arg(long, value_name = "S", default_value_t = 15, value_parser = clap::value_parser!(u64).range(1..=60))]
     within_s: u64,
-    /// Print the answer as JSON: the event's message (`trued.plant/1`)
+    /// Print the answer as JSON, the message of the event (`trued.plant/1`)
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -118,16 +118,16 @@ struct OfferOf {
 
 /// Show all cells: state, versions, models, corrections, alarms
 ///
-/// Queries the bus only. LARGEST: largest correction of a joint in the last period over its limit. AGE: for how long the cell has had this model. HEARD: age of the daemon's last status.
+/// Only queries the bus. LARGEST: largest joint correction of the last period as a fraction of its limit. AGE: time since the cell loaded its model. HEARD: age of the daemon's last status.
 #[derive(Debug, Args)]
 struct FleetOf {
-    /// One group alone
+    /// Show only this group
     #[arg(long, value_name = "NAME")]
     group: Option<String>,
     /// A cell that must be present; repeat for several
     #[arg(long, value_name = "GROUP/CELL")]
     expect: Vec<String>,
-    /// Timeout for answers, s
+    /// Timeout for answers, s, 1 to 60
     #[arg(long, value_name = "S", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=60))]
     within_s: u64,
     /// Print JSON (`trued.plant-fleet/1`)
@@ -154,9 +154,9 @@ enum Failure {
     Read { path: String, why: std::io::Error },
     #[error(transparent)]
     Offering(#[from] OfferingError),
-    #[error("cannot be printed: {0}")]
+    #[error("cannot write to standard output: {0}")]
     Print(#[from] std::io::Error),
-    #[error("the system refuses a signal handler: {0}")]
+    #[error("cannot install a signal handler: {0}")]
     Signal(std::io::Error),
 }
 
@@ -214,13 +214,13 @@ fn bridge(options: BridgeOf) -> Result<u8, Failure> {
     let mut out = std::io::stdout();
     writeln!(
         out,
-        "cell `{}`: ready as trued/{}/{}, {} messages kept from before",
+        "cell `{}`: ready as trued/{}/{}, {} stored messages from earlier",
         options.cell, options.group, options.cell, found.records
     )?;
     if found.torn_bytes > 0 {
         writeln!(
             out,
-            "spool: {} bytes were not written whole or damaged, and were removed",
+            "spool: {} bytes were incomplete or damaged and were removed",
             found.torn_bytes
         )?;
     }

@@ -9,9 +9,9 @@ use clap::Parser;
 use report::Provenance;
 use trends::{Settings, TrendsError, answer, page, read, text, time};
 
-/// Follow the effects of a fleet over its recordings: what grows, on which robot, since when
+/// Find effects that change over the recordings of a fleet: which effect, on which robot, since when
 ///
-/// Reads the results of `trued diagnose --batch` in all folders. Exit codes: 0 nothing grows worse, 1 something does, 2 the results cannot be used, 3 the page could
+/// Reads the results of `trued diagnose --batch` in all folders. Exit codes: 0 no effect is growing, 1 an effect is growing, 2 the results cannot be used, 3 the page could
 /// not be written.
 #[derive(Debug, Parser)]
 #[command(name = "trued-trends", version)]
@@ -19,19 +19,19 @@ struct Options {
     /// Folders with results of `trued diagnose --batch`
     #[arg(required = true, value_name = "DIR")]
     folders: Vec<PathBuf>,
-    /// Tool error that is allowed, mm: tells when a growing effect alone reaches it
+    /// Allowed tool error, mm, above 0: predicts when a growing effect alone reaches it
     #[arg(long, value_name = "MM", value_parser = positive)]
     tolerance_mm: Option<f64>,
     /// Write a page with small multiples (HTML)
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
-    /// Print the answer and its alerts as JSON (`trued.trends/1`)
+    /// Print the result with its alerts as JSON (`trued.trends/1`)
     #[arg(long)]
     json: bool,
-    /// Changed series expected in the whole fleet, before its results are seen
+    /// Prior expected number of changed series in the whole fleet, above 0
     #[arg(long, value_name = "COUNT", value_parser = positive, default_value_t = Settings::default().expected_changes)]
     expected_changes: f64,
-    /// Probability of a change from which on it is reported, 0.5 to 1
+    /// Minimum posterior probability of a reported change, 0.5 to 1
     #[arg(long, value_name = "P", value_parser = probability, default_value_t = Settings::default().reported_probability)]
     probability: f64,
 }
@@ -55,9 +55,9 @@ fn probability(word: &str) -> Result<f64, String> {
 enum Failure {
     #[error(transparent)]
     Input(#[from] TrendsError),
-    #[error("{}: cannot be written: {why}", path.display())]
+    #[error("cannot write {}: {why}", path.display())]
     Output { path: PathBuf, why: std::io::Error },
-    #[error("the answer cannot be printed: {0}")]
+    #[error("cannot write to standard output: {0}")]
     Print(#[from] std::io::Error),
 }
 

@@ -60,7 +60,7 @@ pub fn repair(path: &Path) -> Result<Repair, BlackBoxError> {
     let was = match info::info_of(path, &file)?.end {
         End::Closed | End::BeingWritten => return Ok(Repair::NotNeeded),
         End::Cut(cut) => cut,
-        End::WrongIndex => "its index pointed elsewhere".to_owned(),
+        End::WrongIndex => "its index was invalid".to_owned(),
     };
     let mut unfinished = path.as_os_str().to_owned();
     unfinished.push(UNFINISHED);

@@ -36,7 +36,7 @@ pub(super) fn scan(
     let mut source = source.take(bytes as u64);
     source.by_ref().take(mcap::MAGIC.len() as u64).read_to_end(&mut head).map_err(refused)?;
     if head != mcap::MAGIC {
-        let what = "does not begin as MCAP does".to_owned();
+        let what = "is not an MCAP file (magic bytes missing)".to_owned();
         return Err(BlackBoxError::NotOurs { name: name.to_owned(), what });
     }
     let mut source = head.as_slice().chain(source);
@@ -109,7 +109,7 @@ fn of_use(opcode: u8, data: &[u8]) -> Result<Option<McapRecord<'_>>, String> {
         _ => return Ok(None),
     };
     if !fits {
-        return Err("a text is longer than the record that it stands in".to_owned());
+        return Err("a string is longer than its record".to_owned());
     }
     parse_record(opcode, data).map(Some).map_err(|error| error.to_string())
 }

@@ -298,7 +298,7 @@ impl Counted {
 
     fn put(&mut self, bytes: &[u8]) -> io::Result<usize> {
         if self.has_failed {
-            return Err(io::Error::other("a write before this one failed"));
+            return Err(io::Error::other("an earlier write failed"));
         }
         match &mut self.opening {
             Some(opening) => opening.write(bytes),
@@ -332,7 +332,7 @@ impl Seek for Counted {
         match to {
             SeekFrom::Current(0) | SeekFrom::End(0) => Ok(at),
             SeekFrom::Start(start) if start == at => Ok(at),
-            _ => Err(io::Error::other("a recording is written from its beginning to its end")),
+            _ => Err(io::Error::other("a recording can only be written sequentially")),
         }
     }
 }

@@ -59,7 +59,10 @@ fn read(root: &Table<'_, '_>) -> Option<EgmConfig> {
 }
 
 fn application(table: &Table<'_, '_>, any: SocketAddr) -> Option<(SocketAddr, SocketAddr)> {
-    table.require("address", "where the application listens, like \"127.0.0.1:6511\"");
+    table.require(
+        "address",
+        "the address on which the application listens, like \"127.0.0.1:6511\"",
+    );
     let theirs = address(table, "address", "an address with a port, like \"127.0.0.1:6511\"");
     let ours = address(table, "local", SOCKET);
     table.close();
@@ -72,7 +75,7 @@ fn path_period_ms(table: &Table<'_, '_>) -> f64 {
         table.fault(
             "period_ms",
             format!("is {odd}"),
-            "a multiple of 24 ms, as the controller's SampleRate",
+            "a multiple of 24 ms, equal to the controller's SampleRate",
         );
     }
     table.close();

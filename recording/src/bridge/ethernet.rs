@@ -62,7 +62,7 @@ impl Ethernet {
             let row = usize::try_from(at.row).unwrap_or(1).max(1);
             let line = text.lines().nth(row - 1).unwrap_or_default();
             let mut faults = Faults::of(name);
-            let fault = Fault::new("", format!("is no XML that can be read: {error}"));
+            let fault = Fault::new("", format!("is not valid XML: {error}"));
             faults.push(fault.at(Place::in_line(row, line, &(0..line.len()))));
             faults
         })?;
@@ -122,7 +122,7 @@ impl Source<'_> {
             self.fault(
                 &node.range(),
                 "ONLYSEND",
-                "is TRUE: the controller takes no answers".to_owned(),
+                "is TRUE: the controller does not accept replies".to_owned(),
                 "FALSE",
             );
         }
@@ -164,14 +164,14 @@ impl Source<'_> {
                 self.fault(
                     &node.range(),
                     "ELEMENT",
-                    "has no TAG that can be used".to_owned(),
+                    "has no valid TAG".to_owned(),
                     "a TAG of up to 64 letters, digits, `_` and one dot",
                 );
                 continue;
             };
             let tag = tag.strip_prefix("DEF_").unwrap_or(tag).to_owned();
             if elements.iter().any(|element| element.tag == tag) {
-                self.fault(&node.range(), &tag, "stands here twice".to_owned(), "every TAG once");
+                self.fault(&node.range(), &tag, "is defined twice".to_owned(), "each TAG once");
                 continue;
             }
             elements.push(Element {
@@ -185,7 +185,7 @@ impl Source<'_> {
         let channels = elements.iter().filter(|element| !element.is_internal).count();
         if channels > CHANNELS_MAX {
             let found = format!("has {channels} channels");
-            self.fault(&list.range(), section, found, "at most 64, as RSI has");
+            self.fault(&list.range(), section, found, "at most 64, the limit of RSI");
         }
         elements
     }

@@ -47,8 +47,8 @@ fn read(root: &Table<'_, '_>, ethernet: Ethernet) -> Option<RsiConfig> {
     root.text("ethernet");
     for (key, expected) in [
         ("robot", "a table [robot] with the controller's address"),
-        ("setpoint", "a table [setpoint]: where the program wants the axes"),
-        ("correction", "a table [correction]: what is corrected, and how it adds up"),
+        ("setpoint", "a table [setpoint]: the axis setpoints of the program"),
+        ("correction", "a table [correction]: kind of the correction, absolute or relative"),
     ] {
         root.require(key, expected);
     }
@@ -96,7 +96,7 @@ fn group(table: &Table<'_, '_>, tag: &str, usual: [&str; 6]) -> Group {
     }
     let twice = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name));
     if let Some((_, name)) = twice {
-        table.fault("names", format!("names {name} twice"), "each attribute once, one per joint");
+        table.fault("names", format!("lists {name} twice"), "each attribute once, one per joint");
     }
     Group { tag, names: names.into_iter().map(str::to_owned).collect() }
 }
@@ -104,7 +104,7 @@ fn group(table: &Table<'_, '_>, tag: &str, usual: [&str; 6]) -> Group {
 fn setpoint(table: &Table<'_, '_>, ethernet: &Ethernet) -> (Option<Group>, Option<bool>) {
     table.require(
         "holds_correction",
-        "true where the controller's setpoint holds the correction already, else false",
+        "true if the controller's setpoint already includes the correction, otherwise false",
     );
     let group = group(table, "ASPos", AXES);
     let whole = ethernet.sent(&group.tag).is_some_and(|element| element.is_internal);
@@ -113,7 +113,7 @@ fn setpoint(table: &Table<'_, '_>, ethernet: &Ethernet) -> (Option<Group>, Optio
     if let (false, Some(missing)) = (whole, missing) {
         table.fault_here(
             format!("the controller does not send {} (nor {missing}): {}", group.tag, ethernet.name),
-            format!("add <ELEMENT TAG=\"DEF_{}\" TYPE=\"DOUBLE\" INDX=\"INTERNAL\" /> to SEND there, or name another tag here", group.tag),
+            format!("add <ELEMENT TAG=\"DEF_{}\" TYPE=\"DOUBLE\" INDX=\"INTERNAL\" /> to SEND in that file, or set another tag here", group.tag),
         );
     }
     let holds = table.flag("holds_correction");
@@ -123,13 +123,13 @@ fn setpoint(table: &Table<'_, '_>, ethernet: &Ethernet) -> (Option<Group>, Optio
 
 fn correction(table: &Table<'_, '_>, ethernet: &Ethernet) -> (Option<RsiCorrection>, Option<Sums>) {
     table.require("kind", "\"axes\" (AXISCORR) or \"pose\" (POSCORR)");
-    table.require("sums", "\"absolute\" or \"relative\", as RSI_ON in the robot's program");
+    table.require("sums", "\"absolute\" or \"relative\", as in RSI_ON of the robot program");
     let is_pose = table.choice("kind", &[("axes", false), ("pose", true)]);
     let sums = table.choice("sums", &[("absolute", Sums::Absolute), ("relative", Sums::Relative)]);
     let frames = [("base", Frame::Base), ("tool", Frame::Tool)];
     let correction = match is_pose {
         Some(true) => {
-            table.require("frame", "\"base\" (ROBROOT) or \"tool\", as RefCorrSys of POSCORR");
+            table.require("frame", "\"base\" (ROBROOT) or \"tool\", as in RefCorrSys of POSCORR");
             let frame = table.choice("frame", &frames);
             let group = group(table, "RKorr", POSE);
             if group.names.len() != POSE.len() {
@@ -158,27 +158,33 @@ fn takes(table: &Table<'_, '_>, ethernet: &Ethernet, group: &Group, sums: Sums) 
         let Some(element) = ethernet.received(&tag) else {
             table.fault_here(
                 format!("the controller does not receive {tag}: {}", ethernet.name),
-                format!("add <ELEMENT TAG=\"{tag}\" TYPE=\"DOUBLE\" INDX=\"…\" HOLDON=\"1\" /> to RECEIVE there, and connect it"),
+                format!("add <ELEMENT TAG=\"{tag}\" TYPE=\"DOUBLE\" INDX=\"…\" HOLDON=\"1\" /> to RECEIVE in that file, and connect it"),
             );
             continue;
         };
         let line = element.place.line;
         match (sums, element.holds) {
             (Sums::Absolute, false) => table.fault_here(
-                format!("{tag} falls to zero where an answer is late, and the robot jumps: {} line {line}", ethernet.name),
-                "set HOLDON=\"1\" there",
+                format!(
+                    "{tag} becomes zero if a reply is late, and the robot jumps: {} line {line}",
+                    ethernet.name
+                ),
+                "HOLDON=\"1\" in that line",
             ),
             (Sums::Relative, true) => table.fault_here(
-                format!("{tag} is added once more where an answer is late, and the robot drifts: {} line {line}", ethernet.name),
-                "set HOLDON=\"0\" there, or use sums = \"absolute\"",
+                format!(
+                    "{tag} is added again if a reply is late, and the robot drifts: {} line {line}",
+                    ethernet.name
+                ),
+                "HOLDON=\"0\" in that line, or sums = \"absolute\"",
             ),
             _ => {}
         }
     }
     if ethernet.sent("Delay").is_none() {
         table.fault_here(
-            format!("needs the controller's count of late answers: {}", ethernet.name),
-            "add <ELEMENT TAG=\"DEF_Delay\" TYPE=\"LONG\" INDX=\"INTERNAL\" /> to SEND there: with it a network failure can be distinguished from a new run",
+            format!("requires the controller's count of late replies: {}", ethernet.name),
+            "add <ELEMENT TAG=\"DEF_Delay\" TYPE=\"LONG\" INDX=\"INTERNAL\" /> to SEND in that file; it distinguishes a network failure from a new run",
         );
     }
 }
@@ -192,7 +198,7 @@ fn feed(table: &Table<'_, '_>, ethernet: &Ethernet) -> Option<Element> {
     let Some(element) = ethernet.received(tag) else {
         table.fault(
             "tag",
-            format!("names {tag}, which the controller does not receive: {}", ethernet.name),
+            format!("is {tag}, which the controller does not receive: {}", ethernet.name),
             format!("<ELEMENT TAG=\"{tag}\" TYPE=\"LONG\" INDX=\"…\" HOLDON=\"1\" /> in RECEIVE there, connected to MAP2OV_PRO"),
         );
         return None;
@@ -202,7 +208,7 @@ fn feed(table: &Table<'_, '_>, ethernet: &Ethernet) -> Option<Element> {
         table.fault(
             "tag",
             format!(
-                "{tag} falls to zero where an answer is late, and the robot stops: {} line {line}",
+                "{tag} becomes zero if a reply is late, and the robot stops: {} line {line}",
                 ethernet.name
             ),
             "HOLDON=\"1\" there",
@@ -235,11 +241,8 @@ fn others(
         if element.tag.split('.').next() == Some("IPOC") {
             root.fault(
                 "ethernet",
-                format!(
-                    "IPOC is among what the controller receives: {} line {}",
-                    ethernet.name, element.place.line
-                ),
-                "take it out of RECEIVE there: every answer carries the controller's own",
+                format!("IPOC is listed in RECEIVE: {} line {}", ethernet.name, element.place.line),
+                "no IPOC in RECEIVE; every reply contains the controller's own",
             );
             continue;
         }
@@ -247,8 +250,8 @@ fn others(
             let value = table.raw(&element.tag)?;
             let number = number_of(value.get_ref()).filter(|number| number.abs() <= CONSTANT_MAX);
             if number.is_none() {
-                let expected = "a number up to 1e9: what the controller is sent, always";
-                table.fault(&element.tag, "is no number that can be sent", expected);
+                let expected = "a number up to 1e9, the constant to send to the controller";
+                table.fault(&element.tag, "is not a number that can be sent", expected);
             }
             number
         });
@@ -258,11 +261,11 @@ fn others(
             None if !is_given => root.fault(
                 "others",
                 format!(
-                    "says nothing of {}, which the controller receives: {} line {}",
+                    "has no value for {}, which the controller receives: {} line {}",
                     element.tag, ethernet.name, element.place.line
                 ),
                 format!(
-                    "\"{}\" = 0.0 under [others], or what it shall be; or take it out of RECEIVE",
+                    "\"{}\" = 0.0 (or another constant) under [others], or remove it from RECEIVE",
                     element.tag
                 ),
             ),

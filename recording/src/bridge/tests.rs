@@ -74,7 +74,7 @@ fn every_fault_of_a_bridge_is_reported_at_once() {
     let said = words(EgmConfig::parse("bridge.toml", text));
     for part in [
         "bridge.toml:3:21",
-        "perhaps \"off\"",
+        "did you mean \"off\"",
         "is \"192.168.125\"",
         "is \"6510\"",
         "from 1 to 6",
@@ -99,7 +99,7 @@ fn configurations_that_jump_or_drift_on_late_answers_are_refused() {
     let all_fall = XML.replace("HOLDON=\"1\"", "HOLDON=\"0\"");
     assert!(rsi(&relative, &all_fall).is_ok());
     let untold = all_fall.replace("DEF_Delay", "DEF_Other");
-    assert!(words(rsi(&relative, &untold)).contains("count of late answers"));
+    assert!(words(rsi(&relative, &untold)).contains("count of late replies"));
 }
 
 #[test]
@@ -125,15 +125,15 @@ fn missing_elements_of_the_controller_are_reported() {
 fn unreadable_answers_are_refused_by_configuration() {
     let twice = RSI.replace("\"A2\"", "\"A1\"");
     let said = words(rsi(&twice, XML));
-    assert_eq!(said.matches("names A1 twice").count(), 2, "setpoint and correction: {said}");
+    assert_eq!(said.matches("lists A1 twice").count(), 2, "setpoint and correction: {said}");
     let said = words(rsi(&RSI.replace("DiO", "IPOC"), &XML.replace("DiO", "IPOC")));
-    assert!(said.contains("IPOC is among what the controller receives"), "{said}");
+    assert!(said.contains("IPOC is listed in RECEIVE"), "{said}");
     for constant in ["nan", "-inf", "1e10"] {
         let said = words(rsi(&RSI.replace("DiO = 0", &format!("DiO = {constant}")), XML));
-        assert!(said.contains("`others.DiO`: is no number that can be sent"), "{said}");
+        assert!(said.contains("`others.DiO`: is not a number that can be sent"), "{said}");
     }
     let said = |xml: &str| words(Ethernet::parse("ethernet.xml", xml));
-    assert!(said(&XML.replace("DiO", &"D".repeat(65))).contains("no TAG that can be used"));
+    assert!(said(&XML.replace("DiO", &"D".repeat(65))).contains("no valid TAG"));
     assert!(said(&XML.replace("Trued", &"T".repeat(65))).contains("up to 64 letters"));
     let channel = |k: usize| format!("<ELEMENT TAG=\"D{k}\" TYPE=\"DOUBLE\" INDX=\"{k}\" />\n");
     let many: String = (0..60).map(channel).collect();
@@ -144,13 +144,13 @@ fn unreadable_answers_are_refused_by_configuration() {
 #[test]
 fn a_configuration_of_the_controller_that_cannot_be_used_is_reported_with_its_line() {
     let said = |xml: &str| words(Ethernet::parse("ethernet.xml", xml));
-    assert!(said(&XML.replace("FALSE", "TRUE")).contains("the controller takes no answers"));
+    assert!(said(&XML.replace("FALSE", "TRUE")).contains("the controller does not accept replies"));
     assert!(said(&XML.replace("49152", "x")).contains("ethernet.xml:5"));
     assert!(
         said(&XML.replace("<SEND>", "<SENT>").replace("</SEND>", "</SENT>")).contains("`SEND`")
     );
-    assert!(said(&XML.replace("AKorr.A2", "AKorr.A1")).contains("stands here twice"));
-    assert!(said("<ROOT>").contains("is no XML"));
+    assert!(said(&XML.replace("AKorr.A2", "AKorr.A1")).contains("is defined twice"));
+    assert!(said("<ROOT>").contains("is not valid XML"));
     assert!(said(&XML.replace("Trued", "a\"b")).contains("letters, digits"));
 }
 
@@ -185,7 +185,7 @@ fn the_override_of_the_feed_has_an_element_that_holds_and_needs_no_constant() {
     assert!(said.contains("names OvPro, which the controller does not receive"), "{said}");
     let falls =
         words(rsi(&text, &held.replace("INDX=\"8\" HOLDON=\"1\"", "INDX=\"8\" HOLDON=\"0\"")));
-    assert!(falls.contains("falls to zero where an answer is late"), "{falls}");
+    assert!(falls.contains("becomes zero if a reply is late"), "{falls}");
     let said = words(rsi(RSI, &held));
     assert!(said.contains("says nothing of OvPro"), "{said}");
 }

@@ -31,11 +31,7 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
     let mode = root.choice("mode", &modes).unwrap_or_default();
     let mode_max = root.choice("mode_max", &modes).unwrap_or(mode);
     if mode_max < mode {
-        root.fault(
-            "mode_max",
-            "is below `mode`",
-            "the mode after a start or one that corrects more",
-        );
+        root.fault("mode_max", "is below `mode`", "the start mode or one that corrects more");
     }
     let cycle = cycle(root.table("cycle").as_ref());
     let envelope = envelope(root.table("envelope").as_ref());
@@ -58,7 +54,7 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
     let realtime = root.table("realtime").map(|table| realtime(&table)).unwrap_or_default();
     let recorder = root.table("recorder").map(|table| recorder(&table));
     if wrench.source == WrenchSource::Force && force.is_none() {
-        root.fault("wrench", "takes the force stream", "a table [force] with its rate_Hz");
+        root.fault("wrench", "uses the force stream", "a table [force] with its rate_Hz");
     }
     root.close();
     Some(CellConfig {
@@ -96,7 +92,7 @@ fn check_together(
     {
         if is_on && period_s > LATE_PERIOD_MAX_S {
             let ms = period_s * 1e3;
-            let message = format!("has cycles of {ms} ms, too slow for a {what}");
+            let message = format!("needs shorter cycles than {ms} ms for a {what}");
             root.fault(key, message, "cycle.period_ms of 40 or less, or mode = \"off\"");
         }
     }
@@ -104,11 +100,11 @@ fn check_together(
     if leads && is_trimmed {
         // The trim compares what is measured with where the tool was sent `reaction_ms` before; that time would change with bypass, mode and envelope.
         let message =
-            "compensates delay and lag, which the trim of [measured] would take for an error";
+            "compensates delay and lag, which the trim of [measured] would interpret as an error";
         root.fault("dynamic", message, "mode = \"off\" in [dynamic] or in [measured]");
     }
     if is_fed && wrench.source == WrenchSource::None {
-        root.fault("feed", "needs the force, and the cell has none", "source in [wrench]");
+        root.fault("feed", "needs a force, but the cell has none", "source in [wrench]");
     }
 }
 
@@ -125,7 +121,7 @@ fn is_name(root: &Table<'_, '_>, cell: &str) -> bool {
 fn is_path(table: &Table<'_, '_>, key: &str, path: &str) -> bool {
     let good = !path.is_empty() && !path.contains('\0');
     if !good {
-        table.fault(key, "is no path", "a path");
+        table.fault(key, "is not a path", "a path");
     }
     good
 }
@@ -153,7 +149,8 @@ fn cycle(table: Option<&Table<'_, '_>>) -> Cycle {
     let wait = table.and_then(|table| table.choice("wait", &waits)).unwrap_or_default();
     if let Some(table) = table.filter(|_| stale_ms <= period_ms) {
         let key = if table.has("stale_ms") { "stale_ms" } else { "period_ms" };
-        let message = format!("makes every command stale ({stale_ms} after {period_ms} ms)");
+        let message =
+            format!("makes every command stale ({stale_ms} ms with a period of {period_ms} ms)");
         table.fault(key, message, "stale_ms above period_ms");
     }
     close(table);
@@ -303,8 +300,7 @@ fn time_constant(table: &Table<'_, '_>, measured: &Measured) -> Option<f64> {
     let delay_s = measured.latency_s + measured.interval_s + measured.reaction_s;
     let least_ms = DELAYS_LEAST * delay_s * 1e3;
     if time_constant_ms < least_ms {
-        let message =
-            format!("is {time_constant_ms}, and the delay is {} ms", tenth(delay_s * 1e3));
+        let message = format!("is {time_constant_ms} with a delay of {} ms", tenth(delay_s * 1e3));
         let expected = format!(
             "{} or more: twice the sum of latency, interval and reaction, so that the gain margin stays above 2 at twice that delay",
             tenth(least_ms)
@@ -332,7 +328,7 @@ fn dynamic(table: &Table<'_, '_>, period_s: f64) -> Dynamic {
     let highest_hz = 1.0 / (COMMANDS_PER_PERIOD * period_s);
     if dynamic.mode != DynamicMode::Off && dynamic.bandwidth_hz > highest_hz * (1.0 + 1e-9) {
         let message = format!(
-            "is {} Hz, and commands come every {} ms",
+            "is {} Hz with a command period of {} ms",
             dynamic.bandwidth_hz,
             period_s * 1e3
         );
@@ -412,7 +408,11 @@ fn feed(table: &Table<'_, '_>) -> Option<Feed> {
         && feed.air_n >= limit_n
     {
         let message = format!("is {}, not below force_limit_N = {limit_n}", feed.air_n);
-        table.fault("air_N", message, "a force below the limit: below air_N nothing is cut");
+        table.fault(
+            "air_N",
+            message,
+            "a force below the limit (below air_N, the tool is not cutting)",
+        );
     }
     table.close();
     Some(Feed { limit: limit?, ..feed })
@@ -427,7 +427,7 @@ fn feed_limit(table: &Table<'_, '_>) -> Option<FeedLimit> {
         (false, true) => deflection_mm.map(|mm| FeedLimit::Deflection(mm * 1e-3)),
         (both, _) => {
             let message = if both { "has two limits" } else { "has no limit" };
-            table.fault_here(message, "force_limit_N or deflection_limit_mm: one of them");
+            table.fault_here(message, "either force_limit_N or deflection_limit_mm");
             None
         }
     }
@@ -477,7 +477,7 @@ fn vibration(table: &Table<'_, '_>, force: Option<Force>) -> Option<Vibration> {
         teeth,
     };
     if enabled && force.is_none() {
-        table.fault_here("watches the force stream, and there is none", "add a table [force]");
+        table.fault_here("needs the force stream, but the cell has none", "a table [force]");
     }
     table.close();
     enabled.then_some(vibration)
@@ -487,7 +487,11 @@ fn realtime(table: &Table<'_, '_>) -> Realtime {
     let fifo = table.choice("policy", &[("other", false), ("fifo", true)]).unwrap_or_default();
     let priority = table.whole("priority", 1..100).and_then(|number| u8::try_from(number).ok());
     if priority.is_some() && !fifo {
-        table.fault("priority", "is given, and the policy has none", "policy = \"fifo\" with it");
+        table.fault(
+            "priority",
+            "is given, but the policy has no priority",
+            "policy = \"fifo\" as well",
+        );
     }
     let realtime = Realtime {
         fifo_priority: fifo.then(|| priority.unwrap_or(80)),
@@ -500,7 +504,7 @@ fn realtime(table: &Table<'_, '_>) -> Realtime {
 }
 
 fn recorder(table: &Table<'_, '_>) -> Option<Recorder> {
-    table.require("dir", "a folder for the black boxes");
+    table.require("dir", "a folder for the recordings");
     let dir = table.text("dir").filter(|dir| is_path(table, "dir", dir));
     let max_mb = table.number("max_file_MB", 1.0..=100_000.0).unwrap_or(256.0);
     let keep = table.whole("keep_files", 1..100_000).and_then(|n| usize::try_from(n).ok());

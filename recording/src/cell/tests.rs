@@ -61,19 +61,19 @@ dir = "x"
         3 | mode = "on"
           |        ^^^^ expected "shadow" or "limited" or "full"
 
-        error: `cycle.period_ms`: makes every command stale (10 after 20 ms)
+        error: `cycle.period_ms`: makes every command stale (10 ms with a period of 20 ms)
          --> cell.toml:5:13
           |
         5 | period_ms = 20
           |             ^^ expected stale_ms above period_ms
 
-        error: `cycle.stale_s`: has the unit s, which is not the one of this key
+        error: `cycle.stale_s`: has the unit s, which does not match this key
          --> cell.toml:6:1
           |
         6 | stale_s = 10
           | ^^^^^^^ expected `stale_ms`
           |
-          = help: write `stale_ms`, its value times 1000
+          = help: write `stale_ms`, with the value multiplied by 1000
 
         error: `envelope.angle_mrad`: is -1
          --> cell.toml:8:14
@@ -81,13 +81,13 @@ dir = "x"
         8 | angle_mrad = [20, -1]
           |              ^^^^^^^^ expected a number above 0, at most 200
 
-        error: `envelope.rate_deg_s`: has the unit deg_s, which is not the one of this key
+        error: `envelope.rate_deg_s`: has the unit deg_s, which does not match this key
          --> cell.toml:9:1
           |
         9 | rate_deg_s = 3
           | ^^^^^^^^^^ expected `rate_mrad_s`
           |
-          = help: write `rate_mrad_s`, its value times 17.45329252
+          = help: write `rate_mrad_s`, with the value multiplied by 17.45329252
 
         error: `recordr`: is an unknown key
           --> cell.toml:10:2
@@ -113,7 +113,7 @@ band_Hz = [100, 5]
 priority = 50
 "#;
     insta::assert_snapshot!(parse(text).unwrap_err(), @r#"
-        error: `wrench`: takes the force stream
+        error: `wrench`: uses the force stream
          --> cell.toml:4:1
           |
         4 | [wrench]
@@ -125,7 +125,7 @@ priority = 50
         6 | loop_gain_max = 0.7
           |                 ^^^ expected a number from 0.01 to 0.5
 
-        error: `vibration`: watches the force stream, and there is none
+        error: `vibration`: needs the force stream, but the cell has none
          --> cell.toml:7:1
           |
         7 | [vibration]
@@ -139,7 +139,7 @@ priority = 50
         8 | band_Hz = [100, 5]
           |           ^^^^^^^^ expected [lowest, highest], both above zero
 
-        error: `realtime.priority`: is given, and the policy has none
+        error: `realtime.priority`: is given, but the policy has no priority
           --> cell.toml:10:12
            |
         10 | priority = 50
@@ -217,7 +217,7 @@ fn a_time_constant_too_short_for_the_delay_is_refused_and_so_is_what_is_no_rotat
     assert!(short.contains("time_constant_ms") && short.contains("80 or more"), "{short}");
     assert!(parse(&format!("{MEASURED}time_constant_ms = 81\n")).is_ok());
     let skewed = format!("{MEASURED}base_from_instrument = [[1, 0, 0], [0, 1, 0], [0, 0.1, 1]]\n");
-    assert!(parse(&skewed).unwrap_err().to_string().contains("is no rotation"));
+    assert!(parse(&skewed).unwrap_err().to_string().contains("is not a rotation"));
     let bare = "schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.toml\"\n[measured]\n";
     let faults = parse(bare).unwrap_err().to_string();
     assert!(
@@ -252,7 +252,7 @@ fn joints_lead_by_default_where_the_table_is_given_and_the_commands_are_frequent
 #[test]
 fn a_cell_does_not_lead_its_commands_and_measure_its_tool() {
     let both = format!("{MEASURED}[dynamic]\n");
-    parse(&both).unwrap_err().assert_say("would take for an error");
+    parse(&both).unwrap_err().assert_say("would interpret as an error");
     assert!(parse(&format!("{both}mode = \"off\"\n")).is_ok());
     assert!(parse(&both.replace("[measured]", "[measured]\nmode = \"off\"")).is_ok());
 }

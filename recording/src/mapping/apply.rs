@@ -27,7 +27,7 @@ impl Mapping {
                 table.header.iter().map(String::as_str).filter(|name| !used.contains(name));
             let unused: Vec<&str> = unused.collect();
             if !unused.is_empty() {
-                let note = format!("columns that the mapping does not name: {}", unused.join(", "));
+                let note = format!("columns not in the mapping: {}", unused.join(", "));
                 table.notes.push(note);
             }
         }
@@ -89,7 +89,7 @@ impl Mapping {
         });
         let dropped = before - table.len();
         if dropped > 0 {
-            table.notes.push(format!("left out {dropped} rows whose time does not increase"));
+            table.notes.push(format!("skipped {dropped} rows whose time does not increase"));
         }
     }
 }
@@ -222,9 +222,9 @@ fn stands_for(
         let name = table.header.get(at).cloned().unwrap_or_default();
         let cell = table.cell(row, at).unwrap_or_default();
         let texts: Vec<&str> = known.keys().copied().collect();
-        let fault = Fault::new(name, format!("\"{cell}\" stands for no number"))
+        let fault = Fault::new(name, format!("no number is defined for \"{cell}\""))
             .expected(format!("one of: {}", texts.join(", ")))
-            .help("add it to `numbers`, or leave its rows out with `keep`");
+            .help("add it to `numbers`, or exclude its rows with `keep`");
         builder.fault(table.cell_fault(row, at, fault));
     }
     rows.map(|row| number(row).unwrap_or(0.0)).collect()

@@ -128,17 +128,17 @@ impl Orientation {
         }
         if let Some(unit) = unit.filter(|unit| unit.quantity != Quantity::Angle || !form.has_unit())
         {
-            let expected = if form.has_unit() { "a unit of angles" } else { "no unit here" };
+            let expected = if form.has_unit() { "a unit of angle" } else { "no unit here" };
             entry.fault("unit", format!("is \"{}\"", unit.name), expected);
         }
         let theirs = theirs?;
         if theirs.len() != form.count() {
             let found = format!("has {} columns", theirs.len());
-            entry.fault("from", found, format!("{}, as `{name}` has", form.count()));
+            entry.fault("from", found, format!("{}, like `{name}`", form.count()));
         }
         let twice = theirs.iter().enumerate().find(|(at, name)| theirs[..*at].contains(name));
         if let Some((_, name)) = twice {
-            entry.fault("from", format!("names `{name}` twice"), "a column of its own for each");
+            entry.fault("from", format!("lists `{name}` twice"), "a different column for each");
         }
         Some(Self { form, unit, theirs })
     }
@@ -174,8 +174,8 @@ impl Orientation {
             parts.iter_mut().zip(quaternion).for_each(|(part, number)| part.push(number));
         }
         if let Some(row) = no_rotation {
-            let fault = Fault::new("orientation", "the matrix of this row is no rotation")
-                .expected("orthogonal columns of length 1, right-handed, to 1e-3");
+            let fault = Fault::new("orientation", "the matrix of this row is not a rotation")
+                .expected("orthogonal unit columns, right-handed, within 1e-3");
             builder.fault(table.cell_fault(row, places[0], fault));
         }
         for (name, part) in ["ow", "ox", "oy", "oz"].into_iter().zip(parts) {

@@ -44,7 +44,7 @@ fn dialect(root: &Table<'_, '_>) -> Dialect {
     let decimal_comma = root.choice("decimal", &[(".", false), (",", true)]);
     let thousands = root.choice("thousands", &thousands);
     if decimal_comma.is_some_and(|comma| thousands == Some(if comma { ',' } else { '.' })) {
-        root.fault("thousands", "is the decimal mark", "another mark than `decimal`");
+        root.fault("thousands", "is the decimal mark", "a character different from `decimal`");
     }
     Dialect {
         separator: root.choice("separator", &separators),
@@ -101,7 +101,11 @@ fn column(
     let listed = names.as_ref().filter(|_| starred).and_then(Names::count);
     let count = listed.or(order.as_ref().map(Vec::len)).or(joints).filter(|_| starred);
     if starred && count.is_none() {
-        table.fault(pattern, "runs over the joints", "`joints = N` at the top, or `order` here");
+        table.fault(
+            pattern,
+            "has one column per joint",
+            "`joints = N` at the top, or `order` here",
+        );
         return None;
     }
     let count = count.unwrap_or(1).min(JOINTS_MAX);
@@ -111,7 +115,7 @@ fn column(
     let names = names?;
     if let Some(several) = names.count().filter(|several| !starred && *several != 1) {
         let expected = "one column, or `sum = true`, or `labels = true`";
-        entry.fault("from", format!("names {several} columns for one"), expected);
+        entry.fault("from", format!("has {several} columns for one quantity"), expected);
         return None;
     }
     let mut found = Vec::new();
@@ -157,7 +161,11 @@ fn fits(
         Ok(Column::Time) => Unit::named("s"),
         Ok(Column::Segment) => None,
         Ok(Column::Unknown) => {
-            table.fault(pattern, "is no column of a recording", "names as q1_deg, x_mm, t_s");
+            table.fault(
+                pattern,
+                "is not a column of a recording",
+                "a column name such as q1_deg, x_mm, t_s",
+            );
             return false;
         }
         Err(expected) => {
@@ -169,7 +177,7 @@ fn fits(
         (_, None) => true,
         (Some(ours), Some(theirs)) if ours.quantity == theirs.quantity => true,
         (_, Some(theirs)) => {
-            let expected = format!("a unit that measures the same as `{name}`");
+            let expected = format!("a unit of the same quantity as `{name}`");
             entry.fault("unit", format!("is \"{}\"", theirs.name), expected);
             false
         }
@@ -188,7 +196,7 @@ fn factors(entry: &Table<'_, '_>, key: &str, count: usize, default: f64) -> Opti
         return None;
     }
     if key == "sign" && list.iter().any(|sign| sign.abs() != 1.0) {
-        entry.fault(key, "is no sign", "1 or -1");
+        entry.fault(key, "is not a sign", "1 or -1");
         return None;
     }
     Some(list)
@@ -255,7 +263,11 @@ fn sources(entry: &Table<'_, '_>) -> Option<Names> {
         }),
     };
     if entry.has("from") && from.is_none() {
-        entry.fault("from", "names no column", "a name, a number from 1, or a list of them");
+        entry.fault(
+            "from",
+            "does not identify a column",
+            "a name, a number from 1, or a list of them",
+        );
         return None;
     }
     let given: Vec<Names> =
@@ -278,7 +290,7 @@ fn times(entry: &Table<'_, '_>, names: Names, unit: Option<Unit>) -> Option<Name
         None => None,
     };
     if let Some(unit) = unit.filter(|_| clock.is_some()) {
-        let expected = "no unit beside `format`, which states it";
+        let expected = "no unit together with `format`, which implies it";
         entry.fault("unit", format!("is \"{}\"", unit.name), expected);
     }
     Some(match names {
@@ -294,7 +306,7 @@ pub(super) fn names_of(entry: &Table<'_, '_>) -> Option<Vec<String>> {
     let list = entry.raw("from")?.get_ref().as_array();
     let names = list.and_then(|list| list.iter().map(|v| name_of(v.get_ref())).collect());
     if names.is_none() {
-        entry.fault("from", "is no list of columns", "a list of names, or of numbers from 1");
+        entry.fault("from", "is not a list of columns", "a list of names, or of numbers from 1");
     }
     names
 }

@@ -109,7 +109,7 @@ fn texts_become_numbers_as_said_or_as_their_combinations_appear() {
     assert_eq!(recording.column(Channel::Command(0)).unwrap()[1], -4.0);
     assert_eq!(recording.column(Channel::Station).unwrap(), [7.0, 7.0, 8.0, 7.0, 7.0]);
     let missing = apply(&mapping("a = 7, b = 8"), text).unwrap_err().to_string();
-    for says in ["`run`: \"c\" stands for no number", "x.csv:6:1", "one of: a, b", "`keep`"] {
+    for says in ["`run`: no number is defined for \"c\"", "x.csv:6:1", "one of: a, b", "`keep`"] {
         assert!(missing.contains(says), "{says} in\n{missing}");
     }
     let half = apply(&mapping("a = 7.5, b = 8, c = 7"), text).unwrap_err().to_string();
@@ -130,9 +130,9 @@ y_mm = { from = "y", constant = 1 }
          --> m.toml:3:28
           |
         3 | t_s = { from = "t", unit = "deg" }
-          |                            ^^^^^ expected a unit that measures the same as `t_s`
+          |                            ^^^^^ expected a unit of the same quantity as `t_s`
 
-        error: `columns.q*_deg`: runs over the joints
+        error: `columns.q*_deg`: has one column per joint
          --> m.toml:4:12
           |
         4 | "q*_deg" = { from = "a*" }
@@ -166,7 +166,7 @@ fn a_column_of_theirs_that_is_not_there_is_reported() {
         error: `t_s`: is missing
         --> x.csv
          = note: expected time in s
-         = help: rename the column, or give a mapping
+         = help: rename the column, or use a mapping
         "#);
 }
 
@@ -201,7 +201,7 @@ fn a_name_that_appears_twice_in_the_header_is_refused_where_it_is_used() {
 fn a_time_that_runs_back_is_reported_with_the_place_in_their_column() {
     let mapping = "schema = \"trued.mapping/1\"\n[columns]\nt_s = { from = \"time\" }\nq1_deg = { from = \"q\" }";
     let told = apply(mapping, "q,time\n1,5\n2,4\n").unwrap_err().to_string();
-    assert!(told.contains("runs back: 4 after 5") && told.contains("x.csv:3:3"), "{told}");
+    assert!(told.contains("decreases: 4 after 5") && told.contains("x.csv:3:3"), "{told}");
 }
 
 fn real(mapping: &str, data: &str, need: Need) -> Option<Recording> {

@@ -49,7 +49,7 @@ impl RobotModel {
         let arm = self.physics.arm;
         let has = |key: &str| entry.parameters.iter().any(|p| p.key == key);
         let Some(kind) = kinds::find(&entry.kind, kind_at(entry, &arm), has) else {
-            return Err(fault("is no known effect".to_owned()));
+            return Err(fault("is not a known effect".to_owned()));
         };
         let Some(spec) = kind.spec else {
             self.not_compensated.push(at);
@@ -108,7 +108,7 @@ fn check_hardens(file: &ModelFile, at: usize, entry: &EffectEntry) -> Result<(),
     if file.effects.iter().any(hardened) {
         return Ok(());
     }
-    let message = "hardens nothing: the joint has no linear compliance";
+    let message = "has no effect without a linear compliance of the joint";
     let fault = Fault::new(path_of(at, entry), message.to_owned());
     Err(Box::new(
         fault.expected("joint_compliance, gravity_compliance or load_compliance of the same joint"),
@@ -125,9 +125,11 @@ fn check_stands_alone(file: &ModelFile, at: usize, entry: &EffectEntry) -> Resul
     match file.effects.iter().find(part) {
         None => Ok(()),
         Some(other) => {
-            let message = format!("stands beside {} of the same joint", other.kind);
+            let message = format!("cannot be combined with {} of the same joint", other.kind);
             let fault = Fault::new(path_of(at, entry), message);
-            Err(Box::new(fault.expected("one of the two: joint_compliance is gravity and load")))
+            Err(Box::new(
+                fault.expected("one of the two; joint_compliance covers gravity and load"),
+            ))
         }
     }
 }
@@ -183,7 +185,7 @@ fn effect(entry: &EffectEntry, spec: &Spec, arm: &Arm) -> Result<AnyEffect, Stri
     let given = given(entry, spec, kind_at(entry, arm))?;
     let given: Vec<(&str, &[f64])> = given.iter().map(|(s, v)| (*s, v.as_slice())).collect();
     let joint = match entry.joint {
-        Some(0) => return Err("joints count from 1, this one is 0".to_owned()),
+        Some(0) => return Err("joint numbers start at 1, this one is 0".to_owned()),
         joint => joint.map(|joint| joint - 1),
     };
     AnyEffect::build(spec.kind, arm, joint, Given(&given)).map_err(|error| error.to_string())
@@ -197,7 +199,7 @@ fn given(
 ) -> Result<Vec<(&'static str, Vec<f64>)>, String> {
     let number = |parameter: &Parameter| {
         let Some(known) = spec.parameters.iter().find(|p| p.key(kind) == *parameter.key) else {
-            return Err(format!("`{}` is no parameter of this effect", parameter.key));
+            return Err(format!("`{}` is not a parameter of this effect", parameter.key));
         };
         let si = known.unit.suffix_and_si(kind).1;
         Ok((known.stem, parameter.value.as_slice().iter().map(|v| v * si).collect()))

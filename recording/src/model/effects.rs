@@ -10,11 +10,11 @@ use crate::walk::{Table, number_of};
 
 /// Reads an effect of a robot whose joints are of these kinds.
 pub(super) fn read_effect(table: &Table<'_, '_>, joints: &[JointKind]) -> Option<EffectEntry> {
-    table.require("kind", "a name of an effect");
+    table.require("kind", "the name of an effect");
     let Some(kind) = kind(table, joints) else {
         // The other keys of an unknown effect cannot be checked.
         if !table.has("kind") {
-            table.fault_here("has no `kind`", "name the effect");
+            table.fault_here("has no `kind`", "the name of the effect");
         }
         return None;
     };
@@ -34,7 +34,7 @@ pub(super) fn read_effect(table: &Table<'_, '_>, joints: &[JointKind]) -> Option
     }
     let entry = EffectEntry { kind: kind.name.to_owned(), joint, channel, parameters };
     if let Err(expected) = kind.check_alternatives(&entry) {
-        table.fault_here("lacks a parameter", format!("give {expected}"));
+        table.fault_here("is missing", format!("give {expected}"));
         return None;
     }
     Some(entry)
@@ -51,7 +51,7 @@ fn kind(table: &Table<'_, '_>, joints: &[JointKind]) -> Option<Kind> {
             .map_or("the name of an effect (docs/reference/effects.md)".to_owned(), |near| {
                 format!("\"{near}\", or the name of another effect (docs/reference/effects.md)")
             });
-        table.fault("kind", format!("is \"{name}\", which is no known effect"), expected);
+        table.fault("kind", format!("is \"{name}\", which is not a known effect"), expected);
     }
     found
 }
@@ -60,7 +60,11 @@ fn joint(table: &Table<'_, '_>, kind: &Kind, count: usize) -> Option<usize> {
     match kind.place {
         Place::Robot => {
             if table.has("joint") {
-                table.fault("joint", "is given", "no joint: this effect is of the whole robot");
+                table.fault(
+                    "joint",
+                    "is given",
+                    "no joint; this effect applies to the whole robot",
+                );
             }
             None
         }
@@ -142,7 +146,7 @@ fn sigmas(table: &Table<'_, '_>, parameters: &mut [Parameter]) {
             Numbers::List(values) => {
                 let list = sigma.numbers(key, 0.0..);
                 if let Some(list) = list.as_ref().filter(|list| list.len() != values.len()) {
-                    let expected = format!("{}, as the parameter", values.len());
+                    let expected = format!("{}, like the parameter", values.len());
                     sigma.fault(key, format!("has {} numbers", list.len()), expected);
                 }
                 list.map(Numbers::List)

@@ -117,7 +117,7 @@ impl Axis {
                 a[j] * b[k] - a[k] * b[j]
             });
             let turned_deg = dot(cross, cross).sqrt().atan2(dot(a, b)).to_degrees();
-            return Some(format!("is turned by {turned_deg:.4} deg"));
+            return Some(format!("is rotated by {turned_deg:.4} deg"));
         }
         let [a, b] = [self.point, other.point].map(off_grid);
         let apart = [0, 1, 2].map(|i| a[i] - b[i]);
@@ -174,7 +174,7 @@ impl Identity {
         let more = geometry.len().saturating_sub(NAMED_MAX);
         geometry.truncate(NAMED_MAX);
         if more > 0 {
-            geometry.push(format!("{more} more axes differ"));
+            geometry.push(format!("{more} other axes differ"));
         }
         found.extend(geometry);
         found

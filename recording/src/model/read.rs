@@ -77,7 +77,7 @@ fn joint(table: &Table<'_, '_>) -> Option<JointEntry> {
         JointKind::Prismatic => ("limits_mm", "max_speed_mm_s"),
     };
     table.require("axis", "a unit vector [x, y, z], base frame");
-    table.require(limits_key, "[least, largest]");
+    table.require(limits_key, "[minimum, maximum]");
     if kind == JointKind::Revolute {
         table.require("point_mm", "a point [x, y, z] on the axis, base frame");
     }
@@ -112,7 +112,7 @@ fn is_unit(table: &Table<'_, '_>, axis: &[f64; 3]) -> bool {
     let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
     let unit = (length - 1.0).abs() <= 1e-6;
     if !unit {
-        table.fault("axis", format!("has length {length}"), "unit length to 1e-6");
+        table.fault("axis", format!("has length {length}"), "unit length within 1e-6");
     }
     unit
 }
@@ -131,7 +131,11 @@ fn gear_teeth(table: &Table<'_, '_>) -> Option<Vec<[u32; 2]>> {
     };
     let stages: Option<Vec<[u32; 2]>> = rows.iter().map(stage).collect();
     if stages.is_none() {
-        table.fault("gear_teeth", "is no list of stages", "[[driver, driven], …], whole numbers");
+        table.fault(
+            "gear_teeth",
+            "is not a list of stages",
+            "[[driver, driven], …], whole numbers",
+        );
     }
     stages
 }
@@ -146,7 +150,7 @@ fn body(table: &Table<'_, '_>, is_link: bool) -> Option<BodyEntry> {
     let com = table.vector::<3>("com_mm");
     let inertia = table.vector::<6>("inertia_kgm2");
     if let Some(inertia) = inertia.filter(|inertia| !is_inertia(inertia)) {
-        let found = format!("is {inertia:?}, which no body has");
+        let found = format!("is {inertia:?}, which is not a physical inertia");
         table.fault("inertia_kgm2", found, "[Ixx, Iyy, Izz, Ixy, Ixz, Iyz], positive moments");
     }
     Some(BodyEntry { mass_kg: mass?, com_mm: com?, inertia_kgm2: inertia })
@@ -175,7 +179,7 @@ fn tool(table: &Table<'_, '_>) -> Option<ToolEntry> {
 /// Three rows of a rotation.
 pub(crate) fn rotation(table: &Table<'_, '_>, key: &str) -> Option<[[f64; 3]; 3]> {
     let rows = table.rows(key)?;
-    let expected = "three rows of a right-handed rotation, orthonormal to 1e-6";
+    let expected = "three rows of a right-handed rotation, orthonormal within 1e-6";
     let rows: Option<Vec<[f64; 3]>> =
         rows.into_iter().map(|row| <[f64; 3]>::try_from(row).ok()).collect();
     let rows = rows.and_then(|rows| <[[f64; 3]; 3]>::try_from(rows).ok());
@@ -184,7 +188,7 @@ pub(crate) fn rotation(table: &Table<'_, '_>, key: &str) -> Option<[[f64; 3]; 3]
         return None;
     };
     if !is_rotation(&rows) {
-        table.fault(key, "is no rotation", expected);
+        table.fault(key, "is not a rotation", expected);
         return None;
     }
     Some(rows)

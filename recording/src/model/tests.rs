@@ -103,7 +103,7 @@ base_from_tool = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]
 #[test]
 fn every_fault_of_the_geometry_is_reported_at_once() {
     insta::assert_snapshot!(parse(BAD_GEOMETRY).unwrap_err(), @r#"
-        error: `gravity`: has no unit, which is not the one of this key
+        error: `gravity`: has no unit, which does not match this key
          --> robot.toml:2:1
           |
         2 | gravity = [0, 0, -9.81]
@@ -121,13 +121,13 @@ fn every_fault_of_the_geometry_is_reported_at_once() {
          --> robot.toml:4:8
           |
         4 | kind = "revolut"
-          |        ^^^^^^^^^ expected "revolute" or "prismatic", perhaps "revolute"
+          |        ^^^^^^^^^ expected "revolute" or "prismatic" (did you mean "revolute"?)
 
         error: `joint[1].axis`: has length 1.1
          --> robot.toml:5:8
           |
         5 | axis = [0.0, 0.0, 1.1]
-          |        ^^^^^^^^^^^^^^^ expected unit length to 1e-6
+          |        ^^^^^^^^^^^^^^^ expected unit length within 1e-6
 
         error: `joint[1].limits_deg`: is [180, -180]
          --> robot.toml:6:14
@@ -135,13 +135,13 @@ fn every_fault_of_the_geometry_is_reported_at_once() {
         6 | limits_deg = [180.0, -180.0]
           |              ^^^^^^^^^^^^^^^ expected the lower limit first
 
-        error: `joint[1].max_speed_rad_s`: has the unit rad_s, which is not the one of this key
+        error: `joint[1].max_speed_rad_s`: has the unit rad_s, which does not match this key
          --> robot.toml:7:1
           |
         7 | max_speed_rad_s = 1.0
           | ^^^^^^^^^^^^^^^ expected `max_speed_deg_s`
           |
-          = help: write `max_speed_deg_s`, its value times 57.29577951
+          = help: write `max_speed_deg_s`, with the value multiplied by 57.29577951
 
         error: `joint[1].link.com_mm`: is missing
          --> robot.toml:8:8
@@ -155,11 +155,11 @@ fn every_fault_of_the_geometry_is_reported_at_once() {
         10 | tcp_mm = [0, 0]
            |          ^^^^^^ expected 3 numbers
 
-        error: `tool.base_from_tool`: is no rotation
+        error: `tool.base_from_tool`: is not a rotation
           --> robot.toml:11:18
            |
         11 | base_from_tool = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]
-           |                  ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^ expected three rows of a right-handed rotation, orthonormal to 1e-6
+           |                  ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^ expected three rows of a right-handed rotation, orthonormal within 1e-6
         "#);
 }
 
@@ -185,7 +185,7 @@ sigma = { tilt = 1 }
 "#;
     let whole = &TWO_JOINTS[..TWO_JOINTS.find("[[effect]]").unwrap()];
     insta::assert_snapshot!(parse(&format!("{whole}{text}")).unwrap_err(), @r#"
-        error: `effect[1].kind`: is "backlsh", which is no known effect
+        error: `effect[1].kind`: is "backlsh", which is not a known effect
           --> robot.toml:37:8
            |
         37 | kind = "backlsh"
@@ -197,15 +197,15 @@ sigma = { tilt = 1 }
         41 | joint = 3
            |         ^ expected a whole number from 1 to 2
 
-        error: `effect[2].width_deg`: has the unit deg, which is not the one of this key
+        error: `effect[2].width_deg`: has the unit deg, which does not match this key
           --> robot.toml:42:1
            |
         42 | width_deg = 0.1
            | ^^^^^^^^^ expected `width_mrad`
            |
-           = help: write `width_mrad`, its value times 17.45329252
+           = help: write `width_mrad`, with the value multiplied by 17.45329252
 
-        error: `effect[3].offset_mrad`: has the unit mrad, which is not the one of this key
+        error: `effect[3].offset_mrad`: has the unit mrad, which does not match this key
           --> robot.toml:46:1
            |
         46 | offset_mrad = 1.0
@@ -219,7 +219,7 @@ sigma = { tilt = 1 }
         50 | tilt_mrad = [1.0]
            |             ^^^^^ expected 2 numbers
 
-        error: `effect[4].sigma.tilt`: has no unit, which is not the one of this key
+        error: `effect[4].sigma.tilt`: has no unit, which does not match this key
           --> robot.toml:51:11
            |
         51 | sigma = { tilt = 1 }
@@ -266,7 +266,10 @@ fn a_hardening_without_a_linear_compliance_of_its_joint_is_refused() {
         let read = parse(&format!("{TWO_JOINTS}\n{hardening}{other}"));
         assert_eq!(read.is_ok(), fits, "{beside}: {read:?}");
         if let Err(faults) = read {
-            assert!(faults.to_string().contains("hardens nothing"), "{faults}");
+            assert!(
+                faults.to_string().contains("has no effect without a linear compliance"),
+                "{faults}"
+            );
         }
     }
 }

@@ -35,7 +35,7 @@ impl fmt::Display for Axis {
 
 /// No axis has this name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no axis of a controller: name A1 to A6 (the robot's) or E1 to E6 (external)")]
+#[error("unknown controller axis `{0}`, expected A1 to A6 (robot) or E1 to E6 (external)")]
 pub struct NoAxis(String);
 
 impl FromStr for Axis {
@@ -55,33 +55,35 @@ pub(super) fn of_joints(faults: &mut Faults, said: &[Axis], joints: &[JointEntry
     }
     if said.len() != joints.len() {
         let fault = Fault::new("axes", format!("are {}", said.len()));
-        faults.push(fault.expected(format!("one for each of the model's {} joints", joints.len())));
+        faults.push(
+            fault.expected(format!("one axis for each of the model's {} joints", joints.len())),
+        );
     }
     for (at, axis) in said.iter().enumerate() {
         let (Axis::Robot(number) | Axis::External(number)) = axis;
         if !(1..=AXES).contains(number) {
-            faults.push(Fault::new("axes", format!("name {axis}")).expected("A1 to A6, E1 to E6"));
-        } else if said[..at].contains(axis) {
             faults
-                .push(Fault::new("axes", format!("name {axis} twice")).expected("each axis once"));
+                .push(Fault::new("axes", format!("include {axis}")).expected("A1 to A6, E1 to E6"));
+        } else if said[..at].contains(axis) {
+            faults.push(
+                Fault::new("axes", format!("include {axis} twice")).expected("each axis once"),
+            );
         }
     }
     said.to_vec()
 }
 
 fn plain(faults: &mut Faults, joints: &[JointEntry]) -> Vec<Axis> {
-    let help = "say which axis each joint is, as E1,A1,A2,A3,A4,A5,A6 for a track before a robot";
+    let help = "state the axis of each joint, such as E1,A1,A2,A3,A4,A5,A6 for a robot on a track";
     if let Some(at) = joints.iter().position(|joint| joint.kind == JointKind::Prismatic) {
         let message = format!(
-            "are not said, and joint {} slides: an axis of the robot, or an external one?",
+            "are not given, and joint {} is linear: it could be a robot axis or an external axis",
             at + 1
         );
         faults.push(Fault::new("axes", message).help(help));
     } else if joints.len() > AXES {
-        let message = format!(
-            "are not said, and the model has {} joints: a robot has six axes",
-            joints.len()
-        );
+        let message =
+            format!("are not given, and the model has {} joints instead of six", joints.len());
         faults.push(Fault::new("axes", message).help(help));
     }
     (1..=joints.len()).map(Axis::Robot).collect()

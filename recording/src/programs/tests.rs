@@ -165,17 +165,17 @@ fn all_reasons_against_a_tour_are_reported_at_once() {
         --> 1st
          = note: expected 6, as the model has joints
         ---
-        error: `axes`: are not said, and joint 1 slides: an axis of the robot, or an external one?
+        error: `axes`: are not given, and joint 1 is linear: it could be a robot axis or an external axis
         --> poses
-         = help: say which axis each joint is, as E1,A1,A2,A3,A4,A5,A6 for a track before a robot
+         = help: state the axis of each joint, such as E1,A1,A2,A3,A4,A5,A6 for a robot on a track
         ---
-        error: `axes`: are not said, and the model has 7 joints: a robot has six axes
+        error: `axes`: are not given, and the model has 7 joints instead of six
         --> poses
-         = help: say which axis each joint is, as E1,A1,A2,A3,A4,A5,A6 for a track before a robot
+         = help: state the axis of each joint, such as E1,A1,A2,A3,A4,A5,A6 for a robot on a track
         ---
         error: `axes`: are 3
         --> poses
-         = note: expected one for each of the model's 6 joints
+         = note: expected one axis for each of the model's 6 joints
 
         error: `axes`: name A2 twice
         --> poses

@@ -196,15 +196,15 @@ fn sigma_of(table: &Table<'_, '_>) -> BTreeMap<Channel, f64> {
                 sigma.insert(channel, unit.map_or(number, |unit| unit.to_si(number)));
             }
             (Ok(Column::Channel(..)), None) => {
-                table.fault("sigma", format!("`{name}` is no number above zero"), "above zero");
+                table.fault("sigma", format!("`{name}` is not a number above zero"), "above zero");
             }
             (Err(expected), _) => {
                 table.fault("sigma", format!("`{name}` has a wrong unit"), expected);
             }
             (Ok(_), _) => table.fault(
                 "sigma",
-                format!("`{name}` is no column of a recording"),
-                "names of columns, as x_mm or q1_deg",
+                format!("`{name}` is not a column of a recording"),
+                "column names such as x_mm or q1_deg",
             ),
         }
     }
@@ -272,7 +272,7 @@ pub(crate) fn read_cut(table: &Table<'_, '_>) -> Option<Cut> {
     let turning = table.choice("operation", &[("milling", false), ("turning", true)]);
     let turning = turning.unwrap_or_default();
     if turning && teeth.is_some_and(|teeth| teeth != 1) {
-        table.fault("teeth", "a turning tool has one".to_owned(), "teeth = 1");
+        table.fault("teeth", "1, for a turning tool".to_owned(), "teeth = 1");
     }
     if entry >= exit {
         table.fault("exit_deg", format!("is {exit}"), format!("more than entry_deg ({entry})"));

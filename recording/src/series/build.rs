@@ -137,7 +137,7 @@ impl<'t, 's> Builder<'t, 's> {
 
     fn take_segment(&mut self, from: Option<usize>, values: &[f64]) {
         if let Some(row) = values.iter().position(|value| !is_whole(*value)) {
-            let fault = Fault::new("segment", "is no whole number").expected("a whole number");
+            let fault = Fault::new("segment", "is not a whole number").expected("a whole number");
             self.cell_fault(row, from, fault);
         }
         self.segment = Some(values.iter().map(|value| *value as i64).collect());
@@ -159,9 +159,9 @@ impl<'t, 's> Builder<'t, 's> {
         if let (Some(joint), Some(kind)) = (channel.joint(), joint_kind_of(channel, unit)) {
             let known = *self.kinds.entry(joint).or_insert(kind);
             if known != kind {
-                let message = format!("turns joint {} into one of the other kind", joint + 1);
+                let message = format!("contradicts the kind of joint {}", joint + 1);
                 let fault = Fault::new(&source.name, message).expected(
-                    "all columns of a joint in units of one kind: angle and Nm, or length and N",
+                    "consistent units for all columns of a joint: angle and Nm, or length and N",
                 );
                 self.header_fault(source.from, fault);
             }
@@ -183,10 +183,9 @@ impl<'t, 's> Builder<'t, 's> {
         };
         let overflows = |row: &usize| values[*row].is_infinite() && !told(*row);
         if let Some(row) = (0..values.len()).find(overflows) {
-            let fault =
-                Fault::new(name, "is too large: its value is infinite once it is converted")
-                    .expected("a finite number")
-                    .help("check the unit, `scale` and `offset`");
+            let fault = Fault::new(name, "is too large: infinite after unit conversion")
+                .expected("a finite number")
+                .help("check the unit, `scale` and `offset`");
             self.cell_fault(row, from, fault);
         }
     }
@@ -253,8 +252,8 @@ impl<'t, 's> Builder<'t, 's> {
     fn judge_time(&mut self, rows: usize) {
         let Some(time) = self.time.clone() else {
             let near = nearest("t_s", self.table.header.iter().map(String::as_str));
-            let help = near.map(|name| format!("is it `{name}`? ")).unwrap_or_default();
-            let help = format!("{help}rename the column, or give a mapping");
+            let help = near.map(|name| format!("did you mean `{name}`? ")).unwrap_or_default();
+            let help = format!("{help}rename the column, or use a mapping");
             self.faults.push(Fault::new("t_s", "is missing").expected("time in s").help(help));
             return;
         };
@@ -273,9 +272,9 @@ impl<'t, 's> Builder<'t, 's> {
                 self.cell_fault(row, from, fault);
             } else if before.is_some_and(|before| before >= *t) {
                 let before = before.unwrap_or_default();
-                let message = format!("runs back: {t} after {before}");
+                let message = format!("decreases: {t} after {before}");
                 let fault = Fault::new("t_s", message)
-                    .expected("times that increase strictly within a segment");
+                    .expected("strictly increasing times within a segment");
                 self.cell_fault(row, from, fault);
                 // One jump is one fault: continue from the present time.
                 last.insert(segment, *t);
@@ -303,7 +302,7 @@ impl<'t, 's> Builder<'t, 's> {
         }
         if let Some((row, norm)) = self.bad_quaternion() {
             let fault = Fault::new("ow", format!("the quaternion's length is {norm}"))
-                .expected("unit length to 1e-3");
+                .expected("unit length within 1e-3");
             found.push((row, Channel::Orientation(0), fault));
         }
         for (row, channel, fault) in found {
@@ -324,7 +323,7 @@ impl<'t, 's> Builder<'t, 's> {
     fn judge_groups(&mut self, about: &About, need: Need) {
         let quaternion = (0..4).filter(|p| self.columns.contains_key(&Channel::Orientation(*p)));
         if !matches!(quaternion.count(), 0 | 4) {
-            let fault = Fault::new("ow, ox, oy, oz", "some of them are missing");
+            let fault = Fault::new("ow, ox, oy, oz", "incomplete quaternion");
             self.faults.push(fault.expected("all four parts of a quaternion"));
         }
         if let Some(fault) = lacking(&self.columns, need) {
@@ -332,7 +331,7 @@ impl<'t, 's> Builder<'t, 's> {
         }
         let has = |wanted: fn(&Channel) -> bool| self.columns.keys().any(wanted);
         if about.approach == Approach::Columns && !has(|c| matches!(c, Channel::Direction(_))) {
-            let fault = Fault::new("approach", "is \"columns\", and there is no column `d1`");
+            let fault = Fault::new("approach", "is \"columns\", but there is no column `d1`");
             self.faults.push(fault.expected("columns `d1` …, or approach = \"sequence\""));
         }
     }
@@ -348,13 +347,13 @@ impl<'t, 's> Builder<'t, 's> {
             self.faults.push(
                 Fault::new("torque_per_ampere", format!("has {found} numbers"))
                     .expected(format!("{currents}, one per joint up to `i{currents}_A`"))
-                    .help("give them in the TOML beside the recording"),
+                    .help("state them in the recording's TOML"),
             );
         }
         if let (Heldout::Segments(wanted), segments) = (&about.heldout, &self.segment) {
             let there: BTreeSet<i64> = segments.iter().flatten().copied().collect();
             for segment in wanted.iter().filter(|s| !there.contains(s)) {
-                let fault = Fault::new("heldout", format!("segment {segment} is not there"));
+                let fault = Fault::new("heldout", format!("segment {segment} does not exist"));
                 self.faults.push(fault.expected("segments of this recording"));
             }
         }
@@ -369,5 +368,5 @@ fn is_whole(value: f64) -> bool {
 /// One warning for all columns that are not ours.
 fn unknown_columns(other: &[(String, Vec<String>)]) -> Option<String> {
     let names: Vec<&str> = other.iter().map(|(name, _)| name.as_str()).collect();
-    (!names.is_empty()).then(|| format!("columns kept and not used: {}", names.join(", ")))
+    (!names.is_empty()).then(|| format!("unused columns: {}", names.join(", ")))
 }

@@ -135,14 +135,16 @@ impl RawTable<'_> {
             start = start.or(instant);
             let message = match instant {
                 Some(instant) if start.is_some_and(|start| start.has_zone != instant.has_zone) => {
-                    Some(format!("`{cell}` has a time zone, or lacks one, unlike the first row"))
+                    Some(format!(
+                        "`{cell}` differs from the first row in having a time zone or not"
+                    ))
                 }
                 Some(_) => None,
                 None if cell.is_empty() => None,
                 None if clock.is_leap_second(&cell) => {
-                    Some(format!("`{cell}` is a leap second, which is not read"))
+                    Some(format!("`{cell}` is a leap second, which is not supported"))
                 }
-                None => Some(format!("`{cell}` is no such time")),
+                None => Some(format!("`{cell}` does not match this time format")),
             };
             if let Some(message) = message {
                 faults.push_with(|| {
@@ -166,9 +168,9 @@ impl RawTable<'_> {
             return self.numbers(column, faults);
         }
         let name = self.header.get(column).cloned().unwrap_or_default();
-        let fault = Fault::new(name, format!("`{sample}` is a time in a form that is not known"))
+        let fault = Fault::new(name, format!("`{sample}` has an unknown time format"))
             .expected("seconds as a number, or ISO 8601")
-            .help("state its form in a mapping: `format = \"%d.%m.%Y %H:%M:%S\"`, or as it is");
+            .help("state the format in a mapping, for example `format = \"%d.%m.%Y %H:%M:%S\"`");
         faults.push(self.cell_fault(0, column, fault));
         // Times that fit, so that no further fault follows from this one.
         (0..self.len()).map(|row| row as f64).collect()

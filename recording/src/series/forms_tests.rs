@@ -65,32 +65,28 @@ fn numbers_of_many_notations_are_read_right() {
 fn a_number_that_can_be_read_in_two_ways_is_refused_with_the_way_out() {
     let mixed = "t_s;q1_deg;x_mm\n0;5,5;1.042\n1;7,5;88,5\n";
     insta::assert_snapshot!(told("", mixed), @r#"
-        error: `x_mm`: `1.042` can be read as 1042 and as 1.042
+        error: `x_mm`: `1.042` is ambiguous: 1042 or 1.042
          --> x.csv:2:7
           |
         2 | 0;5,5;1.042
-          |       ^^^^^ expected a number without thousands, its decimal mark a comma
+          |       ^^^^^ expected a number without thousands separators, with a comma as decimal mark
           |
-          = help: say in a mapping which it is: `decimal = ","` and `thousands = "."` for 1042, `decimal = "."` for 1.042
+          = help: state it in a mapping: `decimal = ","` and `thousands = "."` for 1042, `decimal = "."` for 1.042
         "#);
     for (mapping, text, says) in [
-        ("decimal = \",\"", mixed, "`1.042` can be read as 1042 and as 1.042"),
-        (
-            "",
-            "t_s;q1_deg;x_mm\n0;1.125;1.042\n1;2;88\n",
-            "`1.042` can be read as 1042 and as 1.042",
-        ),
-        (
-            "",
-            "t_s\tq1_deg\tx_mm\n0\t1\t1,042\n1\t2\t88\n",
-            "`1,042` can be read as 1042 and as 1.042",
-        ),
+        ("decimal = \",\"", mixed, "`1.042` is ambiguous: 1042 or 1.042"),
+        ("", "t_s;q1_deg;x_mm\n0;1.125;1.042\n1;2;88\n", "`1.042` is ambiguous: 1042 or 1.042"),
+        ("", "t_s\tq1_deg\tx_mm\n0\t1\t1,042\n1\t2\t88\n", "`1,042` is ambiguous: 1042 or 1.042"),
         ("", "t_s,q1_deg,x_mm\n0,1.5,\"1,042\"\n", "x.csv:2:7"),
-        ("", "t_s;q1_deg;x_mm\n0;1,5;88.5\n", "`88.5` has a decimal point, the file a comma"),
+        (
+            "",
+            "t_s;q1_deg;x_mm\n0;1,5;88.5\n",
+            "`88.5` has a decimal point, the file a decimal comma",
+        ),
         (
             "decimal = \".\"",
             "t_s;q1_deg;x_mm\n0;1,5;88.5\n",
-            "`1,5` has a decimal comma, the file a point",
+            "`1,5` has a decimal comma, the file a decimal point",
         ),
         (
             "decimal = \",\"\nthousands = \".\"",
@@ -106,7 +102,7 @@ fn a_number_that_can_be_read_in_two_ways_is_refused_with_the_way_out() {
 
 #[test]
 fn columns_that_are_not_read_as_numbers_tell_no_decimal_mark() {
-    let two_ways = "`1.042` can be read as 1042 and as 1.042";
+    let two_ways = "`1.042` is ambiguous: 1042 or 1.042";
     let remark = "t_s;q1_deg;x_mm;remark\n0;1;1.042;26.11\n1;2;2.500;\n2;3;88;\n";
     let firmware = "t_s;q1_deg;x_mm;fw\n0;1;5;10.120.130.140\n1;2;88.5;10.120.130.140\n";
     let labels = columns_with_x(" }\nsegment = { from = \"remark\", labels = true");
@@ -141,7 +137,7 @@ fn the_first_lines_of_spreadsheets_are_understood() {
 
 #[test]
 fn a_last_line_without_an_end_is_left_out_only_where_it_is_seen_to_be_cut_off() {
-    let kept = "the last line (3) has no end: it was kept, as it has all 3 fields; the last of them may be cut short";
+    let kept = "the last line (3) has no line break: it was kept because it has all 3 fields, but its last field may be truncated";
     for (text, rows, says) in [
         ("t_s,q1_deg,note\n0,1,\n1,2,ok", 2, kept),
         ("t_s,q1_deg,note\n0,1,5\n1,2,7", 2, kept),
@@ -149,15 +145,15 @@ fn a_last_line_without_an_end_is_left_out_only_where_it_is_seen_to_be_cut_off() 
         (
             "t_s,q1_deg,x_mm\n0,1,5\n1,2,-",
             1,
-            "line 3 is cut off and was left out: `-` is no number",
+            "line 3 is truncated and was skipped: `-` is not a number",
         ),
         (
             "t_s,q1_deg,x_mm\n0,1,5\n1,2",
             1,
-            "line 3 is cut off and was left out: it has 2 of 3 fields",
+            "line 3 is truncated and was skipped: it has 2 of 3 fields",
         ),
-        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,", 2, "left out 1 empty rows at the end"),
-        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,\n,", 2, "left out 2 empty rows at the end"),
+        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,", 2, "skipped 1 empty rows at the end"),
+        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,\n,", 2, "skipped 2 empty rows at the end"),
         ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,\n2,", 2, "line 5 is cut off"),
     ] {
         let recording = read("", text).unwrap_or_else(|faults| panic!("{text}\n{faults}"));
@@ -182,23 +178,23 @@ fn columns_with_x(more: &str) -> String {
 fn a_line_of_units_that_contradicts_the_names_is_refused() {
     let text = "t_s,q1_deg,x_mm\ns,deg,m\n0,1,1.5\n";
     insta::assert_snapshot!(told("", text), @r#"
-        error: `x_mm`: has the unit m and is read in mm
+        error: `x_mm`: has the unit m, expected mm
          --> x.csv:2:7
           |
         2 | s,deg,m
           |       ^ expected mm
           |
-          = help: name the column so, or state `unit = "m"` in a mapping
+          = help: rename the column, or state `unit = "m"` in a mapping
         "#);
     let columns = columns_with_x;
-    assert!(told(&columns(""), text).contains("`x_mm`: has the unit m and is read in mm"));
+    assert!(told(&columns(""), text).contains("`x_mm`: has the unit m, expected mm"));
     assert_eq!(rows(&columns(", unit = \"m\""), text), [(0.0, 1500.0)]);
     assert_eq!(rows(&columns(", scale = 1000"), text), [(0.0, 1500.0)]);
     // A row of data is not a line of units, whatever text it contains.
     let data = read("", "t_s,q1_deg,x_mm,note\n1,,,mm\n2,,,mm\n").unwrap();
     assert_eq!(data.t_s, [1.0, 2.0]);
     let words = "t_s,q1_deg,x_mm\nSek,Grad,mm\n0,1,1.5\n";
-    assert!(told("", words).contains("`Sek` is no number"));
+    assert!(told("", words).contains("`Sek` is not a number"));
 }
 
 #[test]
@@ -207,9 +203,9 @@ fn a_unit_that_is_not_known_is_refused_unless_the_mapping_states_how_its_column_
         format!("t_s,q1_deg,x_mm,{column}\ns,deg,mm,{unit}\n0,1,1.5,294.15\n")
     };
     for (text, says) in [
-        (table("K", "temp_C"), "`temp_C`: has the unit K, which is not read"),
+        (table("K", "temp_C"), "`temp_C`: has the unit K, which is not supported"),
         (table("K", "temp_C"), "`offset = -273.15`"),
-        (table("V", "fx_N"), "`fx_N`: has the unit V, which is not read"),
+        (table("V", "fx_N"), "`fx_N`: has the unit V, which is not supported"),
         (table("g", "ax_m_s2"), "state `scale = 9.80665` in a mapping"),
     ] {
         assert_told("", &text, says);
@@ -217,7 +213,7 @@ fn a_unit_that_is_not_known_is_refused_unless_the_mapping_states_how_its_column_
     let inches = "t_s,q1_deg,x_mm\ns,deg,inch\n0,1,1\n";
     let mapped = |more: &str| format!("units_row = true\n{}", columns_with_x(more));
     for mapping in ["units_row = true", &mapped("")] {
-        assert_told(mapping, inches, "`x_mm`: has the unit inch, which is not read");
+        assert_told(mapping, inches, "`x_mm`: has the unit inch, which is not supported");
     }
     assert_told(&mapped(""), inches, "how many mm one inch is (`scale`)");
     assert_eq!(rows(&mapped(", scale = 25.4"), inches), [(0.0, 25.4)]);
@@ -275,13 +271,13 @@ fn a_time_that_is_not_understood_is_refused() {
         |first: &str, second: &str| format!("t_s;q1_deg;x_mm\n{first};1;1,5\n{second};2;2,5\n");
     let german = text("26.11.2026 14:03:05", "26.11.2026 14:03:06");
     insta::assert_snapshot!(told("", &german), @r#"
-        error: `t_s`: `26.11.2026 14:03:05` is a time in a form that is not known
+        error: `t_s`: `26.11.2026 14:03:05` has an unknown time format
          --> x.csv:2:1
           |
         2 | 26.11.2026 14:03:05;1;1,5
           | ^^^^^^^^^^^^^^^^^^^ expected seconds as a number, or ISO 8601
           |
-          = help: state its form in a mapping: `format = "%d.%m.%Y %H:%M:%S"`, or as it is
+          = help: state the format in a mapping, for example `format = "%d.%m.%Y %H:%M:%S"`
         "#);
     let stated = |more: &str| {
         format!("[columns]\nt_s = {{ from = \"t_s\"{more} }}\nq1_deg = {{ from = \"q1_deg\" }}")
@@ -290,10 +286,14 @@ fn a_time_that_is_not_understood_is_refused() {
         (
             stated(", format = \"%m/%d/%Y\""),
             text("11/26/2026", "26/11/2026"),
-            "`26/11/2026` is no such time",
+            "`26/11/2026` does not match this time format",
         ),
         (stated(", format = \"%d. %b\""), german.clone(), "is \"%d. %b\""),
-        (stated(", format = \"iso\", unit = \"ms\""), german.clone(), "no unit beside `format`"),
+        (
+            stated(", format = \"iso\", unit = \"ms\""),
+            german.clone(),
+            "no unit together with `format`",
+        ),
         (stated(", unit = \"ms\""), text("2026-11-26", "2026-11-27"), "is no number"),
         (stated(""), text("2026-11-26 10:00Z", "2026-11-26 11:00"), "time zone"),
         (stated(""), text("2026-10-25 02:59", "2026-10-25 02:00"), "runs back"),
@@ -302,9 +302,13 @@ fn a_time_that_is_not_understood_is_refused() {
         (
             stated(""),
             text("2026-10-25 02:59Z", "2026-10-25 02:59:60Z"),
-            "is a leap second, which is not read",
+            "is a leap second, which is not supported",
         ),
-        (stated(""), text("2026-10-25 02:59Z", "2026-10-25 03:59+01:99"), "is no such time"),
+        (
+            stated(""),
+            text("2026-10-25 02:59Z", "2026-10-25 03:59+01:99"),
+            "does not match this time format",
+        ),
     ] {
         assert_told(&mapping, &text, says);
     }
@@ -347,7 +351,7 @@ fn faults_stand_in_their_line_behind_comments_and_whatever_ends_lines() {
     }
     let text = "t_s,q1_deg\r0,1\r1,x\r";
     insta::assert_snapshot!(told("", text), @r#"
-        error: `q1_deg`: `x` is no number
+        error: `q1_deg`: `x` is not a number
          --> x.csv:3:3
           |
         3 | 1,x
@@ -360,5 +364,5 @@ fn faults_stand_in_their_line_behind_comments_and_whatever_ends_lines() {
 fn several_columns_for_one_are_refused_without_a_rule() {
     let mapping = "[columns]\nt_s = { from = \"t_s\" }\nq1_deg = { from = [\"q1_deg\", \"x_mm\"] }";
     let text = "t_s,q1_deg,x_mm\n0,1,2\n";
-    assert!(told(mapping, text).contains("names 2 columns for one"));
+    assert!(told(mapping, text).contains("has 2 columns for one quantity"));
 }

@@ -179,7 +179,7 @@ fn probe_of(table: &Table<'_, '_>) -> Option<Probe> {
 }
 
 fn plane_of(table: &Table<'_, '_>) -> Option<TouchedPlane> {
-    table.require("normal", "three numbers, towards the side that is touched");
+    table.require("normal", "three numbers, pointing to the side of the probe");
     let offset_m = table.number("offset_mm", ..).map(|offset| offset * MM);
     let normal = table.vector::<3>("normal")?;
     let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();

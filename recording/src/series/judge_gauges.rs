@@ -12,13 +12,13 @@ impl Builder<'_, '_> {
         self.judge_lengths(gauges);
         let touched = [Channel::TouchPlane, Channel::TouchSphere].map(|c| self.touched(c));
         if touched.iter().any(|numbers| !numbers.is_empty()) && gauges.probe.is_none() {
-            let fault = Fault::new("probe", "is missing, and something is touched");
-            let expected = "[probe] with radius_mm, in the TOML beside the recording";
+            let fault = Fault::new("probe", "is missing, but the recording contains contacts");
+            let expected = "[probe] with radius_mm in the recording's TOML";
             self.faults.push(fault.expected(expected));
         }
         let [planes, spheres] = touched;
         for number in planes.iter().filter(|number| !gauges.planes.contains_key(&(**number - 1))) {
-            let fault = Fault::new(format!("plane{number}"), "is touched and not said");
+            let fault = Fault::new(format!("plane{number}"), "is contacted but not defined");
             let expected = format!("[plane{number}] with normal = [x, y, z], towards the probe");
             self.faults.push(fault.expected(expected));
         }
@@ -34,7 +34,7 @@ impl Builder<'_, '_> {
         for at in gauges.distances.keys() {
             if !self.columns.contains_key(&Channel::Distance(*at)) {
                 let key = format!("distance{}", at + 1);
-                let fault = Fault::new(&key, "there is no such column");
+                let fault = Fault::new(&key, "has no such column");
                 self.faults.push(fault.expected(format!("a column `{key}_mm`")));
             }
         }
@@ -59,7 +59,8 @@ impl Builder<'_, '_> {
         numbers.dedup();
         numbers.retain(|number| *number > 0);
         if let Some(row) = bad {
-            let expected = format!("the number of what is touched, 1 to {GAUGES_MAX}; 0 for none");
+            let expected =
+                format!("the number of the contacted surface, 1 to {GAUGES_MAX}; 0 for none");
             let fault = Fault::new(channel.base(), format!("is {}", values[row]));
             self.channel_fault(row, channel, fault.expected(expected));
         }
@@ -67,7 +68,7 @@ impl Builder<'_, '_> {
     }
 
     fn untouched(&mut self, key: &str, column: &str) {
-        let fault = Fault::new(key, "is never touched");
+        let fault = Fault::new(key, "is never contacted");
         self.faults.push(fault.expected(format!("its number in a row of `{column}`")));
     }
 }

@@ -6,7 +6,7 @@ use super::Need;
 use super::channel::Channel;
 use crate::faults::Fault;
 
-const MAPPING_HELP: &str = "name the columns so, or give a mapping (--mapping FILE)";
+const MAPPING_HELP: &str = "rename the columns, or use a mapping (--mapping FILE)";
 
 /// What a reader needs to find and these columns lack.
 pub(super) fn lacking(columns: &BTreeMap<Channel, Vec<f64>>, need: Need) -> Option<Fault> {
@@ -34,12 +34,12 @@ pub(super) fn lacking(columns: &BTreeMap<Channel, Vec<f64>>, need: Need) -> Opti
         // Any column is accepted.
         None
     } else if !inputs && (need == Need::Path || !forces) {
-        let fault = Fault::new("q1_deg", "no joint position is there");
+        let fault = Fault::new("q1_deg", "there are no joint positions");
         Some(fault.expected("`q1_deg` …, or `qa1_deg` …").help(MAPPING_HELP))
     } else if need == Need::Measurement && !measured {
-        let fault = Fault::new("", "nothing was measured besides the inputs");
+        let fault = Fault::new("", "there are no measurements, only inputs");
         Some(fault.expected(
-            "x_mm, target1_x_mm, distance1_mm, touch_plane, ql1_deg, tau1_Nm, fx_N or the like",
+            "x_mm, target1_x_mm, distance1_mm, touch_plane, ql1_deg, tau1_Nm, fx_N or similar",
         ))
     } else {
         None

@@ -109,37 +109,35 @@ impl Notation {
             Unread::NoNumber | Unread::TwoWays
                 if grouped.is_some() && cell.matches(mark).count() > 1 =>
             {
-                let message = format!(
-                    "`{cell}` is a number only where each {} groups thousands",
-                    named(mark)
-                );
+                let message =
+                    format!("`{cell}` is a number only if its {} separates thousands", named(mark));
                 Fault::new("", message)
-                    .expected("a number without thousands")
-                    .help(format!("state `thousands = \"{mark}\"` in a mapping, where they do"))
+                    .expected("a number without thousands separators")
+                    .help(format!("if so, state `thousands = \"{mark}\"` in a mapping"))
             }
             Unread::NoNumber => {
-                Fault::new("", format!("`{cell}` is no number")).expected("a number")
+                Fault::new("", format!("`{cell}` is not a number")).expected("a number")
             }
             Unread::TwoWays => {
                 let grouped = cell.replace(mark, "");
                 let decimals = cell.replacen(mark, ".", 1);
-                Fault::new("", format!("`{cell}` can be read as {grouped} and as {decimals}"))
-                    .expected(format!("a number without thousands, its decimal mark a {}", named(self.decimal)))
+                Fault::new("", format!("`{cell}` is ambiguous: {grouped} or {decimals}"))
+                    .expected(format!("a number without thousands separators, with a {} as decimal mark", named(self.decimal)))
                     .help(format!(
-                        "say in a mapping which it is: `decimal = \"{other}\"` and `thousands = \"{mark}\"` \
+                        "state it in a mapping: `decimal = \"{other}\"` and `thousands = \"{mark}\"` \
                          for {grouped}, `decimal = \"{mark}\"` for {decimals}"
                     ))
             }
             Unread::OtherDecimal => Fault::new(
                 "",
                 format!(
-                    "`{cell}` has a decimal {}, the file a {}",
+                    "`{cell}` has a decimal {}, the file a decimal {}",
                     named(other_of(self.decimal)),
                     named(self.decimal)
                 ),
             )
             .expected("one decimal mark in the whole file")
-            .help("write all numbers alike; `decimal` in a mapping says which mark it is"),
+            .help("use one decimal mark, and state it in a mapping (`decimal`)"),
         }
     }
 

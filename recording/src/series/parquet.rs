@@ -33,8 +33,9 @@ pub(super) fn table(path: &Path) -> Result<RawTable<'static>, FileError> {
     let damaged = |why: String| {
         let mut faults = Faults::of(&name);
         let fault = Fault::new("", format!("cannot be read as Parquet: {why}"));
-        faults
-            .push(fault.expected("a whole Parquet file, not compressed or by Snappy or Zstandard"));
+        faults.push(fault.expected(
+            "a complete Parquet file, uncompressed or compressed by Snappy or Zstandard",
+        ));
         FileError::from(faults)
     };
     // The library asserts here and there on bytes that no writer writes.
@@ -42,7 +43,7 @@ pub(super) fn table(path: &Path) -> Result<RawTable<'static>, FileError> {
     match read {
         Ok(Ok(read)) => Ok(read?),
         Ok(Err(error)) => Err(damaged(error.to_string())),
-        Err(_) => Err(damaged("its bytes contradict each other".to_owned())),
+        Err(_) => Err(damaged("its data are inconsistent".to_owned())),
     }
 }
 
@@ -54,8 +55,7 @@ fn cut(file: File, name: &str) -> Result<Result<RawTable<'static>, Faults>, Parq
     let header: Vec<String> = columns.iter().map(|column| column.path().string()).collect();
     for (column, name) in columns.iter().zip(&header) {
         if let Some(found) = strange(column) {
-            faults
-                .push(Fault::new(name, found).expected("one plain number, text or truth per row"));
+            faults.push(Fault::new(name, found).expected("one number, string or Boolean per row"));
         }
     }
     if !faults.is_empty() {
@@ -70,13 +70,13 @@ fn cut(file: File, name: &str) -> Result<Result<RawTable<'static>, Faults>, Parq
 fn strange(column: &ColumnDescriptor) -> Option<&'static str> {
     let logical = column.logical_type_ref();
     if column.max_rep_level() > 0 {
-        return Some("holds lists");
+        return Some("contains lists");
     }
     match logical {
         Some(LogicalType::Timestamp(_) | LogicalType::Time(_) | LogicalType::Date) => {
-            Some("is a date or time of the day; a recording counts seconds")
+            Some("is a date or time of day; a recording has times in seconds")
         }
-        Some(LogicalType::Decimal(_)) => Some("holds decimals"),
+        Some(LogicalType::Decimal(_)) => Some("contains decimals"),
         _ => None,
     }
 }
@@ -100,7 +100,7 @@ fn all<T: DataType, V>(
             let wanted = (nullable > 0).then_some(&mut levels);
             let (records, ..) = reader.read_records(count - read, wanted, None, &mut found)?;
             if records == 0 {
-                return Err(ParquetError::EOF("a column ends before its rows do".to_owned()));
+                return Err(ParquetError::EOF("a column has too few rows".to_owned()));
             }
             read += records;
         }
@@ -140,7 +140,7 @@ fn cells(
         Type::FIXED_LEN_BYTE_ARRAY => {
             Cells::Texts(texts(all::<FixedLenByteArrayType, _>(file, column, |v| text(v.data()))?))
         }
-        Type::INT96 => return Err(ParquetError::NYI("columns of 96 bits".to_owned())),
+        Type::INT96 => return Err(ParquetError::NYI("96-bit columns".to_owned())),
     })
 }
 

@@ -80,7 +80,7 @@ impl Rows {
 
 /// The error for more than a table can hold.
 pub(super) fn too_large() -> crate::faults::Fault {
-    crate::faults::Fault::new("", "is too large to be read")
+    crate::faults::Fault::new("", "is too large")
         .expected(format!("at most {} GiB of text", BYTES_MAX.div_ceil(1 << 30)))
         .help("split the file, or convert it to Parquet")
 }

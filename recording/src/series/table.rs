@@ -145,7 +145,7 @@ impl<'s> RawTable<'s> {
                 b'\t' => "tabulators".to_owned(),
                 other => format!("`{}`", char::from(other)),
             };
-            self.notes.push(format!("fields are separated by {name}"));
+            self.notes.push(format!("the field separator is {name}"));
         }
     }
 
@@ -166,7 +166,7 @@ impl<'s> RawTable<'s> {
 
     fn note_decimal(&mut self, dialect: &Dialect) {
         if dialect.stated_decimal().is_none() && self.notation.decimal == ',' {
-            self.notes.push("a comma is the decimal mark".to_owned());
+            self.notes.push("the decimal mark is a comma".to_owned());
         }
     }
 
@@ -189,7 +189,7 @@ impl<'s> RawTable<'s> {
             let mut wanted = vec![true; self.rows.len()];
             wanted[0] = false;
             self.rows.keep(&wanted);
-            self.notes.push(format!("line {line} holds units"));
+            self.notes.push(format!("line {line} contains the units"));
             self.units = Some(units);
         }
     }
@@ -269,7 +269,7 @@ impl<'s> RawTable<'s> {
                     self.take(byte, record.iter(), dialect)?;
                 }
                 Err(error) => {
-                    faults.push(Fault::new("", format!("not a table of text: {error}")));
+                    faults.push(Fault::new("", format!("is not a text table: {error}")));
                     return Ok(());
                 }
             }
@@ -314,7 +314,7 @@ impl<'s> RawTable<'s> {
                 let line = self.line_of_row(row);
                 let text = self.line_text(line);
                 Fault::new("", format!("this row has {} fields", self.rows.width(row)))
-                    .expected(format!("{width}, as the header"))
+                    .expected(format!("{width}, like the header"))
                     .at(Place::in_line(line, text, &(0..text.len())))
             });
         }
@@ -372,7 +372,7 @@ impl<'s> RawTable<'s> {
     pub(super) fn twice(&self, column: usize) -> Fault {
         let name = self.header.get(column).map_or("", String::as_str);
         let fault = Fault::new(name, "appears twice in the header")
-            .expected("a name of its own for each column")
+            .expected("a unique name for each column")
             .help("rename one of them, or read the columns by their numbers: `header = false` and `skip_rows` in a mapping");
         self.header_fault(column, fault)
     }

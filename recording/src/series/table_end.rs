@@ -17,14 +17,14 @@ impl RawTable<'_> {
         let left_out = if width < expected {
             Some(format!("it has {width} of {expected} fields"))
         } else if !self.is_number(cell) && self.holds_numbers(at, last) {
-            Some(format!("`{cell}` is no number"))
+            Some(format!("`{cell}` is not a number"))
         } else {
             None
         };
         self.notes.push(match &left_out {
-            Some(why) => format!("line {line} is cut off and was left out: {why}"),
+            Some(why) => format!("line {line} is truncated and was skipped: {why}"),
             None => format!(
-                "the last line ({line}) has no end: it was kept, as it has all {expected} fields; the last of them may be cut short"
+                "the last line ({line}) has no line break: it was kept because it has all {expected} fields, but its last field may be truncated"
             ),
         });
         if left_out.is_some() {
@@ -54,7 +54,7 @@ impl RawTable<'_> {
         }
         let dropped = before - self.rows.len();
         if dropped > 0 {
-            self.notes.push(format!("left out {dropped} empty rows at the end"));
+            self.notes.push(format!("skipped {dropped} empty rows at the end"));
         }
     }
 }

@@ -42,17 +42,17 @@ fn every_fault_of_a_table_is_reported_with_row_and_column() {
         1 | t_s,segment,q1_deg,q2_rad,ow,ox,oy,oz,fx_Nm,d1
           |                                       ^^^^^ expected `fx_N`
 
-        error: `q1_deg`: `one` is no number
+        error: `q1_deg`: `one` is not a number
          --> run.csv:3:5
           |
         3 | 1,0,one,2,1,0,0,0,0,1
           |     ^^^ expected a number
 
-        error: `t_s`: runs back: 1 after 1
+        error: `t_s`: decreases: 1 after 1
          --> run.csv:4:1
           |
         4 | 1,0,1,inf,1,0,0,0,0,2
-          | ^ expected times that increase strictly within a segment
+          | ^ expected strictly increasing times within a segment
 
         error: `q2_rad`: is infinite
          --> run.csv:4:7
@@ -70,13 +70,13 @@ fn every_fault_of_a_table_is_reported_with_row_and_column() {
          --> run.csv:5:11
           |
         5 | 0.5,1,1,1,1,0.1,0,0,0,1
-          |           ^ expected unit length to 1e-3
+          |           ^ expected unit length within 1e-3
 
         error: this row has 3 fields
          --> run.csv:6:1
           |
         6 | 0.6,1,1
-          | ^^^^^^^ expected 10, as the header
+          | ^^^^^^^ expected 10, like the header
         "#);
 }
 
@@ -280,7 +280,7 @@ fn every_fault_of_distances_and_touches_is_reported() {
     let about = About::parse("run.toml", about).unwrap();
     let faults = read_text("run.csv", table, None, Some(about), Need::Measurement).unwrap_err();
     let said = faults.to_string();
-    for word in ["below zero", "distance2", "is 0.5", "[probe]", "[plane2]", "never touched"] {
+    for word in ["below zero", "distance2", "is 0.5", "[probe]", "[plane2]", "never contacted"] {
         assert!(said.contains(word), "{word} in\n{said}");
     }
     let about = "schema = \"trued.recording/1\"\n[probe]\nradius_mm = -1\n[plane1]\nnormal = [0, 0, 0]\n[distance1]\nofset_mm = 1\n";

@@ -71,9 +71,9 @@ pub(super) fn dialect(mapping: Option<&Mapping>) -> Dialect {
 fn other_format(path: &Path, extension: &str) -> Faults {
     let mut faults = Faults::of(path.display().to_string());
     let fault = if extension == "parquet" {
-        Fault::new("", "this build does not read Parquet").help("export it as CSV")
+        Fault::new("", "this build does not support Parquet").help("export it as CSV")
     } else {
-        Fault::new("", "this is a black box, not a table")
+        Fault::new("", "this is a recording of the daemon (MCAP), not a table")
             .help("convert it first: `trued convert FILE.mcap --out NAME`")
     };
     faults.push(fault.expected("a CSV file"));

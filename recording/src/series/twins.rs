@@ -20,10 +20,7 @@ pub(super) struct Twins {
 
 impl Twins {
     fn says(&self) -> String {
-        format!(
-            "holds the same readings as `{}`, bit for bit: one measurement under two names",
-            self.first
-        )
+        format!("has exactly the same values as `{}`: one measurement under two names", self.first)
     }
 
     pub(super) fn note(&self) -> String {
@@ -32,9 +29,9 @@ impl Twins {
 
     /// For a fit, which would count it twice.
     pub(super) fn fault(&self) -> Fault {
-        Fault::new(&self.second, self.says())
-            .expected("each measurement once")
-            .help("leave one of them out; was it exported or mapped under the wrong name?")
+        Fault::new(&self.second, self.says()).expected("each measurement once").help(
+            "remove one of them, and check whether it was exported or mapped under the wrong name",
+        )
     }
 }
 

@@ -77,9 +77,9 @@ impl RawTable<'_> {
         let (Some(found), Some(read_in)) = (line.cells.get(column), read_in) else { return };
         let message = match found.unit {
             Some(unit) if (unit.quantity, unit.si) == (read_in.quantity, read_in.si) => return,
-            Some(unit) => format!("has the unit {} and is read in {}", unit.name, read_in.name),
+            Some(unit) => format!("has the unit {}, expected {}", unit.name, read_in.name),
             None if stated || NONE.contains(&found.spelling.as_str()) => return,
-            None => format!("has the unit {}, which is not read", found.spelling),
+            None => format!("has the unit {}, which is not supported", found.spelling),
         };
         let name = self.header.get(column).cloned().unwrap_or_default();
         let fault = Fault::new(name, message).expected(read_in.name).help(found.remedy(read_in));
@@ -96,10 +96,10 @@ impl UnitCell {
             ("g", "m_s2", _) => "state `scale = 9.80665` in a mapping".to_owned(),
             (_, _, Some(unit)) if unit.quantity == read_in.quantity => {
                 let name = unit.name;
-                format!("name the column so, or state `unit = \"{name}\"` in a mapping")
+                format!("rename the column, or state `unit = \"{name}\"` in a mapping")
             }
             (unit, ..) => format!(
-                "state in a mapping how many {ours} one {unit} is (`scale`), or correct the line of units"
+                "state the factor from {unit} to {ours} in a mapping (`scale`), or correct the line of units"
             ),
         }
     }

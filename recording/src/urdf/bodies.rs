@@ -30,11 +30,11 @@ pub(super) fn of_link(
     let mass = child(inertial, "mass").and_then(|mass| source.finite(mass, "value"));
     let Some(mass) = mass.filter(|mass| *mass > 0.0) else {
         let found = mass.map_or("no finite mass".to_owned(), |mass| format!("a mass of {mass} kg"));
-        remarks.push(format!("link {} has {found}: taken without mass", name(link)));
+        remarks.push(format!("link {} has {found}; imported without mass", name(link)));
         return None;
     };
     let inertia = inertia.unwrap_or_else(|why| {
-        remarks.push(format!("link {} {why}: taken as a point mass of {mass} kg", name(link)));
+        remarks.push(format!("link {} {why}; imported as a point mass of {mass} kg", name(link)));
         DMat3::ZERO
     });
     let turn = base_from_inertial.rotation;
@@ -47,7 +47,7 @@ fn tensor(source: &Source<'_>, inertial: Node<'_, '_>) -> Result<DMat3, &'static
     let Some(inertia) = child(inertial, "inertia") else { return Err("has no <inertia>") };
     let moments = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"].map(|key| source.finite(inertia, key));
     let [Some(xx), Some(xy), Some(xz), Some(yy), Some(yz), Some(zz)] = moments else {
-        return Err("has an inertia with a moment that is missing or not finite");
+        return Err("has an inertia with a missing or non-finite moment");
     };
     let inertia = DMat3::from_cols_array_2d(&[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]);
     if inertia == DMat3::ZERO {
@@ -55,7 +55,7 @@ fn tensor(source: &Source<'_>, inertial: Node<'_, '_>) -> Result<DMat3, &'static
     }
     if !is_of_matter(&inertia) {
         return Err(
-            "has an inertia that no body has (a principal moment is negative or above the sum of the other two)",
+            "has an unphysical inertia (a principal moment is negative or above the sum of the other two)",
         );
     }
     Ok(inertia)

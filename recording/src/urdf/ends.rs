@@ -51,7 +51,7 @@ impl Path {
         if root(base) != root(tip) {
             let [base, tip] = [base, tip].map(|link| tree.called(link));
             let message = format!("no joint connects the links `{base}` and `{tip}`");
-            let help = "choose two links of one tree, or add the joint that is missing";
+            let help = "choose two links of one tree, or add the missing joint";
             source.push(Fault::new("--base, --tip", message).help(help));
             return None;
         }
@@ -69,7 +69,8 @@ impl Path {
                 tree.called(base),
                 tree.called(tip)
             );
-            let help = "--base is the link that stays, --tip the one that moves; are they swapped?";
+            let help =
+                "check whether --base (the fixed link) and --tip (the moving link) are swapped";
             source.push(Fault::new("--base, --tip", message).help(help));
             return None;
         }
@@ -85,7 +86,7 @@ impl Path {
         let roots: Vec<usize> = roots.collect();
         if roots.len() > 1 {
             remarks.push(format!(
-                "the file has {} roots ({}); the chain is below the one of `{}`",
+                "the file has {} roots ({}); the chain belongs to `{}`",
                 roots.len(),
                 listed(&roots, |link| format!("`{}`", tree.called(link))),
                 tree.called(self.base)
@@ -136,7 +137,7 @@ fn beside(tree: &Tree<'_, '_>, end: usize, names: &[&str], option: &str, to: &mu
         let (chosen, other) = (tree.called(end), tree.called(link));
         let places = |vector: DVec3| vector.to_array().map(|x| format!("{:.3}", x + 0.0)).join(" ");
         to.push(format!(
-            "the {option} frame is `{chosen}`; `{other}` differs: in `{chosen}` it is at xyz {} mm, rpy {} deg (--{option} {other} takes it)",
+            "the {option} frame is `{chosen}`; `{other}` differs: in `{chosen}` it is at xyz {} mm, rpy {} deg (select it with --{option} {other})",
             places(frame.origin * 1e3),
             places(rpy::angles(&frame.rotation).map(f64::to_degrees))
         ));
@@ -200,7 +201,7 @@ fn only_tip(source: &Source<'_>, tree: &Tree<'_, '_>, base: Option<usize>) -> Op
         return Some(tip);
     }
     let fault = if ends.is_empty() {
-        Fault::new("", "has no joint that moves").help("give the URDF of an arm, or another --base")
+        Fault::new("", "has no moving joint").help("give the URDF of an arm, or another --base")
     } else {
         let shown =
             |link: usize| format!("`{}` (moving joints: {})", tree.called(link), moving[link]);

@@ -62,7 +62,7 @@ pub fn export(model: &RobotModel) -> Export {
     Export { text: Writer::write(model, &at_zero, &carried), carried, left_out }
 }
 
-const NO_PLACE: &str = "a URDF has no place for it";
+const NO_PLACE: &str = "not supported by URDF";
 
 /// Why a URDF cannot represent an effect; `None` for a constant change of the geometry.
 fn barred(effect: &AnyEffect) -> Option<&'static str> {
@@ -73,15 +73,15 @@ fn barred(effect: &AnyEffect) -> Option<&'static str> {
     let spec: &Spec = effect.spec();
     let needs = |wanted: &[Need]| spec.needs.iter().any(|need| wanted.contains(need));
     Some(if needs(&[Need::Direction]) {
-        "it depends on the direction of motion"
+        "depends on the direction of motion"
     } else if needs(&[Need::Temperature, Need::Time, Need::SpindleSpeed]) {
-        "it changes with temperature or time"
+        "varies with temperature or time"
     } else if spec.acts_on == ActsOn::Loads {
         NO_PLACE
     } else if needs(&[Need::Masses, Need::Wrench]) || matches!(effect, GravitySag(_)) {
-        "it depends on the load"
+        "depends on the load"
     } else {
-        "it depends on the joints' positions"
+        "depends on the joint positions"
     })
 }
 
@@ -101,7 +101,7 @@ impl<'a> Writer<'a> {
         let robot = unused(&mut Vec::new(), &model.file.name);
         writer.line(&format!("<robot name=\"{}\">", escaped(&robot)));
         if !carried.is_empty() {
-            writer.line(&format!("  <!-- in the frames: {} -->", carried.join(", ")));
+            writer.line(&format!("  <!-- included in the frames: {} -->", carried.join(", ")));
         }
         writer.chain(at_zero);
         writer.line("</robot>");

@@ -34,11 +34,11 @@ pub fn parse(name: &str, text: &str, ends: &Ends<'_>) -> Result<Import, Faults> 
     if !robot.has_tag_name("robot") {
         source.fault(
             robot,
-            format!("the file is about <{}>", robot.tag_name().name()),
+            format!("the root element is <{}>", robot.tag_name().name()),
             "give a URDF: <robot> … </robot>",
         );
     } else if let Some(node) = macro_of(&document) {
-        source.fault(node, "is a macro of xacro", EXPAND);
+        source.fault(node, "is a xacro macro", EXPAND);
     }
     let tree = source.is_sound().then(|| Tree::read(&source, robot)).flatten();
     let found = tree.and_then(|mut tree| {
@@ -114,15 +114,19 @@ impl<'a> Chain<'a, '_> {
         let node = joint.node;
         if let Some(mimic) = child(node, "mimic") {
             let leader = mimic.attribute("joint").unwrap_or_default();
-            let help = "joints of a model are independent: choose a chain without it (--base, --tip), or remove its <mimic> if it has a drive of its own";
+            let help = "joints of a model are independent; choose a chain without it (--base, --tip), or remove its <mimic> if it has its own drive";
             let message = format!("follows the joint `{leader}` (mimic) and is part of the chain");
             self.source.fault(node, message, help);
         }
         if joint.motion == Motion::Several {
             let help =
-                format!("begin the chain behind it: --base {}", self.tree.called(joint.child));
+                format!("begin the chain after it: --base {}", self.tree.called(joint.child));
             let kind = node.attribute("type").unwrap_or_default();
-            self.source.fault(node, format!("is {kind}: it has more than one freedom"), help);
+            self.source.fault(
+                node,
+                format!("is {kind}: it has more than one degree of freedom"),
+                help,
+            );
         }
         let kind = match joint.motion {
             Motion::Prismatic => JointKind::Prismatic,
@@ -149,7 +153,7 @@ impl<'a> Chain<'a, '_> {
             self.source.fault(
                 node.unwrap_or(joint.node),
                 "has no direction",
-                "give a direction, as xyz=\"0 0 1\"",
+                "give a direction, such as xyz=\"0 0 1\"",
             );
             return DVec3::X;
         }
@@ -159,7 +163,7 @@ impl<'a> Chain<'a, '_> {
     fn limits(&mut self, joint: &Joint<'_, '_>, kind: JointKind) -> [f64; 2] {
         if joint.motion == Motion::Continuous {
             self.notes.push(format!(
-                "joint {} is continuous; its limits are written as ±{TURNS_DEG} deg: widen them if it turns further",
+                "joint {} is continuous; its limits are set to ±{TURNS_DEG} deg; extend them if it turns further",
                 name(joint.node)
             ));
             return [-TURNS_DEG, TURNS_DEG];
@@ -188,7 +192,7 @@ impl<'a> Chain<'a, '_> {
         } else if low >= high {
             Some((format!("has lower and upper both at {low}: the joint cannot move"), give))
         } else if !is_turning && (low.is_infinite() || high.is_infinite()) {
-            let help = "give lower and upper in m: a sliding joint needs both".to_owned();
+            let help = "give lower and upper in m; a prismatic joint needs both".to_owned();
             Some((format!("is infinite: {low} to {high}"), help))
         } else {
             None
@@ -198,11 +202,14 @@ impl<'a> Chain<'a, '_> {
             return [0.0, 0.0];
         }
         if let Some(key) = ["lower", "upper"].iter().zip(given).find(|(_, given)| given.is_none()) {
-            self.notes.push(format!("joint {joint} has no `{}` limit: 0, by the format", key.0));
+            self.notes.push(format!(
+                "joint {joint} has no `{}` limit: 0 by the URDF specification",
+                key.0
+            ));
         }
         if low.is_infinite() || high.is_infinite() {
             self.notes.push(format!(
-                "joint {joint} has an infinite limit, written as {TURNS_DEG} deg: widen it if the joint turns further"
+                "joint {joint} has an infinite limit, set to {TURNS_DEG} deg; extend it if the joint turns further"
             ));
         }
         [low, high].map(|limit| {
@@ -218,7 +225,7 @@ impl<'a> Chain<'a, '_> {
             self.source.fault(
                 limit,
                 format!("has a velocity of {speed}"),
-                "give a velocity above 0, or leave it out",
+                "give a velocity above 0, or omit it",
             );
         }
         (speed > 0.0).then(|| in_file(speed, kind))
@@ -248,7 +255,7 @@ impl<'a> Chain<'a, '_> {
                 format!(" and {} more", others.len())
             };
             self.notes.push(format!(
-                "joint {first}{others} beside the chain: the masses there are carried as at zero"
+                "joint {first}{others} outside the chain: the masses there are placed as at joint position 0"
             ));
         }
         bodies::together(&found)
@@ -269,7 +276,7 @@ impl<'a> Chain<'a, '_> {
             let root = self.tree.called(link);
             let base = self.tree.called(path.base);
             self.notes.push(format!(
-                "gravity points down in the frame of `{root}`; `{base}` stands turned against it"
+                "gravity points down in the frame of `{root}`, but `{base}` is tilted relative to it"
             ));
         }
         DVec3::from_array(gravity.to_array().map(tidy))

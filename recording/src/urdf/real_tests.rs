@@ -30,10 +30,10 @@ fn a_placeholder_inertia_is_a_point_mass_and_the_geometry_is_read_all_the_same()
         ("<inertia ixx=\"1\"/>".to_owned(), "is missing or not finite"),
         (moments("nan", "0", "1", "1"), "is missing or not finite"),
         (moments("0", "0", "0", "0"), "has an inertia of zero"),
-        (moments("1e-8", "1e-8", "1e-8", "1e-8"), "has an inertia that no body has"),
-        (moments("-1", "0", "1", "1"), "has an inertia that no body has"),
-        (moments("1", "0", "1", "3"), "has an inertia that no body has"),
-        (moments("1", "5", "1", "1"), "has an inertia that no body has"),
+        (moments("1e-8", "1e-8", "1e-8", "1e-8"), "has an unphysical inertia"),
+        (moments("-1", "0", "1", "1"), "has an unphysical inertia"),
+        (moments("1", "0", "1", "3"), "has an unphysical inertia"),
+        (moments("1", "5", "1", "1"), "has an unphysical inertia"),
     ];
     for (inertia, why) in forms {
         let import = changed(INERTIA, &inertia).unwrap();
@@ -44,7 +44,7 @@ fn a_placeholder_inertia_is_a_point_mass_and_the_geometry_is_read_all_the_same()
         assert_eq!(file, wanted.file, "{inertia}");
         let [note] = import.notes.as_slice() else { panic!("{:?}", import.notes) };
         assert!(note.starts_with("link arm has") && note.contains(why), "{note}");
-        assert!(note.ends_with("taken as a point mass of 3 kg"), "{note}");
+        assert!(note.ends_with("imported as a point mass of 3 kg"), "{note}");
     }
 }
 
@@ -59,7 +59,7 @@ fn a_link_without_a_mass_is_none_and_that_is_reported() {
     ] {
         let import = changed(MASS, mass).unwrap();
         assert_eq!(import.model.file.joints[0].link, None, "{mass}");
-        assert_eq!(import.notes, [format!("link arm has {why}: taken without mass")]);
+        assert_eq!(import.notes, [format!("link arm has {why}; imported without mass")]);
     }
 }
 
@@ -86,9 +86,9 @@ fn the_controllers_base_is_a_fixed_leaf_that_can_be_named_and_its_difference_is_
         import.notes,
         [
             "the base frame is `base_link`; `base` differs: in `base_link` it is at xyz 0.000 0.000 450.000 mm, \
-             rpy 0.000 0.000 180.000 deg (--base base takes it)",
+             rpy 0.000 0.000 180.000 deg (select it with --base base)",
             "the tip frame is `tool0`; `flange` differs: in `tool0` it is at xyz 0.000 0.000 0.000 mm, \
-             rpy 0.000 -90.000 0.000 deg (--tip flange takes it)",
+             rpy 0.000 -90.000 0.000 deg (select it with --tip flange)",
         ]
     );
     for tip in [None, Some("tool0")] {
@@ -165,7 +165,7 @@ fn what_a_strict_parser_of_xml_refuses_is_the_same_robot() {
     let told = read(&entity).unwrap_err().plain();
     assert!(told.contains("entities of a DOCTYPE are not expanded"), "{told}");
     let two = read(&format!("{ARM}{ARM}")).unwrap_err().plain();
-    assert!(two.contains("holds several <robot>"), "{two}");
+    assert!(two.contains("contains several <robot>"), "{two}");
 }
 
 #[test]
@@ -174,7 +174,7 @@ fn several_roots_are_reported_and_a_base_of_another_tree_is_refused() {
     let import = read(&text).unwrap();
     assert_eq!(
         import.notes,
-        ["the file has 2 roots (`base`, `world`); the chain is below the one of `base`"]
+        ["the file has 2 roots (`base`, `world`); the chain belongs to `base`"]
     );
     let ends = Ends { base: Some("world"), tip: Some("hand") };
     let told = parse("x", &text, &ends).unwrap_err().plain();

@@ -46,13 +46,13 @@ pub(super) fn document<'t>(
         let at = place_of(text, &error);
         let second = relaxed.matches("</robot>").count() > 1;
         let fault = if second {
-            let help = "split the file: one robot each";
-            Fault::new("", format!("holds several <robot>: {error}")).help(help)
+            let help = "split the file into one file per robot";
+            Fault::new("", format!("contains several <robot> elements: {error}")).help(help)
         } else {
-            Fault::new("", format!("is no XML that can be read: {error}"))
+            Fault::new("", format!("is not valid XML: {error}"))
         };
         let is_entity = matches!(&error, Error::UnknownEntityReference(..));
-        let help = "write the entity's text in its place: entities of a DOCTYPE are not expanded";
+        let help = "replace the entity by its text; entities of a DOCTYPE are not expanded";
         faults.push(if is_entity { fault.help(help) } else { fault }.at(at));
         faults
     })
@@ -191,7 +191,7 @@ impl<'s> Source<'s> {
         let numbers: Option<Vec<f64>> = said.1.split_whitespace().map(number).collect();
         let vector = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
         if vector.is_none() {
-            self.fault_at(node, attribute, &said, "three numbers below 1e12, with spaces between");
+            self.fault_at(node, attribute, &said, "three numbers below 1e12, separated by spaces");
         }
         Some(DVec3::from_array(vector.unwrap_or_default()))
     }
@@ -202,8 +202,8 @@ impl<'s> Source<'s> {
         if origin.has_attribute("quat_xyzw") {
             self.fault(
                 origin,
-                "turns by `quat_xyzw`, which is not read",
-                "write the same turn as rpy",
+                "uses `quat_xyzw`, which is not supported",
+                "write the same rotation as rpy",
             );
         }
         let rotation = rpy::rotation(self.vector(origin, "rpy").unwrap_or_default());

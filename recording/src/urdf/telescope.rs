@@ -28,7 +28,7 @@ pub(super) fn fold(source: &Source<'_>, tree: &mut Tree<'_, '_>, path: &Path) ->
         let Some(stages) = stages(source, tree, *first, run, leader) else { continue };
         let names: Vec<&str> = stages.iter().map(|(at, _)| name(tree.joints[*at].node)).collect();
         notes.push(format!(
-            "{} slide together as joint {}; the body of each is carried as by the last",
+            "{} move together as joint {}; their bodies are attached to the last one",
             names.join(", "),
             name(tree.joints[leader].node)
         ));

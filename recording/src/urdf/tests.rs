@@ -107,7 +107,7 @@ fn every_fault_of_the_numbers_is_reported_at_once_with_its_joint_or_link() {
           --> arm.urdf:12:18
            |
         12 |     <origin xyz="0 0,5" rpy="0 0 0"/>
-           |                  ^^^^^ expected three numbers below 1e12, with spaces between
+           |                  ^^^^^ expected three numbers below 1e12, separated by spaces
 
         error: `joint turn: axis`: has no direction
           --> arm.urdf:14:5
@@ -115,7 +115,7 @@ fn every_fault_of_the_numbers_is_reported_at_once_with_its_joint_or_link() {
         14 |     <axis xyz="0 0 0"/>
            |     ^^^^^^^^^^^^^^^^^^^
            |
-           = help: give a direction, as xyz="0 0 1"
+           = help: give a direction, such as xyz="0 0 1"
 
         error: `joint turn: limit`: has lower 3 above upper -3
           --> arm.urdf:15:5
@@ -156,7 +156,7 @@ fn every_fault_of_the_tree_is_reported_at_once() {
         10 |   <link name="hand"/><link name="base"/><link/>
            |                      ^^^^^^^^^^^^^^^^^^^
            |
-           = help: give each link a name of its own
+           = help: give each link a unique name
 
         error: `link`: has no name
           --> arm.urdf:10:41
@@ -174,13 +174,13 @@ fn every_fault_of_the_tree_is_reported_at_once() {
            |
            = help: give type="revolute", "continuous", "prismatic" or "fixed"
 
-        error: `joint slide`: names the link `hadn` as its child, which does not exist
+        error: `joint slide`: has the child link `hadn`, which does not exist
           --> arm.urdf:17:3
            |
         17 |   <joint name="slide" type="prismatic">
            |   ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
            |
-           = help: is `hand` meant?
+           = help: did you mean `hand`?
 
         error: `joint more`: has no <child link="…"/>
           --> arm.urdf:23:1
@@ -210,15 +210,15 @@ fn what_a_serial_arm_cannot_have_is_refused_with_the_reason() {
         17 |   <joint name="slide" type="prismatic">
            |   ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
            |
-           = help: joints of a model are independent: choose a chain without it (--base, --tip), or remove its <mimic> if it has a drive of its own
+           = help: joints of a model are independent; choose a chain without it (--base, --tip), or remove its <mimic> if it has its own drive
         ---
-        error: `joint slide`: is floating: it has more than one freedom
+        error: `joint slide`: is floating: it has more than one degree of freedom
           --> arm.urdf:17:3
            |
         17 |   <joint name="slide" type="floating">
            |   ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
            |
-           = help: begin the chain behind it: --base hand
+           = help: begin the chain after it: --base hand
         ---
         error: `link arm`: is part of a loop of joints
          --> arm.urdf:3:3
@@ -226,7 +226,7 @@ fn what_a_serial_arm_cannot_have_is_refused_with_the_reason() {
         3 |   <link name="arm">
           |   ^^^^^^^^^^^^^^^^^
           |
-          = help: cut the loop: a serial arm is a chain
+          = help: remove one joint of the loop; a serial arm is an open chain
         ---
         error: `joint slide`: moves the link `hand`, as joint `turn` does
           --> arm.urdf:17:3
@@ -234,9 +234,9 @@ fn what_a_serial_arm_cannot_have_is_refused_with_the_reason() {
         17 |   <joint name="slide" type="prismatic">
            |   ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
            |
-           = help: a link hangs on one joint: correct the `child` of one of the two
+           = help: a link has one parent joint; correct the `child` of one of the two
         ---
-        error: has no joint that moves
+        error: has no moving joint
         --> arm.urdf
          = help: give the URDF of an arm, or another --base
         "#);
@@ -259,11 +259,11 @@ fn a_branch_asks_for_a_chain_and_a_named_one_is_taken() {
         ---
         error: `--tip`: the robot has no link `cmaera`
         --> arm.urdf
-         = help: is `camera` meant?
+         = help: did you mean `camera`?
         ---
         error: `--base, --tip`: the joint `slide` moves the base `hand` against the rest of the chain to `arm`
         --> arm.urdf
-         = help: --base is the link that stays, --tip the one that moves; are they swapped?
+         = help: check whether --base (the fixed link) and --tip (the moving link) are swapped
         "#);
     let import = tip(&text, "camera").unwrap();
     assert_eq!(import.model.file.joints.len(), 2);
@@ -271,8 +271,8 @@ fn a_branch_asks_for_a_chain_and_a_named_one_is_taken() {
     assert_eq!(
         import.notes,
         [
-            "link finger has no <inertia>: taken as a point mass of 1 kg",
-            "joint grip beside the chain: the masses there are carried as at zero"
+            "link finger has no <inertia>; imported as a point mass of 1 kg",
+            "joint grip outside the chain: the masses there are placed as at joint position 0"
         ]
     );
     let import = tip(&text, "finger").unwrap();
@@ -296,19 +296,19 @@ fn anything_but_a_urdf_is_refused() {
     ];
     let found: Vec<String> = texts.iter().map(|text| read(text).unwrap_err().plain()).collect();
     insta::assert_snapshot!(found.join("\n---\n"), @r#"
-        error: is no XML that can be read: the document does not have a root node
+        error: is not valid XML: the document does not have a root node
          --> arm.urdf:1:1
           |
         1 |
           | ^
         ---
-        error: is no XML that can be read: the document does not have a root node
+        error: is not valid XML: the document does not have a root node
          --> arm.urdf:1:1
           |
         1 | <robot
           | ^
         ---
-        error: `sdf`: the file is about <sdf>
+        error: `sdf`: the root element is <sdf>
          --> arm.urdf:1:1
           |
         1 | <sdf version='1.7'/>
@@ -322,9 +322,9 @@ fn anything_but_a_urdf_is_refused() {
         1 | <robot name='x'/>
           | ^^^^^^^^^^^^^^^^^
           |
-          = help: give a whole URDF: links, and the joints between them
+          = help: give a complete URDF with links and the joints between them
         ---
-        error: `robot xacro:macro`: is a macro of xacro
+        error: `robot xacro:macro`: is a xacro macro
          --> arm.urdf:1:24
           |
         1 | <robot><link name='a'/><xacro:macro name='b'/></robot>
@@ -332,7 +332,7 @@ fn anything_but_a_urdf_is_refused() {
           |
           = help: expand the xacro first: `xacro FILE.urdf.xacro > FILE.urdf`
         ---
-        error: `robot xacro:include`: is a macro of xacro
+        error: `robot xacro:include`: is a xacro macro
          --> arm.urdf:1:68
           |
         1 | <robot xmlns:xacro='http://www.ros.org/wiki/xacro'><link name='a'/><xacro:include filename='b'/></robot>
@@ -346,7 +346,7 @@ fn anything_but_a_urdf_is_refused() {
         1 | <!DOCTYPE robot [<!ENTITY a "b">]><robot/>
           |                                   ^^^^^^^^
           |
-          = help: give a whole URDF: links, and the joints between them
+          = help: give a complete URDF with links and the joints between them
         "#);
 }
 
@@ -363,7 +363,7 @@ fn a_base_that_stands_turned_turns_gravity() {
     );
     assert_eq!(
         import.notes,
-        ["gravity points down in the frame of `hall`; `base` stands turned against it"]
+        ["gravity points down in the frame of `hall`, but `base` is tilted relative to it"]
     );
     assert_eq!(export(&import.model).left_out[0].what, "gravity_m_s2");
 }

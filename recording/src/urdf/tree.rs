@@ -72,7 +72,7 @@ impl<'d, 's> Tree<'d, 's> {
                 source.fault(
                     node,
                     message,
-                    "a link hangs on one joint: correct the `child` of one of the two",
+                    "a link has one parent joint; correct the `child` of one of the two",
                 );
                 continue;
             }
@@ -84,7 +84,7 @@ impl<'d, 's> Tree<'d, 's> {
             source.fault(
                 robot,
                 "has no link",
-                "give a whole URDF: links, and the joints between them",
+                "give a complete URDF with links and the joints between them",
             );
         }
         tree.refuse_loops(source);
@@ -99,14 +99,14 @@ impl<'d, 's> Tree<'d, 's> {
 
     fn end(&self, source: &Source<'_>, joint: Node<'d, 's>, tag: &str) -> Option<usize> {
         let Some(link) = child(joint, tag).and_then(|node| node.attribute("link")) else {
-            source.fault(joint, format!("has no <{tag} link=\"…\"/>"), "name the link");
+            source.fault(joint, format!("has no <{tag} link=\"…\"/>"), "specify the link");
             return None;
         };
         let found = self.places.get(link).copied();
         if found.is_none() {
             source.fault(
                 joint,
-                format!("names the link `{link}` as its {tag}, which does not exist"),
+                format!("has the {tag} link `{link}`, which does not exist"),
                 self.meant(link),
             );
         }
@@ -117,8 +117,8 @@ impl<'d, 's> Tree<'d, 's> {
     pub(super) fn meant(&self, link: &str) -> String {
         let near = nearest(link, self.links.iter().map(|link| name(link.node)));
         near.map_or_else(
-            || "name a link of this file".to_owned(),
-            |near| format!("is `{near}` meant?"),
+            || "use a link of this file".to_owned(),
+            |near| format!("did you mean `{near}`?"),
         )
     }
 
@@ -133,7 +133,7 @@ impl<'d, 's> Tree<'d, 's> {
             source.fault(
                 self.links[at].node,
                 "is part of a loop of joints",
-                "cut the loop: a serial arm is a chain",
+                "remove one joint of the loop; a serial arm is an open chain",
             );
         }
     }
@@ -165,7 +165,7 @@ fn named<'d, 's>(source: &Source<'_>, robot: Node<'d, 's>, tag: &str) -> Vec<Nod
             source.fault(
                 node,
                 "appears twice in the file",
-                format!("give each {tag} a name of its own"),
+                format!("give each {tag} a unique name"),
             );
         } else {
             nodes.push(node);

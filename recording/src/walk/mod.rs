@@ -267,7 +267,7 @@ impl<'d, 's> Table<'d, 's> {
         if found.is_none() {
             let words: Vec<String> = of.iter().map(|(name, _)| format!("\"{name}\"")).collect();
             let near = nearest(word, of.iter().map(|(name, _)| *name)).filter(|_| of.len() > 1);
-            let hint = near.map(|name| format!(", perhaps \"{name}\"")).unwrap_or_default();
+            let hint = near.map(|name| format!(" (did you mean \"{name}\"?)")).unwrap_or_default();
             self.fault(key, format!("is \"{word}\""), format!("{}{hint}", words.join(" or ")));
         }
         found

@@ -32,13 +32,13 @@ fn every_fault_of_a_file_is_reported_at_once() {
         1 | name = 3
           |        ^ expected a string
 
-        error: `period_s`: has the unit s, which is not the one of this key
+        error: `period_s`: has the unit s, which does not match this key
          --> cell.toml:2:1
           |
         2 | period_s = 1.0
           | ^^^^^^^^ expected `period_ms`
           |
-          = help: write `period_ms`, its value times 1000
+          = help: write `period_ms`, with the value multiplied by 1000
 
         error: `rate`: is -1
          --> cell.toml:3:8
@@ -58,7 +58,7 @@ fn every_fault_of_a_file_is_reported_at_once() {
          --> cell.toml:6:10
           |
         6 | source = "fource"
-          |          ^^^^^^^^ expected "force" or "none", perhaps "force"
+          |          ^^^^^^^^ expected "force" or "none" (did you mean "force"?)
         "#);
 }
 

@@ -19,7 +19,7 @@ pub(super) fn unknown_key<'k>(
     };
     if let Some(meant) = missing.iter().find(same_base).copied() {
         let found = unit.map_or("no unit".to_owned(), |unit| format!("the unit {}", unit.name));
-        let fault = Fault::new(path, format!("has {found}, which is not the one of this key"))
+        let fault = Fault::new(path, format!("has {found}, which does not match this key"))
             .expected(format!("`{meant}`"))
             .help(conversion(unit, meant));
         return (fault, Some(meant));
@@ -31,7 +31,7 @@ pub(super) fn unknown_key<'k>(
             let mut known = asked.to_vec();
             known.sort_unstable();
             known.dedup();
-            (fault.help(format!("known here: {}", known.join(", "))), None)
+            (fault.help(format!("valid keys: {}", known.join(", "))), None)
         }
     }
 }
@@ -39,7 +39,7 @@ pub(super) fn unknown_key<'k>(
 fn conversion(found: Option<Unit>, meant: &str) -> String {
     match (found, Unit::split(meant).1) {
         (Some(a), Some(b)) if a.quantity == b.quantity && a.quantity != Quantity::Other => {
-            format!("write `{meant}`, its value times {}", rounded(a.si / b.si))
+            format!("write `{meant}`, with the value multiplied by {}", rounded(a.si / b.si))
         }
         _ => format!("write `{meant}`"),
     }

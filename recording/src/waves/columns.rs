@@ -91,7 +91,9 @@ impl Columns {
         if kept.is_empty() || (empty as f64) < SLOWER * rows as f64 {
             return None;
         }
-        notes.push(format!("{empty} of {rows} rows hold no sample of these channels: left out"));
+        notes.push(format!(
+            "{empty} of {rows} rows have no sample of these channels and were skipped"
+        ));
         let keep = |values: &mut Vec<f64>| {
             *values = kept.iter().filter_map(|row| values.get(*row).copied()).collect();
         };
@@ -124,9 +126,9 @@ impl Columns {
             }
             Stand::Unknown => {
                 faults.push(
-                    Fault::new("", "no column holds the time of the samples")
-                        .expected("a column `t_s`, `time`, `X_Value`, or a first column that grows evenly")
-                        .help("give the rate of samples in time (--rate HZ), or the spacing of a profile (--spacing-um)"),
+                    Fault::new("", "no time column found")
+                        .expected("a column `t_s`, `time`, `X_Value`, or a first column that increases evenly")
+                        .help("give the sampling rate (--rate HZ), or the spacing of a profile (--spacing-um)"),
                 );
                 return None;
             }

@@ -29,7 +29,7 @@ pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Wav
     if sections.is_empty() {
         let fault =
             Fault::new("", "has no section").expected("a line ***End_of_Header***, then a table");
-        faults.push(fault.help("the file seems to be cut off"));
+        faults.push(fault.help("the file seems to be truncated"));
     }
     if sections.len() > SECTIONS_MAX {
         faults.push(
@@ -105,7 +105,7 @@ impl Section {
             heads.pop();
         }
         if heads.is_empty() {
-            let fault = Fault::new("", format!("line {} names no column", self.body.start + 1));
+            let fault = Fault::new("", format!("line {} has no column names", self.body.start + 1));
             faults.push(fault.expected("X_Value and the channels' names"));
             return Vec::new();
         }
@@ -127,7 +127,7 @@ impl Section {
             && (stated_hz / rate_hz - 1.0).abs() > 0.01
         {
             notes.push(format!(
-                "the header says {stated_hz:.6} Hz, the column X_Value {rate_hz:.6} Hz: the column is used"
+                "the header says {stated_hz:.6} Hz, the column X_Value {rate_hz:.6} Hz: the column takes precedence"
             ));
         }
         records

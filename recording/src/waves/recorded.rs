@@ -36,8 +36,8 @@ pub(super) fn waves(recording: Recording, options: &Options) -> Result<Waves, Fa
         }
     }
     if chosen.is_empty() && options.columns.is_empty() {
-        let fault = Fault::new("", "no column holds a waveform").expected("fx_N …, ax_m_s2 …");
-        let help = format!("ask for one by name: --column; there are {}", names.join(", "));
+        let fault = Fault::new("", "no column contains a waveform").expected("fx_N …, ax_m_s2 …");
+        let help = format!("select a column with --column; there are {}", names.join(", "));
         faults.push(fault.help(help));
     }
     let mut channels = Vec::new();
@@ -52,7 +52,7 @@ pub(super) fn waves(recording: Recording, options: &Options) -> Result<Waves, Fa
         channels.extend(found);
     }
     let mut notes: Vec<String> = recording.notes.clone();
-    notes.retain(|note| !note.starts_with("columns kept and not used"));
+    notes.retain(|note| !note.starts_with("unused columns"));
     let beside = own
         .iter()
         .filter_map(|channel| Some((*channel, recording.column(*channel)?.to_vec())))

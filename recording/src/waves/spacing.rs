@@ -42,13 +42,13 @@ impl Spacing {
         breaks: impl Fn(usize) -> bool,
     ) -> Result<Self, (usize, Box<Fault>)> {
         if let Some(row) = x.iter().position(|x| !x.is_finite()) {
-            let fault = Fault::new("", "is empty or no number");
+            let fault = Fault::new("", "is empty or not a number");
             return Err((row, Box::new(fault.expected("a number in every row"))));
         }
         let steps = (1..x.len()).filter(|row| !breaks(*row)).map(|row| x[row] - x[row - 1]);
         let mut forward: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
         if forward.is_empty() {
-            let fault = Fault::new("", "never moves forward").expected("two rows or more");
+            let fault = Fault::new("", "never increases").expected("two rows or more");
             return Err((0, Box::new(fault.help(RATE_HELP))));
         }
         let middle = forward.len() / 2;
@@ -59,8 +59,8 @@ impl Spacing {
         for row in 1..=x.len() {
             let jump = x.get(row).map(|x_now| x_now - x[row - 1]);
             if jump == Some(0.0) && !breaks(row) {
-                let fault = Fault::new("", format!("stands still at {}", x[row]));
-                return Err((row, Box::new(fault.expected("values that grow").help(RATE_HELP))));
+                let fault = Fault::new("", format!("stays at {}", x[row]));
+                return Err((row, Box::new(fault.expected("increasing values").help(RATE_HELP))));
             }
             let gap = jump.is_some_and(|jump| jump > GAP * step);
             let back = jump.is_some_and(|jump| jump < 0.0);
@@ -96,22 +96,22 @@ impl Spacing {
         }
         let rms = if steps > 0.0 { (stray / steps).sqrt() } else { 0.0 };
         if !(rms <= REFUSED && self.step.is_finite() && self.step > 0.0) {
-            let fault = Fault::new("", format!("strays by {:.0} % of a step", 100.0 * rms));
+            let fault = Fault::new("", format!("deviates by {:.0} % of a step", 100.0 * rms));
             let fault = fault.expected("evenly spaced samples").help(RESAMPLE_HELP);
             return Err((worst.1, Box::new(fault)));
         }
         if rms > SAID {
             self.notes.push(format!(
-                "single steps stray by {:.1} % (at most {:.0} %) of a step: the samples are taken as even",
+                "single steps deviate by {:.1} % (at most {:.0} %) of a step; the samples are treated as evenly spaced",
                 100.0 * rms,
                 100.0 * worst.0
             ));
         }
         if gaps > 0 {
-            self.notes.push(format!("a new record begins behind each gap: {gaps}"));
+            self.notes.push(format!("a new record begins after each gap: {gaps}"));
         }
         if dropped > 0 {
-            self.notes.push(format!("single samples between gaps, left out: {dropped}"));
+            self.notes.push(format!("isolated samples between gaps, skipped: {dropped}"));
         }
         Ok(self)
     }
@@ -122,8 +122,8 @@ impl Spacing {
     }
 }
 
-const RESAMPLE_HELP: &str = "resample it evenly first; a spectrum of it would mislead";
-const RATE_HELP: &str = "give --rate HZ if the samples were taken evenly";
+const RESAMPLE_HELP: &str = "resample it to even steps first; its spectrum would be wrong";
+const RATE_HELP: &str = "give --rate HZ if the samples are evenly spaced";
 
 /// The nearest integer, if it is nearer than a share `within` of the value.
 pub(super) fn tidy(value: f64, within: f64) -> f64 {

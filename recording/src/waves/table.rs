@@ -52,7 +52,7 @@ pub(super) fn records(
     }
     notes.append(&mut table.notes);
     if table.len() == 0 {
-        let fault = Fault::new("", "holds no rows of numbers");
+        let fault = Fault::new("", "contains no rows of numbers");
         faults.push(fault.expected("a table of numbers, one row per sample"));
         return Vec::new();
     }
@@ -96,8 +96,10 @@ impl Sheet<'_, '_> {
             asked
         };
         if chosen.is_empty() && options.columns.is_empty() {
-            let fault = Fault::new("", "no column holds a waveform");
-            faults.push(fault.expected("numbers besides the time").help(self.listed()));
+            let fault = Fault::new("", "no column contains a waveform");
+            faults.push(
+                fault.expected("at least one numeric column besides the time").help(self.listed()),
+            );
         }
         let channels = chosen.iter().map(|at| self.wave(*at, faults)).collect();
         let beside = beside.into_iter().map(|(at, channel)| {
@@ -149,7 +151,7 @@ impl Sheet<'_, '_> {
             return None;
         }
         let name = &heads[first];
-        notes.push(format!("column `{name}` grows evenly: taken as the time in s"));
+        notes.push(format!("column `{name}` increases evenly and is used as the time in s"));
         Some((first, Counts::Time(1.0)))
     }
 
@@ -188,7 +190,7 @@ impl Sheet<'_, '_> {
             (0..heads.len()).filter(|at| !other(*at)).partition(|at| self.is_numeric(*at));
         if !texts.is_empty() {
             let names: Vec<&str> = texts.iter().map(|at| heads[*at].as_str()).collect();
-            notes.push(format!("columns of text, left out: {}", names.join(", ")));
+            notes.push(format!("skipped text columns: {}", names.join(", ")));
         }
         chosen
     }

@@ -25,7 +25,7 @@ fn numbers_with_thousands_and_typographic_minus_signs_are_rows_of_the_table() {
 fn dots_that_may_group_thousands_are_refused_until_a_cell_shows_the_decimal_mark() {
     let dots = "Zeit [ms];a [N]\n0;5.596\n1;7.210\n2;7.980\n";
     let fault = parsed(dots, &Options::default()).unwrap_err().to_string();
-    assert!(fault.contains("`5.596` can be read as 5596 and as 5.596"), "{fault}");
+    assert!(fault.contains("`5.596` is ambiguous: 5596 or 5.596"), "{fault}");
     let values = |last: &str| {
         let waves = parsed(&format!("{dots}{last}"), &Options::default());
         waves.map(|waves| waves.records[0].channels[0].values.clone())

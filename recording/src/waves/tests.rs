@@ -135,19 +135,19 @@ fn a_recording_of_the_house_gives_forces_and_what_stands_beside() {
 fn every_fault_of_a_table_is_reported_with_its_place() {
     let text = "t_s,a,b\n0,1,2\n0.1,x,2\n0.1,3,inf\n0.2,1,2\n0.3,1,2\n0.4,1\n0.5,1,2\n";
     insta::assert_snapshot!(parsed(text, &Options::default()).unwrap_err(), @r"
-        error: `a`: `x` is no number
+        error: `a`: `x` is not a number
          --> a.csv:3:5
           |
         3 | 0.1,x,2
           |     ^ expected a number
 
-        error: `t_s`: stands still at 0.1
+        error: `t_s`: stays at 0.1
          --> a.csv:4:1
           |
         4 | 0.1,3,inf
-          | ^^^ expected values that grow
+          | ^^^ expected increasing values
           |
-          = help: give --rate HZ if the samples were taken evenly
+          = help: give --rate HZ if the samples are evenly spaced
 
         error: `b`: is infinite
          --> a.csv:4:7
@@ -159,7 +159,7 @@ fn every_fault_of_a_table_is_reported_with_its_place() {
          --> a.csv:7:1
           |
         7 | 0.4,1
-          | ^^^^^ expected 3, as the header
+          | ^^^^^ expected 3, like the header
         ");
 }
 
@@ -193,7 +193,7 @@ fn labview_files_are_read_with_units_rate_and_several_sections() {
     );
     let thinned = thinned.unwrap();
     assert_eq!(thinned.records[0].grid, Grid::Time { start_s: 0.0, rate_hz: 100.0 });
-    assert!(thinned.notes.iter().any(|note| note.contains("the column is used")));
+    assert!(thinned.notes.iter().any(|note| note.contains("the column takes precedence")));
 }
 
 #[test]

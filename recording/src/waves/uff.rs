@@ -119,11 +119,11 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
     }
     if !other.is_empty() {
         let kinds: Vec<String> = other.into_iter().collect();
-        notes.push(format!("datasets of other kinds, left out: {}", kinds.join(", ")));
+        notes.push(format!("skipped datasets of other kinds: {}", kinds.join(", ")));
     }
     if functions.is_empty() && faults.is_empty() {
         let fault =
-            Fault::new("", "holds no dataset 58").expected("functions at nodes (dataset 58)");
+            Fault::new("", "contains no dataset 58").expected("functions at nodes (dataset 58)");
         faults.push(fault.help("export time records or response functions as UFF 58"));
     }
     complete(&mut functions, &units, &mut notes);
@@ -142,7 +142,7 @@ fn complete(functions: &mut [Function], systems: &[(usize, Units)], notes: &mut 
         function.complete(units);
     }
     if systems.iter().any(|(_, units)| systems.first().is_some_and(|(_, first)| first != units)) {
-        let several = "holds several systems of units (dataset 164): each is taken for the functions behind it";
+        let several = "contains several systems of units (dataset 164); each applies to the functions after it";
         notes.push(several.to_owned());
     }
 }
@@ -182,14 +182,14 @@ fn collect(
         others.iter().map(|(kind, count)| format!("{kind} ({count})")).collect();
     let others = others.join(", ");
     if channels.all.is_empty() && responses.is_empty() && !others.is_empty() {
-        let fault = Fault::new("", format!("holds other functions alone: {others}"));
+        let fault = Fault::new("", format!("contains only other functions: {others}"));
         let fault =
             fault.expected("time responses over time, or response functions over frequency");
         faults
             .push(fault.help("export the samples over time, or the response functions, as UFF 58"));
     } else if !others.is_empty() {
         notes.push(format!(
-            "left out: {others}; only time responses and response functions are read"
+            "skipped: {others}; only time responses and response functions are supported"
         ));
     }
     notes.dedup();

@@ -63,12 +63,11 @@ impl Function {
         let content = head.content(&numbers)?;
         let assumed = head.abscissa.counts() == Counts::Unsaid;
         let note = match content {
-            Content::Time { .. } if assumed => Some("names no unit of its abscissa: taken as s"),
-            Content::Response { .. } if assumed => {
-                Some("names no unit of its abscissa: taken as Hz")
-            }
+            Content::Time { .. } if assumed => Some("has no abscissa unit; s is assumed"),
+            Content::Response { .. } if assumed => Some("has no abscissa unit; Hz is assumed"),
             Content::Other(_) => None,
-            _ => filled.then_some("is filled up with zeros behind its last sample: left out"),
+            _ => filled
+                .then_some("is padded with zeros after its last sample; the padding was removed"),
         };
         let Head { source, reference, denominator, .. } = head;
         Ok(Self { source, reference, denominator, content, note })
@@ -109,13 +108,16 @@ impl Head {
         let width = form.width();
         let points = numbers.len() / width;
         if numbers.len() != form.points.saturating_mul(width) || points < 2 {
-            let message =
-                format!("holds {} numbers, its header says {} points", numbers.len(), form.points);
+            let message = format!(
+                "contains {} numbers, but its header states {} points",
+                numbers.len(),
+                form.points
+            );
             let expected = format!("{width} for each point, and 2 points or more");
             return Err(Fault::new("", message).expected(expected).into());
         }
         if numbers.iter().any(|number| number.is_infinite()) {
-            let fault = Fault::new("", "holds infinite numbers");
+            let fault = Fault::new("", "contains infinite numbers");
             return Err(fault.expected("finite numbers").into());
         }
         let x = if form.even {
@@ -133,8 +135,8 @@ impl Head {
     fn over_frequency(&self, rows: Rows, si: f64) -> Result<Content, Refused> {
         let frequency_hz: Vec<f64> = rows.x.iter().map(|x| si * x).collect();
         if !frequency_hz.windows(2).all(|pair| pair[1] > pair[0]) {
-            let fault = Fault::new("", "its frequencies do not grow");
-            return Err(fault.expected("growing frequencies").into());
+            let fault = Fault::new("", "its frequencies do not increase");
+            return Err(fault.expected("increasing frequencies").into());
         }
         Ok(Content::Response { frequency_hz, values: rows.values })
     }

@@ -148,7 +148,7 @@ pub(super) fn note_renumbered(channels: &[Channel], notes: &mut Vec<String>) {
     let names: Vec<String> = renumbered.map(|channel| format!("`{}`", channel.name)).collect();
     if !names.is_empty() {
         notes.push(format!(
-            "functions at {} over the same time differ in their numbers alone: taken as repeated measurements of one sensor; if \
+            "functions at {} over the same time differ only in their numbers and are treated as repeated measurements of one sensor; if \
              they are of several, give these different ID lines or nodes",
             names.join(", ")
         ));
@@ -219,15 +219,15 @@ fn turns(group: &[Channel]) -> Result<Vec<Turn>, Box<Fault>> {
         let other = group.iter().find(|channel| !agree(channel)).unwrap_or(first);
         let other = if other.name == again.name { first } else { other };
         let message = format!(
-            "holds {} of `{}` and {} of `{}` over the same time: which belong together is not stated",
+            "contains {} of `{}` and {} of `{}` over the same time, without stating which belong together",
             again.takes.len(),
             again.name,
             other.takes.len(),
             other.name
         );
         let fault = Fault::new("", message)
-            .expected("as many functions of each channel")
-            .help("ask for one channel by its name (--column), or export each measurement to a file of its own");
+            .expected("the same number of functions of each channel")
+            .help("select one channel (--column), or export each measurement to a separate file");
         return Err(Box::new(fault));
     }
     Ok(turns_by_start(group))

@@ -133,7 +133,7 @@ impl Head {
         // Times and frequencies are of one unit in every system.
         abscissa.complete(Units::SI);
         let dofs = Dofs::of(&dofs).ok_or_else(|| {
-            Fault::new("", "names no degree of freedom")
+            Fault::new("", "states no degree of freedom")
                 .expected("function type, node and direction")
                 .at(Place::in_line(dofs_line, &dofs, &(0..dofs.len())))
         })?;

@@ -51,7 +51,7 @@ pub(super) fn names(unnamed: &[Unnamed<'_>], notes: &mut Vec<String>) -> Vec<Str
         let field = (0..9).find(tells_apart);
         if field.is_none() && group.len() > 1 {
             notes.push(format!(
-                "{} functions at `{plain}` differ in nothing that names a sensor: taken as channels of their own",
+                "{} functions at `{plain}` have the same sensor name and are treated as separate channels",
                 group.len()
             ));
         }

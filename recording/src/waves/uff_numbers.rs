@@ -28,7 +28,7 @@ impl Form {
                 .expected("type 2, 4, 5 or 6, points, spacing, start and step")
                 .at(Place::in_line(number, line, &(0..line.len())))
         };
-        let words = in_line(line).ok_or_else(|| fault("words that are no numbers"))?;
+        let words = in_line(line).ok_or_else(|| fault("text instead of numbers"))?;
         let [kind, points, even, start, step, ..] = words.as_slice() else {
             return Err(fault("too few numbers").into());
         };
@@ -131,8 +131,8 @@ pub(super) fn ascii(cursor: &mut Cursor<'_>) -> Result<Vec<f64>, Refused> {
         let Some(line) = cursor.text() else {
             return Err(fault.unwrap_or_else(|| {
                 Fault::new("", "has no end")
-                    .expected("a line of -1")
-                    .help("the file seems to be cut off")
+                    .expected("a line with -1")
+                    .help("the file seems to be truncated")
                     .into()
             }));
         };
@@ -143,7 +143,7 @@ pub(super) fn ascii(cursor: &mut Cursor<'_>) -> Result<Vec<f64>, Refused> {
             Some(found) => numbers.extend(found),
             None if fault.is_none() => {
                 let place = Place::in_line(cursor.line, &line, &(0..line.len()));
-                let wrong = Fault::new("", "this line holds no numbers").expected("numbers");
+                let wrong = Fault::new("", "this line contains no numbers").expected("numbers");
                 fault = Some(wrong.at(place).into());
             }
             None => {}
@@ -161,7 +161,7 @@ pub(super) fn binary(
     let said = line.split(['b', 'B']).nth(1).unwrap_or_default();
     let said: Vec<usize> = said.split_whitespace().filter_map(|word| word.parse().ok()).collect();
     let [order, float, ..] = said.as_slice() else {
-        let fault = Fault::new("", "does not say its byte order");
+        let fault = Fault::new("", "does not state its byte order");
         return Err(fault.expected("58b, order, float format").into());
     };
     if *float != 2 || !matches!(order, 1 | 2) {
@@ -191,16 +191,16 @@ fn run<'b>(cursor: &mut Cursor<'b>, stated: usize, form: &Form) -> Result<&'b [u
     let holds_them = stated == 0 || stated >= needed || (form.complex && 2 * stated == needed);
     let fault = if !holds_them || (numbers.len() == needed && !cursor.is_before_mark()) {
         let message = match stated {
-            0 => "holds more bytes of numbers than its header counts".to_owned(),
+            0 => "contains more bytes of numbers than its header states".to_owned(),
             _ => format!("states {stated} bytes of numbers"),
         };
-        let help = "export it anew: single and double precision may have been confused";
+        let help = "export it again; single and double precision may have been confused";
         Fault::new("", message).help(help)
     } else if numbers.len() < needed {
-        let message = format!("holds {} bytes of numbers", numbers.len());
-        Fault::new("", message).help("the file seems to be cut off")
+        let message = format!("contains {} bytes of numbers", numbers.len());
+        Fault::new("", message).help("the file seems to be truncated")
     } else {
         return Ok(numbers);
     };
-    Err(fault.expected(format!("{needed}, by its type of data and number of points")).into())
+    Err(fault.expected(format!("{needed}, from its data type and number of points")).into())
 }

@@ -113,7 +113,11 @@ fn sensors_exported_without_geometry_are_channels_of_one_record() {
     assert_eq!(shape(&waves), [(0.0, expected)]);
     let waves = read(&[Made::at(0, 0, 5.0), Made::at(0, 0, 7.0)]).unwrap();
     assert_eq!(shape(&waves), [(0.0, vec![("0 #1", 5.0), ("0 #2", 7.0)])]);
-    assert!(waves.notes.iter().any(|note| note.contains("names a sensor")), "{:?}", waves.notes);
+    assert!(
+        waves.notes.iter().any(|note| note.contains("have the same sensor name")),
+        "{:?}",
+        waves.notes
+    );
 }
 
 #[test]
@@ -261,12 +265,12 @@ fn blocks_filled_up_with_zeros_hold_the_samples_that_their_header_counts() {
     for filling in [2, 8, 100] {
         let waves = read(&[Made { filling, ..Made::at(1, 1, 1.0) }]).unwrap();
         assert_eq!(waves.records[0].channels[0].values, [1.0, 1.0, 2.0, 3.0]);
-        assert!(waves.notes[0].contains("filled up with zeros"), "{:?}", waves.notes);
+        assert!(waves.notes[0].contains("padded with zeros"), "{:?}", waves.notes);
     }
     let more =
         text(&[Made::at(1, 1, 1.0)]).replacen("         4         1", "         3         1", 1);
     let fault = read_text(&more, &Options::default()).unwrap_err();
-    assert!(fault.contains("holds 4 numbers, its header says 3 points"), "{fault}");
+    assert!(fault.contains("contains 4 numbers, but its header states 3 points"), "{fault}");
     // Binary numbers padded to a multiple of 512 bytes.
     let whole = std::fs::read(
         Path::new(env!("CARGO_MANIFEST_DIR")).join("src/waves/fixtures/hits-little-f64.uff"),
@@ -296,11 +300,11 @@ fn binary_numbers_have_to_fill_the_bytes_that_their_dataset_states() {
     let filled = [singles.as_slice(), &[0; 496]].concat();
     assert_eq!(read(16, &singles).unwrap(), values);
     assert_eq!(read(0, &singles).unwrap(), values, "none are stated");
-    assert_eq!(read(512, &filled).unwrap(), values, "filled up with zeros");
+    assert_eq!(read(512, &filled).unwrap(), values, "padded with zeros");
     let doubles: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
     let fault = read(32, &doubles).unwrap_err();
     assert!(fault.contains("states 32 bytes") && fault.contains("expected 16"), "{fault}");
-    assert!(read(0, &doubles).unwrap_err().contains("holds more bytes"));
+    assert!(read(0, &doubles).unwrap_err().contains("contains more bytes"));
     assert!(read(8, &singles).unwrap_err().contains("states 8 bytes"));
 }
 

@@ -92,9 +92,9 @@ pub(super) fn open(name: &str, bytes: &dyn Source, options: &Options) -> Result<
     let Wav { format, data, mut notes } = wav;
     let full_scale = options.full_scale.unwrap_or(1.0);
     notes.push(if options.full_scale.is_some() {
-        format!("full scale stands for {full_scale}")
+        format!("full scale is {full_scale}")
     } else {
-        "full scale is taken as 1: the file says no unit".to_owned()
+        "the file states no unit; full scale is taken as 1".to_owned()
     });
     let frame = format.channels * format.sample_bytes;
     let frames = usize::try_from((data.end - data.start) / frame as u64).unwrap_or(usize::MAX);
@@ -108,7 +108,7 @@ pub(super) fn open(name: &str, bytes: &dyn Source, options: &Options) -> Result<
     layout.check(bytes, &mut faults)?;
     let rate_hz = f64::from(format.rate_hz);
     if frames == 0 || format.rate_hz == 0 {
-        let fault = Fault::new("", format!("holds {frames} samples at {rate_hz} Hz"));
+        let fault = Fault::new("", format!("contains {frames} samples at {rate_hz} Hz"));
         faults.push(fault.expected("samples, and a rate above 0"));
     }
     let grid = columns::asked(options).unwrap_or(Grid::Time { start_s: 0.0, rate_hz });
@@ -170,11 +170,11 @@ impl Layout {
                 })?;
                 if used & ((1 << spare) - 1) != 0 {
                     let what = format!(
-                        "says that {valid_bits} of each sample's {bits} bits are valid, and its lowest {spare} are not zero"
+                        "states that {valid_bits} of {bits} bits per sample are valid, but the lowest {spare} are not zero"
                     );
                     let fault = Fault::new("fmt", what)
-                        .expected("valid bits at the upper end of a sample, zeros below them")
-                        .help("have it written anew, as samples of whole bytes without spare bits");
+                        .expected("valid bits left-justified, followed by zeros")
+                        .help("export it again with samples of whole bytes without spare bits");
                     faults.push(fault);
                 }
             }
@@ -188,7 +188,7 @@ impl Layout {
                     sound &= part.iter().all(|value| value.is_finite());
                 })?;
                 if !sound {
-                    let fault = Fault::new("", "holds samples that are no finite numbers");
+                    let fault = Fault::new("", "contains samples that are not finite");
                     faults.push(fault.expected("finite samples"));
                 }
             }

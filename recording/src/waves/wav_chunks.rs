@@ -124,7 +124,7 @@ impl Wav {
             _ => return Err(broken(0, "does not begin with RIFF, RIFX or RF64").into()),
         };
         if bytes.array(8)? != Some(*b"WAVE") {
-            return Err(broken(8, "is a RIFF file of another kind than WAVE").into());
+            return Err(broken(8, "is a RIFF file, but not WAVE").into());
         }
         let (mut format, mut data_size, mut notes) = (None, None, Vec::new());
         let mut at = 12;
@@ -193,7 +193,9 @@ impl Bytes<'_> {
                 || (chunk.size == 0 && self.tail(chunk.at)? == Tail::Other));
         let stated = match (chunk.size, data_size) {
             _ if is_of_pipe => {
-                notes.push("does not say how long it is, as of a pipe: read to its end".to_owned());
+                notes.push(
+                    "does not state its length (as written to a pipe); read to the end".to_owned(),
+                );
                 chunk.rest
             }
             (UNKNOWN_SIZE, Some(size)) => size,
@@ -201,7 +203,7 @@ impl Bytes<'_> {
         };
         let there = stated.min(chunk.rest);
         if there < stated {
-            let what = format!("is cut off: {there} of {stated} bytes of samples are there");
+            let what = format!("is truncated: it contains {there} of {stated} bytes of samples");
             if there == 0 {
                 return Err(broken(chunk.at, what).into());
             }
@@ -210,7 +212,7 @@ impl Bytes<'_> {
         let frame = (format.channels * format.sample_bytes) as u64;
         let whole = there - there % frame;
         if whole < there && there == stated {
-            notes.push(format!("its last {} bytes are no whole sample: left out", there - whole));
+            notes.push(format!("skipped the last {} bytes, an incomplete sample", there - whole));
         }
         notes.extend(self.note_behind(chunk.at + there)?);
         Ok(chunk.at..chunk.at + whole)
@@ -224,11 +226,9 @@ impl Bytes<'_> {
         };
         Ok(match behind {
             Tail::Chunks => None,
-            Tail::Samples => {
-                Some("holds another `data` chunk behind the first: left out".to_owned())
-            }
+            Tail::Samples => Some("contains a second `data` chunk, which was skipped".to_owned()),
             Tail::Other => Some(format!(
-                "{} bytes behind its samples are no chunk: left out; its header may be older than they are",
+                "skipped {} bytes after the samples that are not a chunk; the header may be outdated",
                 self.length - end
             )),
         })
@@ -298,7 +298,7 @@ impl Bytes<'_> {
                 "chunk `{name}` of {size} bytes is not followed by the byte that makes its size even"
             );
             let fault = *broken(end, what);
-            let help = "have it written anew by a program that pads its chunks";
+            let help = "export it with a program that pads its chunks";
             return Err(Box::new(fault.help(help)).into());
         }
         Ok(padded)
@@ -320,13 +320,15 @@ impl Bytes<'_> {
         if tag == EXTENSIBLE {
             let guid = self.array::<16>(chunk.at + 24)?.filter(|_| chunk.size >= 40);
             let Some(guid) = guid else {
-                return Err(bad("is extensible and too short for its sub-format".to_owned()).into());
+                return Err(bad("is extensible but too short for its sub-format".to_owned()).into());
             };
             valid_bits = short(18)?.unwrap_or(bits);
             // A GUID's first number is in the file's byte order, or in little-endian order.
             let tail = guid.get(2..).unwrap_or_default();
             if tail != GUID_TAIL && !self.big_endian {
-                return Err(bad("has a sub-format that is none of WAVE's own".to_owned()).into());
+                return Err(
+                    bad("has a sub-format that is not a standard WAVE format".to_owned()).into()
+                );
             }
             let first = short(24)?;
             tag = match self.big_endian {
@@ -348,7 +350,7 @@ impl Bytes<'_> {
             6 => return Err("is A-law, which is companded".to_owned()),
             7 => return Err("is µ-law, which is companded".to_owned()),
             0x55 => return Err("is MP3, which is compressed".to_owned()),
-            other => return Err(format!("has format tag {other}, which is not read")),
+            other => return Err(format!("has the unsupported format tag {other}")),
         };
         if channels == 0 || bits == 0 || bits > 64 || block == 0 || block % channels != 0 {
             return Err(format!(
@@ -388,5 +390,5 @@ struct Layout {
 }
 
 fn broken(at: u64, what: impl Into<String>) -> Box<Fault> {
-    Box::new(Fault::new(format!("byte {at}"), what.into()).expected("a whole WAV file"))
+    Box::new(Fault::new(format!("byte {at}"), what.into()).expected("a complete WAV file"))
 }

@@ -187,7 +187,7 @@ fn what_stands_behind_the_samples_is_no_sample_and_reported_where_it_is_no_metad
     assert_eq!((waves.records[0].len(), says(&waves, "left out")), (3, false), "{waves:?}");
     let waves = with_tail(Made { data_size: Some(4), ..Made::of(PCM, 2) }, &[1; 20]).unwrap();
     assert_eq!(waves.records[0].len(), 2);
-    assert!(says(&waves, "22 bytes behind its samples are no chunk"), "{waves:?}");
+    assert!(says(&waves, "skipped 22 bytes after the samples that are not a chunk"), "{waves:?}");
     let waves = with_tail(Made::of(PCM, 2), b"data\x02\0\0\0\x01\x02").unwrap();
     assert!(says(&waves, "another `data` chunk"), "{waves:?}");
     let empty = [Made::of(PCM, 2).file(&[]).as_slice(), list].concat();

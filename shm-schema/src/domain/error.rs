@@ -25,13 +25,13 @@ pub enum DomainError {
         limit: usize,
     },
     /// The directory is on a disk.
-    #[error("{}: expected a directory in memory (tmpfs), as what is left there must not outlive a reboot; set TRUED_RUNTIME_DIR to one", dir.display())]
+    #[error("{}: expected a directory in memory (tmpfs), which is empty after a reboot; set TRUED_RUNTIME_DIR to one", dir.display())]
     NotInMemory {
         /// The directory.
         dir: PathBuf,
     },
     /// The directory is not ours alone.
-    #[error("{}: belongs to user {owner} with mode {mode:o}, expected user {me} and mode 700; run daemon and clients as one user, or remove it", dir.display())]
+    #[error("{}: belongs to user {owner} with mode {mode:o}, expected user {me} and mode 700; run daemon and clients as the same user, or remove it", dir.display())]
     WrongOwner {
         /// The directory.
         dir: PathBuf,
@@ -61,7 +61,9 @@ pub enum DomainError {
         source: io::Error,
     },
     /// The transport could not be started.
-    #[error("cell {cell:?}: the transport could not be started: {cause}; is shared memory full?")]
+    #[error(
+        "cell {cell:?}: cannot start the transport: {cause}; check whether shared memory is full"
+    )]
     Transport {
         /// The cell.
         cell: String,
@@ -86,7 +88,7 @@ pub enum JoinError {
     #[error(transparent)]
     Cell(#[from] DomainError),
     /// No daemon serves the cell.
-    #[error("cell {cell:?}: no daemon has announced itself in {}; start `trued run` as this user", dir.display())]
+    #[error("cell {cell:?}: no daemon found in {}; start `trued run` as this user", dir.display())]
     NoDaemon {
         /// The cell.
         cell: String,
@@ -94,7 +96,7 @@ pub enum JoinError {
         dir: PathBuf,
     },
     /// The daemon that announced itself is dead.
-    #[error("cell {cell:?}: the daemon (process {pid}) is dead; start `trued run` again")]
+    #[error("cell {cell:?}: the daemon (process {pid}) has terminated; start `trued run` again")]
     DaemonDied {
         /// The cell.
         cell: String,
@@ -102,7 +104,7 @@ pub enum JoinError {
         pid: u32,
     },
     /// The domain is another user's.
-    #[error("{}: belongs to user {owner}, this process is user {me}; run both as one user", dir.display())]
+    #[error("{}: belongs to user {owner}, this process is user {me}; run both as the same user", dir.display())]
     WrongUser {
         /// The directory.
         dir: PathBuf,
@@ -112,7 +114,7 @@ pub enum JoinError {
         me: u32,
     },
     /// Both sides were built against different contracts.
-    #[error("the daemon is {theirs}, this client is {ours}; bring both to one version")]
+    #[error("the daemon is {theirs}, this client is {ours}; install the same version of both")]
     VersionMismatch {
         /// The daemon's.
         theirs: Box<Contract>,
@@ -120,7 +122,7 @@ pub enum JoinError {
         ours: Box<Contract>,
     },
     /// The announcement makes no sense.
-    #[error("{}: not an announcement that this version can read; restart the daemon", path.display())]
+    #[error("{}: cannot be read by this version; restart the daemon", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
@@ -134,7 +136,7 @@ pub enum JoinError {
         pid: Option<u32>,
     },
     /// The transport refused.
-    #[error("epoch {epoch:016x}: {cause}; trying again helps where the daemon has just restarted")]
+    #[error("epoch {epoch:016x}: {cause}; retry if the daemon has just restarted")]
     Transport {
         /// The epoch.
         epoch: u64,

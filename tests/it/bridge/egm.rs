@@ -38,7 +38,7 @@ impl Cell {
         let application = socket();
         let config = config(accuracy, "joints", application.local_addr().ok(), "");
         let (bridge, at) = bridge(TRUED, &[], "egm", &place, &config);
-        assert!(bridge.says("joined the daemon", LIMIT), "{:#?}", bridge.lines());
+        assert!(bridge.says("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
         Self { daemon, bridge, rig: Rig { robot: EgmRobot::new(at, &POSE), application }, place }
     }
 
@@ -102,7 +102,7 @@ fn followed(python: &Path) -> usize {
     // the load of the machine.
     let config = config("off", "joints", Some(free), "[timing]\nanswer_within_ms = 100.0\n");
     let (mut bridge, at) = bridge(TRUED, &[], "egm", &place, &config);
-    assert!(bridge.says("joined the daemon", LIMIT), "{:#?}", bridge.lines());
+    assert!(bridge.says("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
     let (port, cycles) = (free.port().to_string(), (BEGINNING + JUDGED).to_string());
     let script = peer("egm_application.py");
     let mut application = Process::start(
@@ -150,7 +150,7 @@ fn judge(place: &Place, said: &[String], counted: &[String]) -> usize {
     assert!(rows.windows(2).all(|two| two[1][0] - two[0][0] == 1.0), "one after the other");
     let targets: Vec<Vec<f64>> = rows.iter().map(|row| row[1..7].to_vec()).collect();
     let wanted = corrected(place, &targets);
-    let own = count(counted, "answers with this target's own correction");
+    let own = count(counted, "answers with a new correction");
     let (mut worst, mut least, mut others) = (0.0_f64, f64::INFINITY, 0);
     for (row, wanted) in rows.iter().zip(&wanted).skip(BEGINNING) {
         let off = row[7..].iter().zip(wanted).map(|(seen, wanted)| (seen - wanted).abs());
@@ -177,7 +177,7 @@ fn a_daemon_that_dies_takes_no_cycle_with_it_and_its_correction_ramps_out_and_in
     let after = cell.stand(400, &mut gauge);
     assert_eq!(largest(&after), 0.0, "the application's own target, to the bit: {after:?}");
     cell.daemon = daemon(&cell.place);
-    assert!(cell.bridge.says("the daemon is process", LIMIT));
+    assert!(cell.bridge.says("connected to the daemon, process", LIMIT));
     let again = cell.settle(&mut gauge);
     let off = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
     assert!(off < 1e-6, "{again:?} after {stood:?}");
@@ -186,10 +186,10 @@ fn a_daemon_that_dies_takes_no_cycle_with_it_and_its_correction_ramps_out_and_in
 #[test]
 fn a_controller_that_compensates_itself_gets_the_applications_own_bytes() {
     let mut cell = Cell::start(WIDE, "on");
-    assert!(cell.bridge.says("nothing may be corrected twice", LIMIT));
+    assert!(cell.bridge.says("trued must not correct it as well", LIMIT));
     let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
     assert_eq!(largest(&cell.stand(100, &mut gauge)), 0.0);
-    let own = count(&ended(&mut cell.bridge), "answers with this target's own correction");
+    let own = count(&ended(&mut cell.bridge), "answers with a new correction");
     assert!(own > 0, "the daemon sees every target all the same: {:#?}", cell.bridge.lines());
 }
 
@@ -236,7 +236,7 @@ fn an_application_that_falls_silent_leaves_the_robot_alone_and_comes_back_withou
     let again = cell.stand(1, &mut gauge);
     let off = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
     assert!(off < 1e-3, "{again:?} after {stood:?}");
-    assert!(count(&ended(&mut cell.bridge), "cycles without a word of the application") > 250);
+    assert!(count(&ended(&mut cell.bridge), "cycles without a datagram of the application") > 250);
 }
 
 #[test]
@@ -244,7 +244,7 @@ fn across_a_path_the_robot_receives_y_and_z_at_its_slower_rate() {
     let place = place(&format!("{WIDE}[cycle]\nperiod_ms = 48.0\nstale_ms = 1000.0\n"));
     let _daemon = daemon(&place);
     let (mut bridge, at) = bridge(TRUED, &[], "egm", &place, &config("off", "path", None, ""));
-    assert!(bridge.says("joined the daemon", LIMIT), "{:#?}", bridge.lines());
+    assert!(bridge.says("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
     let mut robot = EgmRobot::new(at, &POSE);
     robot.socket.set_read_timeout(Some(CYCLE)).unwrap();
     let (mut told, start) = (Vec::new(), Instant::now());
@@ -291,7 +291,7 @@ fn a_seventh_axis_is_corrected_by_the_model_and_other_external_axes_pass() {
     let tables = config("off", "joints", application.local_addr().ok(), "");
     let tables = tables.replace("[application]", "seventh_after = 2\n[application]");
     let (bridge, at) = bridge(TRUED, &[], "egm", &place, &tables);
-    assert!(bridge.says("joined the daemon", LIMIT), "{:#?}", bridge.lines());
+    assert!(bridge.says("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
     let [first, second, third, rest @ ..] = SEVEN_POSE;
     let axes: Vec<f64> = [first, second].into_iter().chain(rest).collect();
     let mut robot = EgmRobot::new(at, &axes);
@@ -338,6 +338,6 @@ fn a_daemon_that_is_late_costs_no_cycle_and_no_step() {
         assert!(off < 1e-6, "{again:?} after {stood:?}");
     }
     let counted = ended(&mut cell.bridge);
-    assert!(count(&counted, "answers with the last correction, the daemon being late") > 0);
-    assert!(count(&counted, "answers with a correction on its way") > 0, "{counted:#?}");
+    assert!(count(&counted, "answers with the last correction (daemon late)") > 0);
+    assert!(count(&counted, "answers with a ramping correction") > 0, "{counted:#?}");
 }

@@ -17,7 +17,7 @@ fn a_retrofitted_cell_mills_nearer_to_its_path() {
         let done = run(TRUED, &[], 7);
         let [without, with] = done.mean_and_largest_m();
         let of = |what| count(&done.counted, what) as f64;
-        let own = of("answers with this target's own correction") / of("answers to the robot");
+        let own = of("answers with a new correction") / of("answers to the robot");
         println!(
             "mean {:.3} to {:.3} mm, largest {:.3} to {:.3} mm, {:.1} % by their own correction",
             1e3 * without.0,

@@ -65,7 +65,7 @@ fn an_independent_controller_finds_no_fault_in_ten_thousand_answers_and_no_jump_
     let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     place.write("ethernet.xml", &ethernet(port));
     let (bridge, _) = bridge(TRUED, &[], "rsi", &place, BRIDGE);
-    assert!(bridge.says("joined the daemon", LIMIT), "{:#?}", bridge.lines());
+    assert!(bridge.says("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
     let mut controller = std::process::Command::new(python);
     controller.arg(peer("rsi_controller.py")).arg(place.file("ethernet.xml")).arg(CYCLES);
     controller.arg(bridge.id().to_string()).current_dir(place.root());

@@ -43,7 +43,7 @@ impl Controller {
         );
         let daemon = daemon(&place);
         let (bridge, at) = bridge(TRUED, &[], "rsi", &place, &text);
-        assert!(bridge.says("joined the daemon", LIMIT), "{:#?}", bridge.lines());
+        assert!(bridge.says("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
         Self { place, _daemon: daemon, bridge, at, socket: socket(), ipoc: 1000, late: 0 }
     }
 
@@ -104,7 +104,7 @@ fn relative_corrections_add_up_to_the_models_though_some_come_late() {
     assert!(off < WRITTEN, "{sum:?}, wanted {wanted:?} at {POSE:?}");
     assert!(largest < 0.06, "{largest} deg at once");
     let counted = ended(&mut controller.bridge);
-    assert_eq!(count(&counted, "answers late by the controller's count"), 8, "{counted:#?}");
+    assert_eq!(count(&counted, "late answers counted by the controller"), 8, "{counted:#?}");
 }
 
 #[test]

@@ -23,10 +23,11 @@ fn the_robot_gets_in_however_many_look_on_and_none_of_them_moves_the_others() {
     let join = |limit| Monitor::connect_to(&cell, limit);
     let inside: Vec<Monitor> = (0..MONITORS).map(|_| join(JAM).unwrap()).collect();
     let refused = join(Duration::from_secs(1)).err().expect("no place").to_string();
-    assert!(refused.contains("the place of the subscriber is taken"), "{refused}");
+    assert!(refused.contains("the subscriber is in use"), "{refused}");
     pair.start_anew(Who::Cell);
     println!("answered among {MONITORS} after {:?}", pair.back());
-    let moved = pair.daemon.lines().into_iter().find(|line| line.contains("making a new"));
+    let moved =
+        pair.daemon.lines().into_iter().find(|line| line.contains("creating new shared memory"));
     assert_eq!(moved, None, "nobody is moved for one who finds no place");
     drop(inside);
     assert!(join(JAM).is_ok(), "there is room again");
@@ -42,7 +43,7 @@ fn a_reader_of_another_user_is_refused_and_costs_nothing() {
     let mut pair = at_work();
     let mut command = Command::new(PROGRAMS.rig);
     let stranger = Process::spawn(command.arg("monitor").uid(65_534).gid(65_534), &pair.place);
-    assert!(stranger.says("run both as one user", JAM), "{:#?}", stranger.lines());
+    assert!(stranger.says("run both as the same user", JAM), "{:#?}", stranger.lines());
     pair.back();
     drop(stranger);
     let lost = pair.cell.lines().iter().any(|line| line.starts_with("Lost"));

@@ -26,15 +26,15 @@ use asked::Asked;
 /// The page's name in the output directory.
 const PAGE: &str = "bench.html";
 
-/// Measure this machine: round trips through the daemon beside bare atomics, plain iceoryx2 and the kernel's own ways
+/// Measure this computer: latency of the daemon, compared with atomics, iceoryx2 and the IPC of the kernel
 #[derive(Debug, Args)]
 pub(crate) struct Bench {
     #[command(flatten)]
     asked: Asked,
-    /// Where the page (`bench.html`) and the plots go; without it, neither is written
+    /// Directory for the page (`bench.html`) and the plots; if not given, neither is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// End with 1 where a figure misses its bar
+    /// Exit 1 if a figure misses its acceptance limit
     #[arg(long)]
     judge: bool,
     /// This process is a part of a bench
@@ -77,7 +77,7 @@ impl Bench {
     ) -> Result<(), Failure> {
         let machine = &findings.machine;
         console.say(format!(
-            "{}, kernel {}{}{}, client on core {}, {}{}, scheduling {}, {} s each part",
+            "{}, kernel {}{}{}, client on core {}, {}{}, scheduling {}, {} s per part",
             machine.processor,
             machine.kernel,
             if machine.preempt_rt { ", PREEMPT_RT" } else { "" },
@@ -85,7 +85,7 @@ impl Bench {
             machine.cores[0],
             match &findings.cell {
                 None => format!("daemon on core {}", machine.cores[1]),
-                Some(cell) => format!("cell {cell} where its daemon runs"),
+                Some(cell) => format!("daemon of cell {cell} on its own core"),
             },
             findings.model.map_or_else(String::new, |model| format!(", model {model}")),
             machine.scheduling.name(),

@@ -18,10 +18,10 @@ use crate::input::unusable;
 use crate::interrupt;
 use crate::output::Console;
 
-/// Correct a robot by its controller's own protocol: ABB EGM, KUKA RSI
+/// Correct a robot through its controller's protocol: ABB EGM, KUKA RSI
 ///
-/// Runs beside `trued run` until it is told to end, and says then what it has seen. Without a daemon it passes on what it is given.
-/// docs/bridge.md says what to change on the controller.
+/// Runs beside `trued run` until interrupted or terminated, then prints counters of the datagrams. Without a daemon, targets pass unchanged.
+/// docs/bridge.md describes the setup of the controller.
 #[derive(Debug, Args)]
 pub(crate) struct Bridge {
     #[command(subcommand)]
@@ -30,9 +30,9 @@ pub(crate) struct Bridge {
 
 #[derive(Debug, Subcommand)]
 enum Protocol {
-    /// Stand between an ABB controller and the application that guides it (EGM)
+    /// Relay between an ABB controller and the application that guides it (EGM)
     Egm(With),
-    /// Be the sensor of a KUKA controller (RSI); its program stays as it is
+    /// Act as the sensor of a KUKA controller (RSI); the robot program stays unchanged
     Rsi(With),
 }
 
@@ -48,7 +48,8 @@ impl Bridge {
         let options = Options { stop: interrupt::flag()?, ..Options::default() };
         let mut told = Ok(None);
         let mut ready = |at| {
-            told = console.say(format!("ready: listens at {at}")).and_then(|()| attended(&options));
+            told =
+                console.say(format!("ready: listening on {at}")).and_then(|()| attended(&options));
         };
         match &self.protocol {
             Protocol::Egm(with) => {
@@ -73,13 +74,13 @@ impl Bridge {
 /// Tells the service manager that the bridge is ready, and from then on that it lives.
 fn attended(options: &Options) -> Result<Option<JoinHandle<()>>, Failure> {
     let mut manager = Manager::of_environment(1);
-    manager.says(0, 0, "listens");
+    manager.says(0, 0, "listening");
     manager.ready();
     let options = options.clone();
     let attend = move || {
         while !options.stop.load(Relaxed) {
             let [heard, sent] = [Count::Robot, Count::Sent].map(|what| options.counts.get(what));
-            let words = format!("{heard} datagrams of the robot, {sent} answers");
+            let words = format!("{heard} datagrams received from the robot, {sent} replies sent");
             manager.says(0, options.turns.load(Relaxed), &words);
             std::thread::sleep(LOOK_EVERY);
         }

@@ -25,39 +25,39 @@ const STAGES: u64 = 7;
 /// How often the progress draws while a stage lasts.
 const TICK: Duration = Duration::from_millis(200);
 
-/// Identify the robot: from tracker measurements to a calibrated model with its uncertainty
+/// Calibrate a robot: identify its model, with uncertainties, from measurements of the tool
 ///
-/// Recordings hold joint positions and what was measured there: points (x, y, z), reflectors, orientations, joint positions on the link side,
-/// distances (ballbar, cable), touches of a probe. The measuring frame (one for each `station` that rows name), the reflectors' places, fixed points and what is
-/// touched are fitted along where they are not said. Three models are compared on poses that took no part in any fit: the model as it is,
-/// with the geometry of every joint, and with the effects that the data ask for; the last is written. Exit 1, and no model, where a gross fault (swapped columns,
-/// a wrong unit or sign, a mirrored frame, a wrong tool) makes a fit senseless; where the new model is worse on the held-out poses than the one it began with;
-/// and where the remaining error is so large that only a gross fault explains it.
+/// Recordings contain joint positions and the measurements at each pose: points (x, y, z), reflectors, orientations, link-side joint positions,
+/// distances (ballbar, cable) or contacts of a probe. Measuring frames (one for each `station` of the rows), reflector positions, fixed points and contacted
+/// surfaces are estimated too, unless they are given. Three models are compared on a held-out set of poses: the given model, the same with identified joint geometry,
+/// and with the effects selected from the data as well. The last one is written. Exit 1 and no model if a gross fault (swapped columns, a wrong unit or sign,
+/// a mirrored frame, a wrong tool) makes a fit meaningless, if the new model is worse than the given one on the held-out poses, or if the remaining error
+/// is so large that only a gross fault explains it.
 #[derive(Debug, Args)]
 pub(crate) struct Calibrate {
     #[command(flatten)]
     reading: Reading,
-    /// Where the calibrated model goes
+    /// Output file for the calibrated model
     #[arg(long, value_name = "MODEL2")]
     out: PathBuf,
-    /// Write a page with errors, parameters, and what remains open
+    /// Write a page with the errors, the parameters and what the data do not determine
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Share of the poses, drawn by chance, on which the models are compared, where no recording keeps any (`heldout`)
+    /// Percentage of the poses held out at random to compare the models, 5 to 80; not used if a recording marks held-out poses itself (`heldout`)
     #[arg(long, value_name = "PERCENT", default_value_t = 30, value_parser = clap::value_parser!(u8).range(5..=80))]
     heldout: u8,
-    /// Where one joint moves alone, take out the sag of the others before its axis is told
+    /// Where one joint moves alone, subtract the gravity deflection of the other joints before its axis is determined
     #[arg(long, value_enum, value_name = "WHETHER", default_value_t = Sag::On)]
     sag: Sag,
-    /// Write the model also where its own proof fails (see above), and exit 0
+    /// Write the model and exit 0 even if the validation on held-out poses fails (see above)
     #[arg(long)]
     accept_worse: bool,
-    /// The tool error that is allowed, mm: exit 1 where 5 of 100 held-out errors or more exceed it; the model is written all the same
+    /// Allowed tool error, mm, above 0: exit 1 if 5 % or more of the held-out errors exceed it; the model is still written
     #[arg(long, value_name = "MM", value_parser = tolerance_mm, allow_negative_numbers = true)]
     tolerance_mm: Option<f64>,
     #[command(flatten)]
     seed: Seed,
-    /// Recordings of one robot, each with measuring frames of its own
+    /// Recordings of one robot; each has its own measuring frames
     #[arg(value_name = "RECORDING", required = true)]
     recordings: Vec<PathBuf>,
 }
@@ -130,9 +130,7 @@ fn refuse(console: &mut Console, faults: &[Suspicion]) -> Outcome {
     console.json("trued.calibrate/1", &Refused::of(faults))?;
     let head = console.paint(Paint::Bad, "not calibrated");
     let more = if faults.len() > 1 { "; one of these explains it" } else { "" };
-    console.say(format!(
-        "{head}: the recording and the model do not belong together as they are{more}"
-    ))?;
+    console.say(format!("{head}: the recording and the model do not match{more}"))?;
     for fault in faults {
         console.say(format!("  {}", fault.says))?;
     }

@@ -6,12 +6,12 @@ use clap_complete::Shell;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
 
-/// Print the completions for a shell
+/// Print the completion script for a shell
 ///
-/// For this shell alone: `source <(trued completions bash)`. The Debian package installs those of bash, zsh and fish.
+/// For the current shell only: `source <(trued completions bash)`. The Debian package installs the scripts for bash, zsh and fish.
 #[derive(Debug, Args)]
 pub(crate) struct Completions {
-    /// Which shell
+    /// The shell
     #[arg(value_name = "SHELL", value_enum)]
     shell: Shell,
 }

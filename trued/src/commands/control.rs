@@ -26,7 +26,7 @@ const MARK_BYTES_MAX: usize = shm_schema::PATH_BYTES_MAX;
 /// Which cell is meant.
 #[derive(Debug, Args)]
 pub(super) struct Which {
-    /// The cell: its name, or its configuration; not needed where one cell alone is served here
+    /// The cell: its name or its configuration file; may be omitted if only one cell runs on this computer
     #[arg(value_name = "CELL")]
     cell: Option<String>,
 }
@@ -35,10 +35,10 @@ pub(super) struct Which {
 #[derive(Debug, thiserror::Error)]
 enum Unclear {
     #[error(
-        "no cell is served here; start `trued run --config CELL.toml`, or set TRUED_RUNTIME_DIR as the daemon has it"
+        "no running cell found; start `trued run --config CELL.toml`, or set TRUED_RUNTIME_DIR to the same value as for the daemon"
     )]
     None,
-    #[error("several cells are served here: {}; name one of them", .0.join(", "))]
+    #[error("several cells are running: {}; specify one of them", .0.join(", "))]
     Several(Vec<String>),
 }
 
@@ -86,38 +86,38 @@ impl Which {
     }
 }
 
-/// Take the correction out of a running cell, or let it in again
+/// Disable the correction of a running cell, or enable it again
 ///
-/// `on`: the correction ramps to zero and stays zero; commands go out as they come. It stays so when this command, or a client that
-/// asked for it, has ended. `off`: it ramps in again, whoever took it out. `trued status` shows since when and by whom a cell is bypassed.
+/// `on`: the correction ramps to zero and stays zero; commands pass unchanged. The bypass remains after this command, or the client that
+/// requested it, has ended. `off`: the correction ramps in again, whoever requested the bypass. `trued status` shows when and by whom a cell was bypassed.
 /// A restart of the daemon ends a bypass.
 #[derive(Debug, Args)]
 pub(crate) struct Bypass {
-    /// Whether the correction is to be out
+    /// Whether the correction is bypassed
     #[arg(value_name = "on|off", value_enum, hide_possible_values = true)]
     switch: Switch,
     #[command(flatten)]
     which: Which,
 }
 
-/// Change how much a running cell corrects, without a restart
+/// Change the correction mode of a running cell without a restart
 ///
-/// `shadow`: computed and recorded, commands go out as they come. `limited`: within a tenth of the envelope. `full`: within the envelope.
-/// The change goes through the limiter of the correction: the robot does not step. Exit 1 where the cell's configuration does
-/// not allow the mode (`mode_max`; where it is not given, `mode`). A restart of the daemon brings the configured mode back.
+/// `shadow`: the correction is computed and recorded, commands pass unchanged. `limited`: corrections up to a tenth of the configured limits.
+/// `full`: corrections up to the configured limits. The limiter of the correction ramps the change, so the robot does not step. Exit 1 if the cell's configuration
+/// does not allow the mode (`mode_max`, by default `mode`). A restart of the daemon restores the configured mode.
 #[derive(Debug, Args)]
 pub(crate) struct ModeOf {
-    /// The mode
+    /// The correction mode
     #[arg(value_name = "shadow|limited|full", value_enum, hide_possible_values = true)]
     mode: Mode,
     #[command(flatten)]
     which: Which,
 }
 
-/// Bring a cell back to its configured mode
+/// Return a cell to its configured mode
 ///
-/// After `trued mode`, or a client's request for shadow mode. A closed gate of the wrench may open again. Exit 1 where the configuration
-/// says `shadow`.
+/// Use it after `trued mode`, or after a client requested shadow mode. Force compensation that was switched off may become active again. Exit 1 if the
+/// configured mode is `shadow`.
 #[derive(Debug, Args)]
 pub(crate) struct Arm {
     #[command(flatten)]
@@ -126,22 +126,22 @@ pub(crate) struct Arm {
 
 /// Write a marker into the recording of a running cell
 ///
-/// A line of the recording's log (`/trued/log`) with level `mark`, the time, the text and who asked. Exit 1 where nothing is recorded.
+/// Adds a line with level `mark`, the time, the text and the user to the recording's log (`/trued/log`). Exit 1 if nothing is being recorded.
 #[derive(Debug, Args)]
 pub(crate) struct Mark {
-    /// What it says, up to 256 bytes
+    /// Text of the marker, up to 256 bytes
     #[arg(value_name = "TEXT")]
     text: String,
     #[command(flatten)]
     which: Which,
 }
 
-/// Start or stop the recording of a running cell, or keep it
+/// Start or stop the recording of a running cell, or protect it from removal
 ///
-/// `start`: a file begins, where none is written. `stop`: the file is closed when the command ends; nothing is written until the next start.
-/// `keep`: the present recording, the one before it if that ended less than a minute ago, and the next one if it begins within half a minute are never
-/// removed; their names end in `.kept.mcap`. Exit 1 where the cell has no recorder, where nothing is recorded that could be kept, or where
-/// `recorder.kept_files_max` recordings are kept already. A restart of the daemon brings the configured state back.
+/// `start`: begins a file if none is being written. `stop`: the file is closed when this command returns; nothing is recorded until the next start.
+/// `keep`: the current recording, the previous one if it ended less than 1 min ago, and the next one if it begins within 30 s are never
+/// removed automatically; their names end in `.kept.mcap`. Exit 1 if the cell has no recorder, if there is no recording to keep, or if
+/// `recorder.kept_files_max` recordings are kept already. A restart of the daemon restores the configured state.
 #[derive(Debug, Args)]
 pub(crate) struct Record {
     /// What to do
@@ -178,7 +178,7 @@ impl Bypass {
         let response = monitor.bypass(on, ANSWER_WITHIN).map_err(Failure::system)?;
         let outcome = tell(console, &cell, "bypass", &response)?;
         if on && outcome == Answer::Done {
-            console.say("it stays out until `trued bypass off`")?;
+            console.say("the correction stays disabled until `trued bypass off`")?;
         }
         Ok(outcome)
     }
@@ -212,7 +212,7 @@ impl Mark {
         }
         if self.text.len() > MARK_BYTES_MAX {
             let length = self.text.len();
-            let words = format!("TEXT has {length} bytes, expected at most {MARK_BYTES_MAX}");
+            let words = format!("TEXT: has {length} bytes, expected at most {MARK_BYTES_MAX}");
             return Err(Failure::input(words));
         }
         let (cell, mut monitor) = self.which.join()?;
@@ -254,7 +254,7 @@ fn tell(console: &mut Console, cell: &str, request: &str, response: &Response) -
             Ok(Answer::Done)
         }
         trued_client::Answer::Refused => {
-            console.say(format!("{cell}: refused: {message}"))?;
+            console.say(format!("{cell}: rejected: {message}"))?;
             Ok(Answer::No)
         }
         answer => Err(Failure::system(format!("{cell}: {answer}: {message}"))),

@@ -19,19 +19,19 @@ use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
 
-/// Convert a recording: the daemon's MCAP file or a table (CSV, Parquet) into a table (CSV, Parquet) or into ROS 2 messages (MCAP)
+/// Convert a recording (the daemon's MCAP file, CSV or Parquet) to a table (CSV, Parquet) or to ROS 2 messages (MCAP)
 ///
-/// Of an MCAP file, one row per cycle: commands, measured joints, wrench, temperatures, process state, and what became of each command (`c1_rad` …,
-/// `status`, `reason`). Force samples go to NAME-forces, the model that made the rows to NAME-model.toml, which NAME.toml names. Where another model was
-/// loaded meanwhile its rows are a recording of their own, NAME-2 with NAME-2-model.toml, and so on. Of another program's table, by its mapping, the columns
-/// get the names of `trued.recording/1`. With `--out NAME.mcap` standard ROS 2 messages are written instead: `sensor_msgs/JointState`,
+/// The table of an MCAP file has one row per cycle: commands, measured joints, wrench, temperatures, process state, and the outcome of each command (`c1_rad` …,
+/// `status`, `reason`). Force samples are written to NAME-forces, the model of the rows to NAME-model.toml, to which NAME.toml refers. If another model was
+/// loaded during the recording, its rows become a separate recording, NAME-2 with NAME-2-model.toml, and so on. The columns of another program's table are renamed
+/// by its mapping to those of `trued.recording/1`. With `--out NAME.mcap`, standard ROS 2 messages are written instead: `sensor_msgs/JointState`,
 /// `geometry_msgs/WrenchStamped`, `diagnostic_msgs/DiagnosticArray` and others, for `ros2 bag`, Foxglove and plotting tools.
 #[derive(Debug, Args)]
 pub(crate) struct Convert {
-    /// Where the recording goes: NAME.csv and NAME.toml; NAME.parquet and NAME.toml, or NAME.mcap of ROS 2 messages, where NAME ends so
+    /// Output files: NAME.csv and NAME.toml. If NAME ends in `.parquet`: NAME.parquet and NAME.toml; if it ends in `.mcap`: ROS 2 messages
     #[arg(long, value_name = "NAME")]
     out: PathBuf,
-    /// How another program's table becomes a recording; if not given, `NAME.mapping.toml` beside it
+    /// Mapping from another program's table to a recording; if not given, `NAME.mapping.toml` in the same folder
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
     /// A recording: MCAP, CSV or Parquet
@@ -114,7 +114,7 @@ impl Convert {
         if made.not_finite > 0 {
             let values = count(made.not_finite, "value");
             warn!(
-                "{values} of forces, joints or temperatures were infinite: they are written as missing"
+                "{values} of forces, joints or temperatures are not finite and are written as missing"
             );
         }
         for (place, run) in made.runs.iter_mut().enumerate() {
@@ -166,7 +166,7 @@ impl Convert {
         };
         if bag.topics.is_empty() {
             let what = format!(
-                "{}: holds nothing that a standard ROS 2 message carries",
+                "{}: contains no data for which there is a standard ROS 2 message",
                 self.input.display()
             );
             return Err(Failure::input(format!("{what}; write a table instead (--out NAME.csv)")));
@@ -194,10 +194,12 @@ impl Convert {
 
 /// Why a file of the daemon contains nothing to convert.
 fn nothing_in(input: &Path, cut: Option<&str>) -> String {
-    let what = format!("{}: holds no cycle and no force sample", input.display());
+    let what = format!("{}: contains no cycle and no force sample", input.display());
     match cut {
-        Some(why) => format!("{what}; the file ends before its first part is complete: {why}"),
-        None => format!("{what}; was the daemon sent any command?"),
+        Some(why) => {
+            format!("{what}; the file is truncated before its first chunk is complete: {why}")
+        }
+        None => format!("{what}; check whether the daemon received any commands"),
     }
 }
 
@@ -222,7 +224,7 @@ impl Target {
     fn of(out: &Path) -> Result<Self, Failure> {
         // `.`, `/`, a device: the files' names begin with NAME.
         if out.file_name().is_none() || out.metadata().is_ok_and(|there| !there.is_file()) {
-            let what = format!("--out {}: is no name for files", out.display());
+            let what = format!("--out {}: not a valid file name", out.display());
             return Err(Failure::input(format!("{what}; give one such as --out run.csv")));
         }
         let format = if has_ending(out, "parquet") { Format::Parquet } else { Format::Csv };
@@ -286,10 +288,10 @@ impl Target {
 
 fn say(console: &mut Console, report: &Report) -> Outcome {
     if let Some(why) = &report.cut {
-        warn!("the MCAP file ends early, and is read up to there: {why}");
+        warn!("the MCAP file is truncated; everything before that point was read: {why}");
     }
     if report.unknown > 0 {
-        warn!("{} that this version does not know left out", count(report.unknown, "message"));
+        warn!("skipped {} of types unknown to this version", count(report.unknown, "message"));
     }
     match report.cell.as_ref().zip(report.recorded_by.as_ref()) {
         Some((cell, version)) => {
@@ -307,7 +309,7 @@ fn say(console: &mut Console, report: &Report) -> Outcome {
         console.say(format!("{topic:<28}{messages:>10} messages"))?;
     }
     if !report.left_out.is_empty() {
-        warn!("no standard ROS 2 message carries these columns: {}", report.left_out.join(", "));
+        warn!("columns without a standard ROS 2 message, left out: {}", report.left_out.join(", "));
     }
     for file in &report.files {
         console.say(format!("written             {file}"))?;

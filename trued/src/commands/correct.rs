@@ -29,42 +29,42 @@ use dynamic::Dynamic;
 
 /// Correct a path file without a daemon: joint targets as CSV
 ///
-/// Takes the commanded joints (temperatures, wrench, directions) of a recording row by row through the same corrector as
-/// the daemon's. With kind = "poses" in the TOML beside it each row is the settled solution; a path keeps the envelope's
-/// rate and jerk. The table has the recording's columns, the corrected joints `c1_deg` … (`c1_mm`), the status, what is left (`left_mm`, `left_mrad`) and what
-/// limited it. Exit 1 where something is left, unless --accept-limited; with --tolerance-mm where more than that is left.
+/// Processes the commanded joints (and temperatures, wrench, directions) of a recording row by row with the corrector of
+/// the daemon. With kind = "poses" in the accompanying TOML, each row gets its steady-state correction; on a path, the correction is limited in
+/// rate and jerk. The output has the columns of the recording, the corrected joints `c1_deg` … (`c1_mm`), the status, the remaining tool error (`left_mm`, `left_mrad`)
+/// and what limited the correction. Exit 1 if an error remains, unless --accept-limited is given; with --tolerance-mm, if it exceeds the tolerance.
 ///
-/// With --dynamic delay, lags and flexible modes of the joints are compensated too: commands come earlier and do not excite the modes. The path gets rows at both ends
-/// in which the arm stands still, and even time stamps.
+/// With --dynamic, delay, lags and flexible modes of the joints are compensated too: commands are advanced in time and do not excite the modes. The path is resampled
+/// to even time steps and gets rows at standstill at both ends.
 #[derive(Debug, Args)]
 pub(crate) struct Correct {
     #[command(flatten)]
     reading: Reading,
-    /// A cell, for its model, envelope, task and wrench; the correction is full whatever its mode
+    /// Cell configuration for model, correction limits, task and wrench; its `mode` is ignored: the full correction is applied
     #[arg(long, value_name = "CELL.toml")]
     config: Option<PathBuf>,
-    /// Where the corrected path goes; if not given, `NAME.corrected.csv` in the present folder
+    /// Output file for the corrected path; if not given, `NAME.corrected.csv` in the current folder
     #[arg(long, value_name = "FILE.csv")]
     out: Option<PathBuf>,
-    /// Exit 0 also where rows are limited, held or rejected, so that something is left of their tool error
+    /// Exit 0 even if rows are limited, held or rejected, so that a tool error remains
     #[arg(long)]
     accept_limited: bool,
-    /// The tool error that may be left, mm: exit 1 where a row leaves more, or where that is not known, whatever limited the others
+    /// Allowed remaining tool error, mm, above 0: exit 1 if a row exceeds it or its error is unknown; limited rows within it are accepted
     #[arg(long, value_name = "MM", value_parser = tolerance_mm, allow_negative_numbers = true, conflicts_with = "accept_limited")]
     tolerance_mm: Option<f64>,
-    /// Compensate delay, lag and flexible modes of the model too; the path is known ahead, so that commands come in time
+    /// Compensate delays, lags and flexible modes of the model too, with preview of the whole path
     #[arg(long)]
     dynamic: bool,
     #[command(flatten)]
     in_time: InTime,
-    /// The path: a recording with commanded joints
+    /// The path: a recording with commanded joint positions
     #[arg(value_name = "PATH.csv")]
     path: PathBuf,
 }
 
 /// What helps an arm that cannot serve all six freedoms.
-const FEWER_JOINTS: &str = "an arm with fewer than six joints cannot correct all of position and orientation; where the tool may turn about its own axis, \
-    set `task.free_tool_axis = true` in the cell's file";
+const FEWER_JOINTS: &str = "an arm with fewer than six joints cannot correct the complete position and orientation; if the tool may rotate about its own axis, \
+    set `task.free_tool_axis = true` in the cell's configuration";
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -116,7 +116,7 @@ impl Correct {
         let left = corrections.not_exact_rows();
         if left > 0 {
             console.say(format!(
-                "not corrected in full: {left} rows; columns `left_mm`, `left_mrad`, `limited_by`"
+                "not fully corrected: {left} rows; see the columns `left_mm`, `left_mrad`, `limited_by`"
             ))?;
         }
         let limited = report.dynamic.as_ref().map_or(0, PreviewReport::limited_rows);

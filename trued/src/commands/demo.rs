@@ -36,15 +36,15 @@ use super::diagnose;
 use outcome::{Again, Milled, Report};
 use scene::Scene;
 
-/// See it at work: a virtual robot mills, without and with correction; what it hides from the model is found, and it mills again
+/// Demonstrate trued: a simulated robot mills without and with correction; a diagnosis finds the errors missing from its model, and it mills again
 #[derive(Debug, Args)]
 pub(crate) struct Demo {
-    /// The short form: one slot, ten seconds and the diagnosis
+    /// Short form: one slot of 10 s, and the diagnosis
     #[arg(long)]
     quick: bool,
     #[command(flatten)]
     seed: Seed,
-    /// Where the recordings, the diagnosis and the page go; if not given, `demo-out`, or `demo-out-2`, … where that exists
+    /// Output folder for recordings, diagnosis and page; if not given, `demo-out`, or `demo-out-2`, … if that exists
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// This process is the cell of that name
@@ -167,8 +167,8 @@ impl Lines<'_> {
             }
         }
         Err(Failure::system(match self.daemon.ended() {
-            Some(status) => format!("the daemon ended early ({status}); its words are above"),
-            None => "the cell ended without a result; its words are above".to_owned(),
+            Some(status) => format!("the daemon ended early ({status}); see its messages above"),
+            None => "the cell ended without a result; see its messages above".to_owned(),
         }))
     }
 }

@@ -24,30 +24,30 @@ use crate::options::{Seed, Threads, tolerance_mm};
 use crate::output::{Console, Paint};
 use crate::progress;
 
-/// Say where a model and recordings differ, name the missing physics, and prove the gain on rows that nothing has seen
+/// Find the errors that a robot's model does not explain, identify the missing effects, and validate the gain on held-out data
 ///
-/// Recordings hold joint positions and what was measured: the tool, reflectors, joint positions on the link side, the drives' torque or current; or forces
-/// or accelerations at the tool, without any joint. Writes DIR/diagnosis.json,
-/// DIR/model.toml (the model with what was found) and DIR/report.html. Measuring frames and places of reflectors are fitted along. Exit 0 whatever is said
-/// (without --apply); 2 for bad input, with nothing written. With --batch each recording of a manifest is diagnosed for itself, one Parquet file each
-/// (docs/batch.md); exit 1 where some were refused, 3 where some could not be read.
+/// Recordings contain joint positions and measurements: of the tool, reflectors, link-side joint positions, drive torques or currents; or forces
+/// or accelerations at the tool, without joint positions. Writes DIR/diagnosis.json,
+/// DIR/model.toml (the model with the effects found) and DIR/report.html. Measuring frames and reflector positions are estimated too. Exit 0 for every verdict
+/// (without --apply); 2 for invalid input, and nothing is written. With --batch, each recording of a manifest is diagnosed separately into one Parquet file
+/// (docs/batch.md); exit 1 if some were rejected, 3 if some could not be read.
 #[derive(Debug, Args)]
 pub(crate) struct Diagnose {
     #[command(flatten)]
     reading: Reading,
-    /// Where the result goes
+    /// Output folder
     #[arg(long, value_name = "DIR", default_value = "diagnosis")]
     out: PathBuf,
     #[command(flatten)]
     seed: Seed,
-    /// Swap the model with what was found into the running daemon of this cell: its configuration (CELL.toml), or its name. Only
-    /// where the verdict is `missing_physics`; else exit 1, and the daemon goes on with its model
+    /// Load the resulting model into the running daemon of this cell, given by its configuration (CELL.toml) or its name. Only
+    /// if the verdict is `missing_physics`; otherwise exit 1, and the daemon keeps its model
     #[arg(long, value_name = "CELL")]
     apply: Option<PathBuf>,
-    /// Torque and motion are compared below this frequency [default: 40, or a tenth of the sampling rate]
+    /// Cut-off frequency of the low-pass filter for torques and motion, Hz, above 0 [default: 40, or a tenth of the sampling rate]
     #[arg(long, value_name = "HZ", value_parser = band)]
     band: Option<f64>,
-    /// The tool error that is allowed, mm: the verdict says whether 95 of 100 held-out errors keep it, with the model as given and with what was found
+    /// Allowed tool error, mm, above 0: reports whether 95 % of the held-out errors are within it, with the given and with the resulting model
     #[arg(long, value_name = "MM", value_parser = tolerance_mm, allow_negative_numbers = true)]
     tolerance_mm: Option<f64>,
     #[command(flatten)]
@@ -74,7 +74,7 @@ impl Read {
         let read = match looked {
             Some(Looked::WithoutArm(alone)) if has_force(&alone.1) => {
                 if recordings.len() > 1 {
-                    let why = "recordings of forces alone are diagnosed one at a time";
+                    let why = "recordings with forces only are diagnosed one at a time; give one RECORDING";
                     return Err(Failure::input(why));
                 }
                 return Ok(Self::Forces(alone));
@@ -90,7 +90,7 @@ impl Read {
 
 /// A frequency above zero.
 fn band(text: &str) -> Result<f64, String> {
-    let hz: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    let hz: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
     if hz.is_finite() && hz > 0.0 {
         Ok(hz)
     } else {

@@ -6,15 +6,15 @@ use harness::doctor::{Check, Diagnosis, State, TimerlatSettings, diagnose};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::{Console, Paint};
 
-/// Check this machine: kernel, governor, idle states, isolation, limits, memory, clock; each with the fix
+/// Check this computer for real-time use: kernel, governor, idle states, isolation, limits, memory, clock; with the fix for each finding
 ///
-/// With `--measure` also how late the kernel wakes a real-time thread, and what the worst delay was made of, by `rtla timerlat` (needs root).
+/// With `--measure`, the wake-up latency of a real-time thread and the causes of the largest one are measured too, by `rtla timerlat` (requires root).
 #[derive(Debug, Args)]
 pub(crate) struct Doctor {
-    /// Measure wake-up latency for so long, s
+    /// Measure the wake-up latency for this time, s, 1 to 86400
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..=86_400))]
     measure: Option<u32>,
-    /// The delay at which the measurement stops and is analysed, µs
+    /// Latency at which the measurement stops and is analysed, µs, 5 to 1000
     #[arg(long, value_name = "US", requires = "measure", default_value_t = TimerlatSettings::LIMIT_US,
         value_parser = clap::value_parser!(u32).range(5..=1000))]
     limit_us: u32,
@@ -41,12 +41,12 @@ fn verdict(diagnosis: &Diagnosis) -> String {
     let open = if unknown.is_empty() {
         String::new()
     } else {
-        format!("; not known: {}", unknown.join(", "))
+        format!("; could not be checked: {}", unknown.join(", "))
     };
     if fix.is_empty() {
-        format!("\nnothing needs a fix{open}")
+        format!("\nno problem found{open}")
     } else {
-        format!("\nfix before a robot runs on this machine: {}{open}", fix.join(", "))
+        format!("\nfix before running a robot with this computer: {}{open}", fix.join(", "))
     }
 }
 

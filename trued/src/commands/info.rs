@@ -14,16 +14,16 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
 use crate::table::on_stdout;
 
-/// Show what a recording of the daemon holds
+/// Show the contents of a recording of the daemon
 ///
-/// Times, channels with their counts, models, robot, and whether the file was closed. One that was not, after a kill or on a full disk, is
-/// read as far as it goes by trued; other programs need `--repair`. The daemon repairs the files of its cell at its next start.
+/// Shows times, channels with message counts, models, robot, and whether the file was closed. A file that was not closed (daemon killed, disk full)
+/// is read by trued up to its end; other programs need `--repair` first. The daemon repairs the files of its cell at its next start.
 #[derive(Debug, Args)]
 pub(crate) struct InfoOf {
-    /// Replace a file that was not closed, or whose index is wrong, by a whole one with every message that can be read
+    /// Repair a file that was not closed or has an invalid index: replace it by a complete one with all readable messages
     #[arg(long)]
     repair: bool,
-    /// The recording
+    /// The recording (MCAP)
     #[arg(value_name = "FILE.mcap")]
     input: PathBuf,
 }
@@ -95,9 +95,9 @@ impl InfoOf {
             why => Failure::system(why),
         })?;
         match repaired {
-            Repair::NotNeeded => console.say("it is whole: nothing to repair"),
+            Repair::NotNeeded => console.say("the file is complete; nothing to repair"),
             Repair::Done { messages, .. } => {
-                console.say(format!("repaired: {} kept", count_u64(messages, "message")))
+                console.say(format!("repaired: {} recovered", count_u64(messages, "message")))
             }
         }
     }
@@ -131,7 +131,7 @@ impl InfoOf {
         console.say(format!("\n{}", on_stdout(&models)))?;
         if report.cycles_of_unknown_models > 0 {
             let cycles = count_u64(report.cycles_of_unknown_models, "cycle");
-            console.say(format!("{cycles} of models that the file does not hold"))?;
+            console.say(format!("{cycles} with models that the file does not contain"))?;
         }
         Ok(Answer::Done)
     }
@@ -192,11 +192,11 @@ fn model(model: &ModelInfo) -> Model<'_> {
 fn ending(info: &Info) -> String {
     match (&info.end, &info.repaired) {
         (End::Closed, None) => "yes".to_owned(),
-        (End::Closed, Some(_)) => "no; repaired, up to its last whole chunk".to_owned(),
+        (End::Closed, Some(_)) => "no; repaired up to the last complete chunk".to_owned(),
         (End::BeingWritten, _) => "no: a daemon is writing it".to_owned(),
-        (End::Cut(_), _) => "no; `trued info --repair` makes it whole".to_owned(),
+        (End::Cut(_), _) => "no; repair it with `trued info --repair`".to_owned(),
         (End::WrongIndex, _) => {
-            "yes, with a wrong index; `trued info --repair` mends it".to_owned()
+            "yes, with an invalid index; repair it with `trued info --repair`".to_owned()
         }
     }
 }

@@ -19,30 +19,30 @@ use crate::in_time::{InTime, plants, settled};
 use crate::input::{Reading, unusable};
 use crate::output::Console;
 
-/// Learn from a measured run: the same path, commanded better the next time
+/// Improve the commands of a repeated path from measured runs (iterative learning control)
 ///
-/// PATH is the table of `trued correct --dynamic` or of the last `trued learn`: what was wanted (q) and what was commanded (c); a path without corrected joints was
-/// commanded as it is. MEASURED is what came of it: joint positions of the link or motor side, or points of the tool; several files are several runs of the
-/// same commands, which tells what repeats. Run the table that is written, measure it, learn again: two to four times.
+/// PATH is the output of `trued correct --dynamic` or of the previous `trued learn`, with desired (q) and commanded (c) positions; a path without corrected joints was
+/// commanded as it is. MEASURED are measurements of its runs: link-side or motor-side joint positions, or points of the tool. Several files are several runs of the
+/// same commands and separate repeatable from random errors. Run the output table, measure it, and learn again: two to four times.
 #[derive(Debug, Args)]
 pub(crate) struct Learn {
     #[command(flatten)]
     reading: Reading,
-    /// The cell that PATH was corrected in, where `trued correct` was given one
+    /// Cell configuration with which PATH was corrected, if one was given to `trued correct`
     #[arg(long, value_name = "CELL.toml")]
     config: Option<PathBuf>,
-    /// Where the next commands go; if not given, `NAME.next.csv` in the present folder
+    /// Output file for the next commands; if not given, `NAME.next.csv` in the current folder
     #[arg(long, value_name = "FILE.csv")]
     out: Option<PathBuf>,
-    /// What the clock of MEASURED must be set forward by, ms, or `unknown`: it is found from the motion
+    /// Time to add to the timestamps of MEASURED, ms, or `unknown`: estimated from the motion
     #[arg(long, value_name = "MS|unknown", default_value = "0", value_parser = clock, allow_hyphen_values = true)]
     clock_offset_ms: Clock,
     #[command(flatten)]
     in_time: InTime,
-    /// What was wanted and commanded
+    /// Desired and commanded joint positions
     #[arg(value_name = "PATH.csv")]
     path: PathBuf,
-    /// What was measured, a file for each run
+    /// Measurements, one file for each run
     #[arg(value_name = "MEASURED", required = true)]
     measured: Vec<PathBuf>,
 }

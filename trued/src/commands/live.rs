@@ -22,21 +22,21 @@ const NAP: Duration = Duration::from_millis(50);
 /// the machine.
 const TOKEN: &str = "TRUED_LIVE_TOKEN";
 
-/// Show a running cell in a browser, in Foxglove or PlotJuggler, and to Prometheus
+/// Monitor a running cell in a browser, in Foxglove or PlotJuggler, and with Prometheus
 ///
-/// A process of its own that only looks: the daemon opens no socket, and nothing that comes over the network reaches it. Serves a page (/),
+/// A separate, read-only process: the daemon opens no socket, and no request from the network reaches it. Serves a page (/),
 /// the status as JSON (/status) and as server-sent events (/events), metrics (/metrics), and on a second port a WebSocket stream of the
-/// topics of the recordings (protocol foxglove.sdk.v1). Listens on this machine alone; for another address set `TRUED_LIVE_TOKEN`, and open
-/// http://HOST:PORT/?token=TOKEN. Runs until interrupted, and goes on when the daemon ends and comes back.
+/// topics of the recordings (protocol foxglove.sdk.v1). Listens on this computer only; to listen on another address, set `TRUED_LIVE_TOKEN` and open
+/// http://HOST:PORT/?token=TOKEN. Runs until interrupted, and reconnects after a restart of the daemon.
 #[derive(Debug, Args)]
 pub(crate) struct LiveOf {
-    /// Where page, status and metrics are served
+    /// Address for page, status and metrics
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:9177")]
     listen: SocketAddr,
-    /// Where the stream for Foxglove is served
+    /// Address for the Foxglove stream
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8765")]
     foxglove: SocketAddr,
-    /// Serve nothing; write the metrics to this file every 5 s, for the textfile collector of node_exporter
+    /// Do not serve; write the metrics to this file every 5 s, for the textfile collector of node_exporter
     #[arg(long, value_name = "FILE", conflicts_with_all = ["listen", "foxglove"])]
     textfile: Option<PathBuf>,
     #[command(flatten)]
@@ -87,7 +87,10 @@ fn write_metrics(console: &mut Console, cell: &str, mut monitor: Monitor, file: 
         let report = monitor.status().map(|status| Report::of(cell, &status, away));
         let text = live::metrics_text(cell, report.as_ref()).map_err(Failure::system)?;
         replace(file, &text).map_err(|why| {
-            Failure::system(format!("cannot write {}: {why}; is its folder there?", file.display()))
+            Failure::system(format!(
+                "cannot write {}: {why}; check that its folder exists and is writable",
+                file.display()
+            ))
         })?;
         while begun.elapsed() < TEXT_EVERY && interrupt::check(&stop).is_ok() {
             std::thread::sleep(NAP);

@@ -17,7 +17,7 @@ use crate::input;
 use crate::output::Console;
 use crate::table::on_stdout;
 
-/// Look at robots: the presets that come along, and model files; take them from a URDF or write one
+/// List and show robot models; import a model from a URDF or export it as one
 #[derive(Debug, Args)]
 pub(crate) struct Model {
     #[command(subcommand)]
@@ -26,14 +26,14 @@ pub(crate) struct Model {
 
 #[derive(Debug, Subcommand)]
 enum What {
-    /// List the robots that come along
+    /// List the built-in robot models (presets)
     Presets,
-    /// Show a model: joints, limits, masses, effects with their uncertainty, what is not compensated
+    /// Show a model: joints, limits, masses, effects with their uncertainties, and which effects are not compensated
     Show {
         /// A model file, or the name of a preset
         #[arg(value_name = "MODEL")]
         model: PathBuf,
-        /// Print the file itself, to start a model of one's own: `trued model show ur10e --toml > robot.toml`
+        /// Print the model file, as a template for your own: `trued model show ur10e --toml > robot.toml`
         #[arg(long)]
         toml: bool,
     },

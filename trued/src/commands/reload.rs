@@ -19,20 +19,20 @@ use crate::output::Console;
 const FOUND_WITHIN: Duration = Duration::from_secs(2);
 const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 
-/// Load a changed model into the running daemon, without a missed cycle
+/// Load a changed model into the running daemon without missing a cycle
 ///
-/// Exit 1 where the daemon refuses the model: it then goes on with the one it has. Models of another robot, and those whose limits the
-/// arm is already outside of, are refused. `trued diagnose --apply` does the same with the
+/// Exit 1 if the daemon rejects the model; it then keeps its current one. It rejects a model of another robot, and one with joint limits that the
+/// arm is outside of. `trued diagnose --apply` does the same with the
 /// model that it has written.
 #[derive(Debug, Args)]
 pub(crate) struct Reload {
     /// The cell's configuration
     #[arg(long, value_name = "CELL.toml")]
     config: PathBuf,
-    /// The model: a file or a preset; if not given, the file that is loaded now, read again
+    /// The model: a file or a preset; if not given, the current file is read again
     #[arg(value_name = "MODEL")]
     model: Option<PathBuf>,
-    /// Load a model of another robot too, or one whose limits the arm is outside of: in shadow mode only
+    /// Load the model even if it is of another robot or the arm is outside its limits; in shadow mode only
     #[arg(long)]
     other_robot: bool,
 }
@@ -99,9 +99,9 @@ impl Swap {
                 Ok(Answer::Done)
             }
             trued_client::Answer::Refused => {
-                console.say(format!("refused: {message}"))?;
+                console.say(format!("rejected: {message}"))?;
                 console.say(
-                    "the daemon goes on with its model; `trued check MODEL` reports every fault",
+                    "the daemon keeps its current model; `trued check MODEL` reports every error of a file",
                 )?;
                 Ok(Answer::No)
             }

@@ -35,18 +35,18 @@ const JUDGED_AT_ONCE: usize = 128;
 /// Significant digits of the latency histogram.
 const DIGITS: u8 = 3;
 
-/// Drive the daemon from a recording, over shared memory
+/// Replay a recording through the daemon over shared memory
 ///
-/// Starts a daemon of its own in a private place and sends it the recording row by row, each as soon as the one before
-/// was answered. With kind = "poses" in the TOML beside the recording each row is the settled solution.
+/// Starts a separate daemon and sends it the recording row by row, each row as soon as the previous one
+/// was answered. With kind = "poses" in the accompanying TOML, each row gets its steady-state correction.
 #[derive(Debug, Args)]
 pub(crate) struct Replay {
     #[command(flatten)]
     reading: Reading,
-    /// Write the answers: the recording's columns, `c1_deg` … (`c1_mm`), `status`
+    /// Write the corrections: the columns of the recording, `c1_deg` … (`c1_mm`), `status`
     #[arg(long, value_name = "FILE.csv")]
     corrections: Option<PathBuf>,
-    /// At the recording's own pace; else as fast as it goes
+    /// Replay in real time; without it, as fast as possible
     #[arg(long)]
     pace: bool,
     /// The recording

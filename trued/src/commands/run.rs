@@ -12,16 +12,16 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
 use crate::{interrupt, logs};
 
-/// Run the daemon for one cell, or for several, until it is told to end
+/// Run the daemon for one or several cells, until it is interrupted or terminated
 #[derive(Debug, Args)]
 pub(crate) struct Run {
-    /// The cell's configuration; given again, a further cell's: they start and end together
+    /// Configuration of the cell; repeat it for several cells, which start and stop together
     #[arg(long, value_name = "CELL.toml", required = true, num_args = 1)]
     config: Vec<PathBuf>,
-    /// Commands pace the cycle and carry the time, as in a replay: nothing is stale, poses may be settled
+    /// Take the time from the commands, as in a replay: inputs do not become stale, and poses may be corrected in steady state
     #[arg(long)]
     lockstep: bool,
-    /// End with the process that started this one, however it ends: in order, or at once, even where this one is stopped then
+    /// End when the parent process ends: term (clean shutdown) or kill (at once, even while stopped)
     #[arg(long, hide = true, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "term")]
     with_parent: Option<Ending>,
 }
@@ -46,8 +46,9 @@ impl Run {
         names.sort_unstable();
         if let Some(twice) = names.windows(2).find(|two| two[0] == two[1]) {
             let name = twice[0];
-            let why =
-                format!("--config: two of the files are for cell `{name}`, expected one each");
+            let why = format!(
+                "--config: two files configure the cell `{name}`, expected one for each cell"
+            );
             return Err(Failure::input(why));
         }
         logs::never_wait()?;

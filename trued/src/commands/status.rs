@@ -29,13 +29,13 @@ const NAP: Duration = Duration::from_millis(50);
 /// Clears a terminal and begins at its top.
 const CLEAR: &str = "\u{1b}[H\u{1b}[2J";
 
-/// Show how a running cell is
+/// Show the state of a running cell
 ///
-/// Health and its reason, mode, bypass, robot and model, commands, latency, forces, vibration, recorder. With `--json -` the same as one
-/// JSON object. Exit 3 where no daemon serves the cell. `trued bypass off` lets a correction in again that a client left bypassed.
+/// Shows health with its reason, mode, bypass, robot and model, commands, latency, forces, vibration and recorder. With `--json -`, the same as one
+/// JSON object. Exit 3 if no daemon runs the cell. `trued bypass off` enables the correction again after a client has bypassed it.
 #[derive(Debug, Args)]
 pub(crate) struct StatusOf {
-    /// Show it anew each second, until interrupted
+    /// Refresh every second, until interrupted
     #[arg(long)]
     watch: bool,
     #[command(flatten)]
@@ -70,9 +70,11 @@ fn show(console: &mut Console, cell: &str, monitor: &mut Monitor) -> Outcome {
         }
         if begun.elapsed() > FIRST_WITHIN {
             let words = format!(
-                "cell `{cell}`: joined its daemon, and no status came within {FIRST_WITHIN:?}"
+                "cell `{cell}`: connected to the daemon, but received no status within {FIRST_WITHIN:?}"
             );
-            return Err(Failure::system(format!("{words}; is it stopped or overloaded?")));
+            return Err(Failure::system(format!(
+                "{words}; check whether it is stopped or overloaded"
+            )));
         }
         std::thread::sleep(LOOK_EVERY);
     };

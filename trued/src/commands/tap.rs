@@ -16,48 +16,48 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
 use crate::wrap;
 
-/// Analyse impact (tap) tests: natural frequencies and damping, into the model
+/// Analyse impact (tap) tests: identify natural frequencies and damping, and write them into a model
 ///
-/// Each FILE holds the force of an instrumented hammer and the response, of one hit or of several, or response functions
-/// that were measured elsewhere (UFF 58; tables with --frf). Hits are found by their force; double hits, overloads and
-/// hits cut short are left out and named. Three hits or more give a coherence; modes of fewer are marked unverified.
-/// Exit 1 where no mode is found; then no model is written.
+/// Each FILE contains the force of an instrumented hammer and the response, of one or several hits, or frequency response functions
+/// measured with another program (UFF 58, or tables with --frf). Hits are detected by their force; double hits, overloads and
+/// truncated hits are rejected and listed. Coherence requires three or more hits; modes from fewer are marked unverified.
+/// Exit 1 if no mode is found; then no model is written.
 #[derive(Debug, Args)]
 pub(crate) struct Tap {
-    /// The hammer's force, by name or by number from 1; needed where units do not tell it
+    /// Column of the hammer's force, by name or by number from 1; required if the units do not identify it
     #[arg(long, value_name = "C", requires = "response")]
     force: Option<String>,
-    /// The response, likewise
+    /// Column of the response, by name or by number from 1
     #[arg(long, value_name = "C", requires = "force")]
     response: Option<String>,
-    /// What the response is, where its unit does not tell it; its values are then SI
+    /// Quantity of the response, if its unit does not identify it; the values are then SI
     #[arg(long, value_name = "KIND", value_enum)]
     response_kind: Option<Kind>,
-    /// Force of one unit of the file, N, e.g. the inverse of the hammer's sensitivity
+    /// Scale factor of the force, N per unit of the file, e.g. the inverse of the hammer's sensitivity
     #[arg(long, value_name = "N")]
     force_scale: Option<f64>,
-    /// Response of one unit of the file, SI; needs --response-kind
+    /// Scale factor of the response, SI per unit of the file; requires --response-kind
     #[arg(long, value_name = "SI", requires = "response_kind")]
     response_scale: Option<f64>,
-    /// Samples per second, where no column tells the time
+    /// Sampling rate, Hz, if the file has no time column
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Files are tables of a response function: frequency in Hz, real part, imaginary part
+    /// Files are tables of a frequency response function: frequency in Hz, real part, imaginary part
     #[arg(long, requires = "response_kind", conflicts_with_all = ["force", "rate", "block_s"])]
     frf: bool,
-    /// h1: noise on the response averages out; h2: noise on the force
+    /// Estimator of the response function. h1: unbiased by noise of the response; h2: by noise of the force
     #[arg(long, value_name = "h1|h2", value_enum, default_value_t, hide_possible_values = true)]
     estimator: Estimate,
-    /// Least coherence at a mode
+    /// Minimum coherence at a mode, 0 to 1
     #[arg(long, value_name = "0..1", default_value_t = LEAST_COHERENCE)]
     coherence_least: f64,
-    /// Look for modes between these frequencies, Hz; if not given, as far as the hammer excites
+    /// Frequency range of the modes, Hz; if not given, the range that the hammer excites
     #[arg(long, value_names = ["LOW", "HIGH"], num_args = 2)]
     band: Option<Vec<f64>>,
-    /// Length of each hit's record, s; if not given, as long as the hits allow
+    /// Length of the block for each hit, s; if not given, the longest that the hits allow
     #[arg(long, value_name = "S")]
     block_s: Option<f64>,
-    /// auto: zero force outside the contact, exponential window where the response has not rung down; none: as recorded
+    /// auto: set the force to zero outside the contact, and apply an exponential window if the response has not decayed; none: no windows
     #[arg(
         long,
         value_name = "auto|none",
@@ -66,19 +66,19 @@ pub(crate) struct Tap {
         hide_possible_values = true
     )]
     windows: Windowing,
-    /// Direction of hit and response in the base frame, for the model
+    /// Direction of hit and response in the base frame, for the modes of the model
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     direction: Option<Direction>,
-    /// The robot's model whose modal list is to be renewed: a file, or the name of a preset
+    /// Robot model whose modes are replaced: a file, or the name of a preset
     #[arg(long, value_name = "MODEL", requires = "out")]
     model: Option<PathBuf>,
-    /// Where the model with the measured modes goes
+    /// Output file for the model with the measured modes
     #[arg(long, value_name = "MODEL2", requires = "model")]
     out: Option<PathBuf>,
-    /// Write a page with hits, response function, signs of the modes and coherence
+    /// Write a page with hits, frequency response function, mode indicators and coherence
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Records of hits, or response functions
+    /// Recordings of hits, or frequency response functions
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
 }
@@ -143,7 +143,7 @@ impl FromStr for Direction {
         let length = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let usable = |v: &[f64; 3]| length(v) > 0.0 && length(v).is_finite();
         let vector =
-            vector.filter(usable).ok_or("expected three numbers, not all 0, e.g. 0,1,0")?;
+            vector.filter(usable).ok_or("expected three numbers X,Y,Z, not all 0, e.g. 0,1,0")?;
         Ok(Self(vector.map(|x| x / length(&vector))))
     }
 }

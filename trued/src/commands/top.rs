@@ -6,12 +6,12 @@ use super::control::Which;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 
-/// Watch a running cell on the terminal, and steer it by keys
+/// Monitor a running cell on the terminal, and operate it by keys
 ///
-/// State with its reason, correction of each joint as a share of its limit, latency beside the period, missed and refused commands, vibration,
-/// what happened. Keys: b bypass on or off, s shadow, l limited, f full, a arm, r reload the model, space freezes the display, q quits.
-/// What may let a correction in is asked again (y). Made for 80 columns and 24 rows; nothing is written where nothing changed, for slow
-/// lines. `trued status --watch` needs no terminal.
+/// Shows the state with its reason, the correction of each joint relative to its limit, the latency relative to the period, missed and rejected commands,
+/// vibration and recent events. Keys: b bypass on or off, s shadow, l limited, f full, a arm, r reload the model, space freezes the display, q quits.
+/// Requests that can enable a correction must be confirmed (y). Designed for 80 columns and 24 rows; only changes are written, for slow
+/// connections. `trued status --watch` works without a terminal.
 #[derive(Debug, Args)]
 pub(crate) struct Top {
     #[command(flatten)]

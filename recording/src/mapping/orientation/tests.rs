@@ -135,10 +135,10 @@ fn an_orientation_that_is_not_said_or_is_none_is_refused() {
         ("from = [1, 2, 3], convention = \"rpy\", unit = \"deg\"", "1 2 3", "roll pitch yaw"),
         ("from = [1, 2, 3], convention = \"ZyX\", unit = \"deg\"", "1 2 3", "is \"ZyX\""),
         ("from = [1, 2, 3], convention = \"XXY\", unit = \"deg\"", "1 2 3", "is \"XXY\""),
-        ("from = [1, 2, 3], convention = \"ZYX\", unit = \"mm\"", "1 2 3", "a unit of angles"),
+        ("from = [1, 2, 3], convention = \"ZYX\", unit = \"mm\"", "1 2 3", "a unit of angle"),
         ("from = [1, 2, 3, 4], convention = \"wxyz\", unit = \"deg\"", "1 0 0 0", "no unit here"),
         ("from = [1, 2], convention = \"ZYX\", unit = \"deg\"", "1 2", "has 2 columns"),
-        ("from = [1, 1, 2], convention = \"ZYX\", unit = \"deg\"", "1 2 3", "names `1` twice"),
+        ("from = [1, 1, 2], convention = \"ZYX\", unit = \"deg\"", "1 2 3", "lists `1` twice"),
         ("from = [1, 2, 7], convention = \"ZYX\", unit = \"deg\"", "1 2 3", "`7`: is not a column"),
         ("from = [1, 2, 3, 4], convention = \"xyzw\"", "1 1 0 0", "the quaternion's length"),
         (
@@ -151,7 +151,7 @@ fn an_orientation_that_is_not_said_or_is_none_is_refused() {
             "1 0 0 0 1.01 0 0 0 1",
             "x.csv:1:1",
         ),
-        ("from = \"a\", convention = \"ZYX\", unit = \"deg\"", "1 2 3", "is no list of columns"),
+        ("from = \"a\", convention = \"ZYX\", unit = \"deg\"", "1 2 3", "is not a list of columns"),
     ] {
         apply(entry, &format!("{rows}\n")).unwrap_err().assert_say(says);
     }

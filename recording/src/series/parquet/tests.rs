@@ -93,7 +93,10 @@ fn a_missing_column_and_a_date_are_reported_with_their_name() {
     assert!(no_time.contains("t_s") && no_time.contains("is missing"), "{no_time}");
     let date = "int64 q2_deg (TIMESTAMP(MILLIS,true))";
     let dated = said(&SCHEMA.replace("int64 q2_deg", date));
-    assert!(dated.contains("q2_deg") && dated.contains("a recording counts seconds"), "{dated}");
+    assert!(
+        dated.contains("q2_deg") && dated.contains("a recording has times in seconds"),
+        "{dated}"
+    );
 }
 
 #[test]

@@ -22,11 +22,11 @@ const QUICK_SECONDS: f64 = 1.5;
 /// Which policies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Policies {
-    /// `SCHED_FIFO` where it is granted, else the ordinary scheduler
+    /// `SCHED_FIFO` if permitted, otherwise `SCHED_OTHER`
     Auto,
-    /// `SCHED_FIFO`; refused, nothing is measured
+    /// `SCHED_FIFO`; if it is not permitted, nothing is measured
     Fifo,
-    /// The ordinary scheduler
+    /// `SCHED_OTHER`, the default scheduler
     Other,
     /// Both, one after the other
     Both,
@@ -37,20 +37,20 @@ enum Policies {
 enum Model {
     /// The 44 effects of the thesis
     Thesis,
-    /// The 20 effects that one correction is timed with beside other programs
+    /// The 20 effects of the comparison of one correction with other programs
     Twenty,
 }
 
 /// Options of the measurement.
 #[derive(Debug, Clone, Args)]
 pub(super) struct Asked {
-    /// The short form: at most 30 s
+    /// Short form: every part once without load, at most 30 s in all
     #[arg(long, conflicts_with_all = ["rates", "loads", "waits", "stages", "seconds"])]
     quick: bool,
-    /// A running cell instead of a daemon of the bench's own; no other client may command it meanwhile
+    /// Measure this running cell instead of a separate daemon; no other client may command it meanwhile
     #[arg(long, value_name = "NAME")]
     cell: Option<String>,
-    /// Model of the bench's own daemon: thesis (44 effects), twenty (20 effects: those a correction is timed with beside other programs)
+    /// Model of the daemon under test: thesis (44 effects), twenty (20 effects, those of the comparison with other programs)
     #[arg(
         long,
         value_enum,
@@ -59,23 +59,23 @@ pub(super) struct Asked {
         hide_possible_values = true
     )]
     model: Model,
-    /// Scheduling of the measuring threads and the daemon's cycle: auto (fifo where it is granted), fifo, other, both
+    /// Scheduling of the measuring threads and of the daemon's cycle: auto (fifo if permitted), fifo, other, both (one after the other)
     #[arg(long, value_enum, default_value = "auto", hide_possible_values = true)]
     policy: Policies,
-    /// Priority under `SCHED_FIFO`
+    /// Priority under `SCHED_FIFO`, 2 to 98
     #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(2..=98))]
     priority: u8,
-    /// Core of the client and core of the daemon; the last isolated ones if not given
+    /// Core of the client and core of the daemon; if not given, the last isolated cores
     #[arg(long, value_name = "A,B", value_delimiter = ',', num_args = 1)]
     cores: Vec<usize>,
-    /// Commands per second, one after the other
+    /// Command rates to measure, Hz
     #[arg(long = "rate", value_name = "HZ,…", value_delimiter = ',', default_value = "1000,4000,10000",
           value_parser = clap::value_parser!(u32).range(10..=10_000))]
     rates: Vec<u32>,
-    /// Loads, one after the other: idle, all, or kinds joined by + (memory, cache, disk, network)
+    /// Loads to measure: idle, all, or kinds joined by + (memory, cache, disk, network)
     #[arg(long = "load", value_name = "LOAD,…", value_delimiter = ',', default_value = "idle,all")]
     loads: Vec<String>,
-    /// How the daemon waits for commands, one after the other: sleep, spin; a running cell waits its own way
+    /// How the daemon waits for commands: sleep, spin. Not for a running cell, which waits as configured
     #[arg(
         long = "wait",
         conflicts_with = "cell",
@@ -87,10 +87,10 @@ pub(super) struct Asked {
     /// Parts to run: flat, woken, paced, force, start, swap, cost
     #[arg(long = "only", value_name = "PART,…", value_delimiter = ',')]
     stages: Vec<String>,
-    /// How long each part takes, for each policy, load, rate and wait: 10, 90s, 10m, 2h
+    /// Duration of each part, for each combination of policy, load, rate and wait: 10 (seconds), 90s, 10m, 2h
     #[arg(long, value_name = "TIME", default_value = "5", value_parser = seconds)]
     seconds: f64,
-    /// Starts of a daemon to be measured
+    /// Number of daemon starts to measure, 1 to 10000
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     starts: u32,
 }
@@ -100,7 +100,7 @@ impl Asked {
         let cores = match self.cores.as_slice() {
             [] => None,
             [a, b] => Some([*a, *b]),
-            _ => return Err(Failure::input("--cores: expected two, for example 2,3")),
+            _ => return Err(Failure::input("--cores: expected two core numbers, for example 2,3")),
         };
         if let Some(cell) = &self.cell {
             Cell::new(cell).map_err(|fault| Failure::input(format!("--cell: {fault}")))?;
@@ -188,7 +188,7 @@ fn all<T>(
 ) -> Result<Vec<T>, Failure> {
     let one = |word: &String| {
         read(word).map_err(|known| {
-            Failure::input(format!("{option}: `{word}` is unknown, expected of {known}"))
+            Failure::input(format!("{option}: unknown value `{word}`, expected one of: {known}"))
         })
     };
     words.iter().map(one).collect()

@@ -12,7 +12,7 @@ use super::scene::Scene;
 pub(super) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&Log>) -> Page {
     let milled = &report.milled;
     let rows = log.rows.get(scene.dwell..).unwrap_or(&[]);
-    Page::new("The tool goes where it was told to go")
+    Page::new("Accuracy with and without correction")
         .kicker("trued demo: a simulated cell")
         .robot(format!("{}, simulated", milled.robot))
         .verdict(tone(report), word(report), &sentence(scene, report))
@@ -22,29 +22,29 @@ pub(super) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&L
             &error_over_time(rows, again.map(|log| log.rows.as_slice())).render(),
         )
         .next(
-            "Diagnose a recording of your own robot: joint positions and what was measured at its tool.",
+            "Diagnose a recording of your own robot: joint positions and measurements of its tool.",
             Some("trued diagnose --model ROBOT.toml RECORDING.csv"),
         )
-        .section("Where the tool went")
+        .section("Tool error")
         .table(&errors(report))
-        .figure("How often which error occurred.", &histogram(rows).render())
-        .section("What was corrected")
+        .figure("Distribution of the tool error.", &histogram(rows).render())
+        .section("Corrections")
         .figure("Published target minus command, joint by joint.", &corrections(scene, rows).render())
-        .section("What the model lacked")
-        .text("The robot measured itself, the recording was diagnosed, the model was changed in the running daemon. What was said:")
+        .section("Diagnosis")
+        .text("The robot was measured, the recording was diagnosed, and the resulting model was loaded into the running daemon. Result:")
         .list(&report.told.says)
-        .text(&format!("The truth, revealed afterwards: {}", report.told.truth))
-        .section("The time it took")
+        .text(&format!("True effect, revealed afterwards: {}", report.told.truth))
+        .section("Latency")
         .text(
             "From sending the command to holding the corrected target, between two processes on this machine. A desktop or \
              virtual machine's kernel is no real-time kernel: its tail says nothing about a controller's.",
         )
         .figure("Round trip over shared memory.", &latency(log).render())
-        .section("The cut that rings")
-        .text(&format!("The daemon receives force samples at 10 kHz. The truth: {}.", milled.ringing.words))
-        .figure("Force on the tool across the ringing, tool axes.", &force(scene, log).render())
+        .section("Chatter")
+        .text(&format!("The daemon receives force samples at 10 kHz. Simulated chatter: {}.", milled.ringing.words))
+        .figure("Force on the tool during the chatter, tool axes.", &force(scene, log).render())
         .table(&events(milled))
-        .footer("The recording beside this page holds every cycle.")
+        .footer("The recording in the folder of this page contains every cycle.")
 }
 
 fn tone(report: &Report) -> Tone {
@@ -53,9 +53,9 @@ fn tone(report: &Report) -> Tone {
 
 fn word(report: &Report) -> &'static str {
     if report.told.named_right {
-        "corrected, and the hidden effect named"
+        "corrected, hidden effect identified"
     } else {
-        "corrected, the hidden effect not named"
+        "corrected, hidden effect not identified"
     }
 }
 
@@ -63,13 +63,10 @@ fn sentence(scene: &Scene, report: &Report) -> String {
     let errors = &report.milled.tool_error_mm;
     let [without, with] = [errors.without.mean, errors.with.mean].map(|mm| significant(mm, 2));
     let after = report.tool_error_after_diagnosis_mm.as_ref().map_or(String::new(), |after| {
-        format!(
-            ", and {} mm once the diagnosis had named what the model lacked",
-            significant(after.mean, 2)
-        )
+        format!(", and {} mm after the diagnosis", significant(after.mean, 2))
     });
     format!(
-        "{} mills {}: its tool is {without} mm off in the mean without correction, {with} mm with the calibrated model{after}.",
+        "{} mills {}: the mean tool error is {without} mm without correction, {with} mm with the calibrated model{after}.",
         report.milled.robot,
         scene.what()
     )
@@ -77,10 +74,11 @@ fn sentence(scene: &Scene, report: &Report) -> String {
 
 fn numbers(report: &Report) -> Vec<Number> {
     let errors = &report.milled.tool_error_mm;
-    let share = |mean: f64| format!("{:.0} % of that without", 100.0 * mean / errors.without.mean);
+    let share =
+        |mean: f64| format!("{:.0} % of the uncorrected error", 100.0 * mean / errors.without.mean);
     let with = errors.with.mean;
     let mut numbers = vec![
-        Number::new("Mean tool error without", errors.without.mean, "mm"),
+        Number::new("Mean tool error, uncorrected", errors.without.mean, "mm"),
         Number::new("With the calibrated model", with, "mm").note(share(with)),
     ];
     if let Some(after) = &report.tool_error_after_diagnosis_mm {
@@ -114,7 +112,7 @@ fn error_over_time(rows: &[Row], again: Option<&[Row]>) -> Plot {
         Some(rows) => {
             let line = rows.iter().map(|row| (row.t_s + start_s, row.with_mm));
             plot.series(
-                Series::line("with what was found", line.collect::<Vec<_>>()).role(Role::After),
+                Series::line("after the diagnosis", line.collect::<Vec<_>>()).role(Role::After),
             )
         }
         None => plot,
@@ -184,21 +182,24 @@ fn errors(report: &Report) -> Table {
         .row(row("without correction", &errors.without))
         .row(row("with correction, as calibrated", &errors.with));
     match &report.tool_error_after_diagnosis_mm {
-        Some(after) => table.row(row("with what was found", after)),
+        Some(after) => table.row(row("after the diagnosis", after)),
         None => table,
     }
 }
 
 fn events(report: &Milled) -> Table {
-    let heads = ["Time, s", "State", "Frequency, Hz", "Amplitude, N", "Axis", "In words"];
-    report.vibration.iter().fold(Table::new("What the daemon said", heads), |table, event| {
-        table.row([
-            event.t_s.into(),
-            event.state.as_str().into(),
-            event.frequency_Hz.into(),
-            event.amplitude_N.into(),
-            event.axis.as_str().into(),
-            event.says.as_str().into(),
-        ])
-    })
+    let heads = ["Time, s", "State", "Frequency, Hz", "Amplitude, N", "Axis", "Message"];
+    report.vibration.iter().fold(
+        Table::new("Vibration messages of the daemon", heads),
+        |table, event| {
+            table.row([
+                event.t_s.into(),
+                event.state.as_str().into(),
+                event.frequency_Hz.into(),
+                event.amplitude_N.into(),
+                event.axis.as_str().into(),
+                event.says.as_str().into(),
+            ])
+        },
+    )
 }

@@ -70,7 +70,7 @@ fn parse(line: &str) -> Result<(bool, Told), Failure> {
     let (again, told) = match (line.strip_prefix("again "), line.strip_prefix("end ")) {
         (Some(told), _) => (true, told),
         (None, Some(told)) => (false, told),
-        _ => return Err(Failure::system("the demo's cell was told something unknown")),
+        _ => return Err(Failure::system("the demo's cell received an unknown instruction")),
     };
     Ok((again, serde_json::from_str(told).map_err(Failure::system)?))
 }

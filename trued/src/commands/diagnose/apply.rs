@@ -26,14 +26,14 @@ pub(super) fn cell(config_or_name: &Path) -> Result<String, Failure> {
 /// Loads the model in `dir` into the daemon of `cell`, or reports why not.
 pub(super) fn apply(console: &mut Console, cell: &str, found: &Diagnosed, dir: &Path) -> Outcome {
     if let Some(why) = why_not(found) {
-        console.say(format!("not applied: {why}; the daemon goes on with its model"))?;
+        console.say(format!("not applied: {why}; the daemon keeps its current model"))?;
         return Ok(Answer::No);
     }
     let model = dir.join(MODEL);
     let answer = Swap::ask(cell, Some(&model))?.tell(console)?;
     if answer == Answer::Done {
         console.say(format!(
-            "until the daemon of {cell} starts again; to keep it, make {} the `model` of its configuration",
+            "valid until the daemon of {cell} restarts; to keep it, set `model` in its configuration to {}",
             model.display()
         ))?;
     }
@@ -44,11 +44,11 @@ pub(super) fn apply(console: &mut Console, cell: &str, found: &Diagnosed, dir: &
 fn why_not(found: &Diagnosed) -> Option<&'static str> {
     match found.diagnosis.as_ref().map(|diagnosis| diagnosis.verdict) {
         Some(Verdict::MissingPhysics) => None,
-        Some(Verdict::Consistent) => Some("nothing is missing, so there is nothing to apply"),
+        Some(Verdict::Consistent) => Some("the model explains the recordings; nothing to apply"),
         Some(Verdict::UnknownStructure) => {
-            Some("no known effect explains a part of the difference")
+            Some("part of the error is not explained by any known effect")
         }
-        Some(Verdict::Undetermined) => Some("several effects explain the mismatch alike"),
-        None => Some("the recordings cannot be judged"),
+        Some(Verdict::Undetermined) => Some("several effects explain the error equally well"),
+        None => Some("the recordings do not allow a verdict"),
     }
 }

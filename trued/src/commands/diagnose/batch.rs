@@ -29,15 +29,15 @@ const LISTED_MAX: usize = 10;
 
 #[derive(Debug, Args)]
 pub(super) struct Batch {
-    /// Diagnose each recording of this manifest for itself; DIR gets one Parquet file for each (docs/batch.md)
+    /// Diagnose each recording of this manifest separately; writes one Parquet file for each to DIR (docs/batch.md)
     #[arg(long, value_name = "MANIFEST", help_heading = "Batches")]
     #[arg(conflicts_with_all = ["recordings", "model", "mapping", "seed", "band", "tolerance_mm", "apply"])]
     pub(super) batch: Option<PathBuf>,
-    /// Only the I-th of N parts of the manifest: its recordings I, I + N, I + 2 N …
+    /// Process only shard I of N: recordings I, I + N, I + 2 N … of the manifest
     #[arg(long, value_name = "I/N", help_heading = "Batches")]
     #[arg(requires = "batch", conflicts_with = "recordings")]
     shard: Option<Shard>,
-    /// Keep results that are there and whole, and go on with the rest
+    /// Keep existing complete results and process the rest
     #[arg(long, help_heading = "Batches")]
     #[arg(requires = "batch", conflicts_with_all = ["overwrite", "recordings"])]
     resume: bool,
@@ -191,7 +191,7 @@ fn say(summary: &Summary, out: &Path, outputs: Outputs, console: &mut Console) -
     if !summary.unread.is_empty() {
         let unread = count(summary.unread.len(), "recording");
         let why = format!(
-            "no result for {unread} that could not be read: the same command with --resume tries again"
+            "no result for {unread} that could not be read; run the same command with --resume to retry"
         );
         return Err(Failure::system(why));
     }

@@ -15,11 +15,11 @@ pub(super) fn alone(
     console: &mut Console,
 ) -> Outcome {
     if asked.apply.is_some() {
-        return Err(Failure::input("--apply: forces alone say nothing of where the tool is"));
+        return Err(Failure::input("--apply: forces alone do not determine tool position errors"));
     }
     if asked.tolerance_mm.is_some() {
         return Err(Failure::input(
-            "--tolerance-mm: forces alone say nothing of where the tool is",
+            "--tolerance-mm: forces alone do not determine tool position errors",
         ));
     }
     let mut outputs = outputs(console.outputs(), &asked.out);

@@ -81,7 +81,7 @@ pub(super) fn run(console: &mut Console, path: &PathBuf, model: &RobotModel) -> 
         console.say(format!("natural frequencies: {} Hz", modes.join(", ")))?;
     }
     if file.effects.is_empty() {
-        console.say("no effects: the correction is zero until a calibration adds some")?;
+        console.say("no effects; the correction is zero until a calibration adds some")?;
     } else {
         console.say(format!("\n{}", effects(&file.effects)))?;
     }
@@ -135,7 +135,7 @@ fn kind(kind: JointKind) -> (&'static str, &'static str) {
 
 fn body(body: Option<BodyEntry>) -> String {
     let words = |body: BodyEntry| {
-        format!(", {} kg with its centre at {} mm", body.mass_kg, list(&body.com_mm))
+        format!(", {} kg with its centre of mass at {} mm", body.mass_kg, list(&body.com_mm))
     };
     body.map(words).unwrap_or_default()
 }

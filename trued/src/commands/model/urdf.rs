@@ -12,36 +12,36 @@ use crate::exit::{Answer, Outcome};
 use crate::input;
 use crate::output::{Console, Paint};
 
-/// Make a model of the arm in a URDF
+/// Create a model from the arm in a URDF
 ///
-/// The chain from a base link to a tip link: axes, limits, speeds and masses with all joints at zero, in the base link's
-/// frame; fixed joints are folded in, the tip is the tool. A xacro is expanded first.
+/// Imports the chain from a base link to a tip link: axes, limits, speeds and masses with all joints at zero, in the base link's
+/// frame. Fixed joints are merged; the tip is the tool. Expand a xacro first.
 #[derive(Debug, Args)]
 pub(super) struct Import {
-    /// The URDF
+    /// The URDF file
     #[arg(value_name = "FILE.urdf")]
     file: PathBuf,
-    /// Where the model goes
+    /// Output file for the model
     #[arg(long, value_name = "MODEL.toml")]
     out: PathBuf,
-    /// The link that stays, also a fixed leaf such as the controller's `base`; if not given, the one at the root
+    /// Base link of the chain, which may be a fixed leaf such as the controller's `base`; if not given, the root link
     #[arg(long, value_name = "LINK")]
     base: Option<String>,
-    /// The link that is the tool; if not given, the only end that moves, or `tool0` of several fixed to each other
+    /// Tip link, which is the tool; if not given, the only moving end of the tree, or `tool0` if several links are fixed to each other
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
 }
 
-/// Write a model's geometry as a URDF, with what was calibrated in its frames
+/// Export a model's calibrated geometry as a URDF
 ///
-/// Offsets, tilts and shifts of axes and of the tool go into the frames. What depends on load, position or direction has
-/// no place in a URDF; it is left out and listed.
+/// Offsets, tilts and shifts of axes and of the tool are included in the frames. Effects that depend on load, position or direction
+/// cannot be expressed in a URDF; they are left out and listed.
 #[derive(Debug, Args)]
 pub(super) struct Export {
     /// A model file, or the name of a preset
     #[arg(value_name = "MODEL")]
     model: PathBuf,
-    /// Where the URDF goes
+    /// Output file for the URDF
     #[arg(long, value_name = "FILE.urdf")]
     urdf: PathBuf,
 }
@@ -106,7 +106,7 @@ impl Import {
 
 fn bodies_in_words(bodies: usize) -> String {
     match bodies {
-        0 => "no masses: loads of gravity need them".to_owned(),
+        0 => "no masses; gravity loads require them".to_owned(),
         bodies => format!("{} with a mass", count(bodies, "link")),
     }
 }
@@ -127,10 +127,10 @@ impl Export {
         console.write(outputs, "trued.model/1", &report)?;
         console.say(console.paint(Paint::Strong, report.name))?;
         if !report.carried.is_empty() {
-            console.say(format!("in the frames: {}", report.carried.join(", ")))?;
+            console.say(format!("included in the frames: {}", report.carried.join(", ")))?;
         }
         for (why, parts) in by_reason(&report.left_out) {
-            console.say(format!("left out, as {why}: {}", parts.join(", ")))?;
+            console.say(format!("left out ({why}): {}", parts.join(", ")))?;
         }
         written(console, &self.urdf)
     }

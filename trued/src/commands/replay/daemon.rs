@@ -39,7 +39,7 @@ pub(super) struct OwnDaemon {
 
 /// The daemon failed; with the end of its log.
 #[derive(Debug, thiserror::Error)]
-#[error("the daemon {what}; it said:\n{said}")]
+#[error("the daemon {what}; its log:\n{said}")]
 struct DaemonFailed {
     what: String,
     said: String,
@@ -123,7 +123,7 @@ impl Place {
             match DirBuilder::new().mode(0o700).create(&dir) {
                 Err(error) if error.kind() == ErrorKind::AlreadyExists && attempt < 1000 => {}
                 Err(error) => {
-                    let words = format!("{}: cannot make this directory: {error}", dir.display());
+                    let words = format!("{}: cannot create this folder: {error}", dir.display());
                     return Err(Failure::system(words));
                 }
                 Ok(()) => {
@@ -132,7 +132,7 @@ impl Place {
                 }
             }
         }
-        Err(Failure::system("no free name for a directory"))
+        Err(Failure::system("cannot find an unused folder name for the daemon"))
     }
 
     /// Puts model and configuration there; the model as it was read, so that a file that changes meanwhile plays no part.

@@ -16,10 +16,13 @@ pub(super) fn lines(report: &Report) -> Vec<String> {
     let Report { cell, pid, uptime_s, .. } = report;
     put("cell", &format!("{cell}, daemon process {pid}, up {}", duration(*uptime_s)));
     if let Some(away) = &report.away {
-        put("daemon", &format!("NOT THERE: {away}. What follows was its last state"));
+        put("daemon", &format!("NOT RUNNING: {away}. Last known state:"));
     } else if report.age_s > OLD_S {
         let age = duration(report.age_s);
-        put("daemon", &format!("SILENT for {age}: is it stopped? What follows was its last state"));
+        put(
+            "daemon",
+            &format!("NO STATUS for {age}: it may be stopped or overloaded. Last known state:"),
+        );
     }
     // The message begins with the model's name and the health.
     let mut parts = report.message.split("; ");
@@ -28,7 +31,7 @@ pub(super) fn lines(report: &Report) -> Vec<String> {
     parts.for_each(|part| put("", part));
     put("mode", report.mode);
     if report.bypassed {
-        put("bypass", "ON: nothing is corrected; `trued bypass off` ends it");
+        put("bypass", "ON: the correction is zero; `trued bypass off` ends the bypass");
     } else {
         put("bypass", "off");
     }
@@ -39,7 +42,7 @@ pub(super) fn lines(report: &Report) -> Vec<String> {
     put(
         "commands",
         &format!(
-            "{}; rejected {}, held {}, lost {}, fell silent {} times",
+            "{}; rejected {}, held {}, lost {}, timeouts {}",
             counts.commands, counts.rejected, counts.held, counts.commands_lost, counts.stale
         ),
     );
@@ -56,7 +59,7 @@ pub(super) fn lines(report: &Report) -> Vec<String> {
     put(
         "force",
         &format!(
-            "wrench gate {}; blocks {}, missing {}, refused {}",
+            "wrench gate {}; blocks {}, missing {}, rejected {}",
             force.wrench_gate, force.blocks, force.gaps, force.refused
         ),
     );
@@ -87,7 +90,7 @@ fn trim(report: &Report) -> Option<String> {
         reason => format!(" ({reason})"),
     };
     Some(format!(
-        "{}{reason}; by {:.3} mm, found {:.3} mm; measurements {}, refused {}",
+        "{}{reason}; applied {:.3} mm, estimated {:.3} mm; measurements {}, rejected {}",
         trim.state,
         trim.length_mm(),
         trim.found_length_mm(),
@@ -103,10 +106,10 @@ fn lead(report: &Report) -> Option<String> {
         return None;
     }
     if lead.state == LeadState::NothingInTime.name() {
-        return Some("nothing: the model has no delay, lag or mode of a joint".to_owned());
+        return Some("inactive: the model has no joint delay, lag or mode".to_owned());
     }
     Some(format!(
-        "{}; {} of {} setpoints ahead known; {} horizons refused",
+        "{}; {} of {} setpoints ahead known; {} horizons rejected",
         lead.state, lead.horizon_points, lead.horizon_points_used, lead.horizons_refused
     ))
 }
@@ -123,7 +126,7 @@ fn feed(report: &Report) -> Option<String> {
     };
     let newtons = |n: f64| if n.is_finite() { format!("{n:.0} N") } else { "unknown".to_owned() };
     Some(format!(
-        "{}{reason}; override {:.0} %, wanted {:.0} %; force {}, at the programmed feed {}, limit {}",
+        "{}{reason}; override {:.0} %, requested {:.0} %; force {}, at the programmed feed {}, limit {}",
         feed.state,
         feed.override_percent,
         feed.wanted_percent,
@@ -153,7 +156,7 @@ fn corrected(report: &Report) -> String {
     match shares.max_by(|a, b| a.1.total_cmp(&b.1)) {
         Some((joint, share)) if share > 0.0 => {
             let percent = 100.0 * share;
-            format!("joint {} by {percent:.1} % of its limit, the others by less", joint + 1)
+            format!("joint {} by {percent:.1} % of its limit, the other joints less", joint + 1)
         }
         _ => "nothing".to_owned(),
     }
@@ -163,9 +166,9 @@ fn model(report: &Report, name: Option<&str>) -> String {
     let model = &report.model;
     let name = name.map_or(String::new(), |name| format!("{name}, "));
     let holds = match (model.holds, model.measurements) {
-        (false, _) => "; NO LONGER HOLDS by measurements".to_owned(),
+        (false, _) => "; OUTDATED according to measurements".to_owned(),
         (true, 0) => String::new(),
-        (true, count) => format!("; holds by {count} measurements"),
+        (true, count) => format!("; confirmed by {count} measurements"),
     };
     // It is known from the first cycle on.
     let epoch = match model.epoch {
@@ -202,7 +205,7 @@ mod tests {
         assert!(told.contains("`trued bypass off`"), "{told}");
         status.bypassed = 0;
         let told = text(&status, Some("no daemon is there now"));
-        assert!(told.contains("bypass    off") && told.contains("NOT THERE"), "{told}");
+        assert!(told.contains("bypass    off") && told.contains("NOT RUNNING"), "{told}");
     }
 
     #[test]
