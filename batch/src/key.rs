@@ -37,7 +37,7 @@ impl Key {
     pub fn of_file(path: &Path) -> io::Result<Self> {
         // Opening a pipe would block until it has a writer.
         if !path.metadata()?.is_file() {
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, "no regular file"));
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file"));
         }
         let (mut file, mut hash) = (File::open(path)?, Sha256::new());
         let mut chunk = vec![0; CHUNK];
@@ -119,6 +119,6 @@ mod tests {
     #[test]
     fn what_is_no_regular_file_is_not_opened() {
         let refused = Key::of_file(&std::env::temp_dir()).expect_err("a folder");
-        assert!(refused.to_string().contains("no regular file"), "{refused}");
+        assert!(refused.to_string().contains("not a regular file"), "{refused}");
     }
 }

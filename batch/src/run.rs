@@ -71,7 +71,7 @@ pub struct Summary {
 pub enum RunError {
     /// A result exists already.
     #[error(
-        "{} is there already, of {files}: --resume keeps what is there, --overwrite computes it anew, or give another folder",
+        "{} already exists, for {files}; use --resume to keep existing results, --overwrite to recompute them, or another folder",
         path.display()
     )]
     Exists {

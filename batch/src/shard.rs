@@ -26,7 +26,7 @@ impl Shard {
 
 /// A text that is not a shard.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("expected I/N with I from 1 to N, as 1/8 … 8/8")]
+#[error("expected I/N with I from 1 to N, such as 1/8")]
 pub struct NotAShard;
 
 impl FromStr for Shard {

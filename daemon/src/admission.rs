@@ -134,7 +134,7 @@ mod tests {
         assert!(said.len() <= WORDS_MAX, "{said}");
         let armed = Request { other_robot: true, ..ARMED };
         let said = refusal(&abb, &kuka, &Positions::default(), armed).unwrap();
-        assert!(said.contains("disarm first"), "{said}");
+        assert!(said.contains("switch to shadow mode first"), "{said}");
         assert_eq!(refusal(&abb, &kuka, &Positions::default(), BY_NAME), None);
     }
 

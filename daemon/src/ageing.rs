@@ -126,7 +126,7 @@ mod tests {
         for k in 2..30 {
             age.watch(&found(TrimState::Observing, k, 3e-4), sigma_m);
         }
-        assert!(age.words(40_000_000_000).is_some_and(|words| words.contains("no longer holds")));
+        assert!(age.words(40_000_000_000).is_some_and(|words| words.contains("has been outdated")));
     }
 
     #[test]

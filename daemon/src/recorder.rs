@@ -139,7 +139,7 @@ impl Recorder {
                 let has_index = self.finish();
                 exchange.set_recorder(RecorderState::Stopped);
                 done(match path {
-                    None => "nothing is recorded".to_owned(),
+                    None => "nothing is being recorded".to_owned(),
                     Some(path) if has_index => format!("stopped; {path} is closed"),
                     Some(path) => format!(
                         "stopped; {path} could not be closed; `trued info --repair` restores its index"

@@ -40,7 +40,7 @@ impl Default for Settings {
 
 /// Why a tolerance is refused.
 const NO_POSITION: &str =
-    "a tolerance of the tool was given, but only drive torques were recorded: measure the tool";
+    "a tool tolerance was given, but only drive torques were recorded; measure the tool";
 
 /// What is being computed, for progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -213,10 +213,12 @@ impl Diagnosed {
 fn doubts(base: &RobotModel, looked: &Thinned, least: usize) -> Vec<String> {
     let rows = looked.rows;
     if rows < least {
-        return vec![format!("{rows} rows were measured, expected at least {least}: record more")];
+        return vec![format!(
+            "only {rows} rows were measured, expected at least {least}; record more"
+        )];
     }
     if !looked.moves {
-        return vec!["no joint moves in the recording: move the arm".to_owned()];
+        return vec!["no joint moves in the recording; record a motion of the arm".to_owned()];
     }
     looked.faults(&base.physics).into_iter().map(|Suspicion { says, .. }| says).collect()
 }

@@ -15,7 +15,7 @@ pub enum Error {
     #[error(transparent)]
     Input(Box<dyn StdError + Send + Sync>),
     /// Recordings and model do not belong together, as with swapped columns, a wrong unit, or a mirrored frame: each of these explains it.
-    #[error("the recording and the model do not belong together as they are: {}", .0.iter().map(|fault| fault.says.as_str()).collect::<Vec<_>>().join("; or "))]
+    #[error("the recording and the model do not match: {}", .0.iter().map(|fault| fault.says.as_str()).collect::<Vec<_>>().join("; or "))]
     GrossFaults(Vec<Suspicion>),
     /// A result cannot be written as file or JSON: a fault of this program.
     #[error(transparent)]

@@ -122,10 +122,10 @@ impl PoseReport {
 fn notes(evaluation: &Evaluation) -> Vec<String> {
     let mut notes = Vec::new();
     if !evaluation.has_accuracy() {
-        notes.push("no accuracy: it needs the measuring frame brought to the base (`measuring_frame = \"base\"`, --frame-known) and the target's place on the tool (`target1_mm`); a frame fitted here would hide it".to_owned());
+        notes.push("accuracy not evaluated: it requires measurements in the base frame (`measuring_frame = \"base\"`, --frame-known) and the target's position on the tool (`target1_mm`); a fitted frame would hide the error".to_owned());
     }
     if !evaluation.has_all_visits() {
-        notes.push(format!("the standard asks for {VISITS} visits of each pose"));
+        notes.push(format!("the standard requires {VISITS} visits of each pose"));
     }
     notes
 }
@@ -163,7 +163,7 @@ pub fn details(model: &RobotModel, evaluation: &Evaluation, width_max: Option<us
     text += &table.render(width_max);
     if let Some(found) = evaluation.distance {
         text += &format!(
-            "distance between the two poses farthest apart: accuracy {} mm, repeatability ±{} mm\n",
+            "distance between the two most distant poses: accuracy {} mm, repeatability ±{} mm\n",
             fixed(MILLI * found.accuracy_m, 3),
             fixed(MILLI * found.repeatability_m, 3)
         );

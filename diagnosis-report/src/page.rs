@@ -60,8 +60,8 @@ fn first(
         page.verdict(tone(report), &word, &judged(report)).numbers(numbers(report))
     } else {
         let why =
-            format!("These recordings cannot be judged with this model: {}", self::lead(report));
-        page.verdict(Tone::Bad, "not judged", &why)
+            format!("These recordings cannot be evaluated with this model: {}", self::lead(report));
+        page.verdict(Tone::Bad, "not evaluated", &why)
     };
     if let Some(Figure { caption, drawing }) = picture {
         page = page.figure(&caption, &drawing);
@@ -85,11 +85,11 @@ fn next(page: Page, report: &Report, is_judged: bool, dir: &Path) -> Page {
         _ if !is_judged => page.next("Correct the cause named in the verdict and diagnose again.", None),
         "consistent" => page.next("Nothing to change. Measure again after a collision or a repair.", None),
         "missing_physics" => page.next(
-            "Let the daemon of the cell work with the model that was found; in shadow mode first.",
+            "Load the resulting model into the cell's daemon, first in shadow mode.",
             Some(&format!("trued reload --config CELL.toml {model}")),
         ),
         _ => page.next(
-            "Record more: other joints, other directions, another load or temperature; then diagnose all recordings together.",
+            "Record more data: other joints, directions, loads or temperatures; then diagnose all recordings together.",
             None,
         ),
     }
@@ -101,7 +101,7 @@ fn words(mut page: Page, report: &Report, joints: usize) -> Page {
         report.findings.iter().map(|reported| reported.says.as_str()).collect();
     if !sentences.is_empty() {
         let (first, others) = sentences.split_at(sentences.len().min(MANY));
-        page = page.section("What was found").list(first);
+        page = page.section("Findings").list(first);
         if !others.is_empty() {
             page = page.folded(&format!("And {} more", others.len()), |page| page.list(others));
         }
@@ -112,7 +112,7 @@ fn words(mut page: Page, report: &Report, joints: usize) -> Page {
             if joints > 1 {
                 page = page.table(&tables::by_joint(report, joints));
             }
-            page = page.folded("Finding by finding", |page| page.table(&tables::findings(report)));
+            page = page.folded("Findings in detail", |page| page.table(&tables::findings(report)));
         } else {
             page = page.table(&tables::findings(report));
         }
@@ -123,30 +123,29 @@ fn words(mut page: Page, report: &Report, joints: usize) -> Page {
         page = page.folded(&title, |page| page.table(&tables::minor(report)));
     }
     if !report.candidates.is_empty() {
-        let title = "Not claimed: less likely than not";
+        let title = "Not reported as findings: probability below 50 %";
         page = page.section(title).table(&tables::candidates(report));
     }
     if let Some(rest) = &report.unexplained {
-        page = page.note(Tone::Caution, "Not explained", &rest.says);
+        page = page.note(Tone::Caution, "Unexplained", &rest.says);
     }
     page
 }
 
-/// What each finding alone does to what was measured, the largest first.
+/// Effect of each finding alone on the measurement, largest first.
 fn sizes(report: &Report) -> Option<Figure> {
     let what = if report.domain == "torque" {
-        "Changes the torque by"
+        "Effect on the torque"
     } else {
-        "Moves what was measured by"
+        "Effect on the measurement"
     };
     let ranked = report.findings.iter().map(|reported| Ranked {
         name: ReportedFinding::name(reported),
         size: reported.size.as_ref().map(|size| size.rms),
     });
-    let axis = Axis::new(what, format!("{}, root mean square", report.unit));
-    let drawing = ranking("What each finding does", axis, ranked)?;
-    let caption =
-        "What each finding alone does to what was measured, the largest first.".to_owned();
+    let axis = Axis::new(what, format!("{} RMS", report.unit));
+    let drawing = ranking("Effect of each finding", axis, ranked)?;
+    let caption = "Effect of each finding alone on the measurement, largest first.".to_owned();
     Some(Figure { caption, drawing })
 }
 
@@ -154,12 +153,12 @@ fn sizes(report: &Report) -> Option<Figure> {
 fn rest(mut page: Page, report: &Report) -> Page {
     page = rivals(page, report);
     if !report.findings.is_empty() {
-        page = page.section("The numbers").text(
-            "Parameters carry the units of the model file. The interval holds the true value 95 times in 100, half a percent of the number included for what \
-             scale and geometry leave open.",
+        page = page.section("Parameters").text(
+            "Parameters are in the units of the model file. Intervals have a coverage of 95 % and include 0.5 % of the value for the uncertainty of \
+             scale and geometry.",
         );
         page = if report.findings.len() >= MANY {
-            page.folded("Parameter by parameter", |page| page.table(&tables::parameters(report)))
+            page.folded("All parameters", |page| page.table(&tables::parameters(report)))
         } else {
             page.table(&tables::parameters(report))
         };
@@ -199,22 +198,22 @@ fn sentence(report: &Report) -> String {
     match (report.verdict, report.claims().count()) {
         ("consistent", _) => {
             format!(
-                "Model and recording agree within the scatter of the readings, {residual} {unit}."
+                "Model and recording agree within the scatter of the readings ({residual} {unit})."
             )
         }
         ("undetermined", _) => format!(
-            "The model is off by {before} {unit} where the readings scatter by {residual} {unit}, but this recording cannot tell which of several causes is the right one."
+            "The model error is {before} {unit} at a scatter of the readings of {residual} {unit}, but this recording cannot distinguish between several causes."
         ),
         ("unknown_structure", 0) => format!(
-            "The model is off by {before} {unit} where the readings scatter by {residual} {unit}, and no known effect explains it."
+            "The model error is {before} {unit} at a scatter of the readings of {residual} {unit}, and no known effect explains it."
         ),
         ("unknown_structure", count) => format!(
-            "The model is off by {before} {unit}. {} bring{} it to {after} {unit}; an error that no known effect explains remains.",
+            "The model error is {before} {unit}. {} reduce{} it to {after} {unit}; the remaining error is not explained by any known effect.",
             effects(count),
             if count == 1 { "s" } else { "" }
         ),
         (_, count) => format!(
-            "{} explain{} the difference: the error on held-out rows falls from {before} to {after} {unit}, root mean square.",
+            "{} explain{} the difference: the RMS error on held-out rows decreases from {before} to {after} {unit}.",
             effects(count),
             if count == 1 { "s" } else { "" }
         ),
@@ -227,17 +226,20 @@ fn effects(count: usize) -> String {
 
 /// No tone: less than before is not yet good enough for everybody.
 fn numbers(report: &Report) -> Vec<Number> {
-    let rms = "root mean square, held-out readings";
+    let rms = "RMS of held-out readings";
     let held = report.heldout_rms_before.zip(report.heldout_rms_after).map(|(before, after)| {
-        let share = format!("{rms}; {} % of that as given", significant(100.0 * after / before, 2));
-        let given = Number::new("Model as given", before, report.unit).note(rms);
-        let found = Number::new("With what was found", after, report.unit).note(share);
+        let share = format!(
+            "{rms}; {} % of the given model's error",
+            significant(100.0 * after / before, 2)
+        );
+        let given = Number::new("Given model", before, report.unit).note(rms);
+        let found = Number::new("With the findings", after, report.unit).note(share);
         if report.claims().count() == 0 { vec![given] } else { vec![given, found] }
     });
     let residual = Number::new("Residual", report.noise_rms, report.unit)
-        .note("on the fitted readings: instrument's noise and what nothing explains");
+        .note("on the fitted readings: instrument noise and unexplained errors");
     let smaller = (report.minor.len(), "smaller");
-    let not_claimed = (report.candidates.len(), "less likely than not");
+    let not_claimed = (report.candidates.len(), "probability below 50 %");
     let others = [smaller, not_claimed].into_iter().filter(|(count, _)| *count > 0);
     let others: Vec<String> = others.map(|(count, what)| format!("{count} {what}")).collect();
     let note = if others.is_empty() { String::new() } else { format!("and {}", others.join(", ")) };
@@ -251,8 +253,8 @@ fn rivals(page: Page, report: &Report) -> Page {
         return page;
     }
     page.section("Rivals")
-        .text("What else might explain a finding, with the probability of each name by this recording alone.")
-        .figure("Probability of each name.", &figures::rivals(report))
+        .text("Alternative explanations of a finding, with the probability of each from this recording alone.")
+        .figure("Probability of each candidate.", &figures::rivals(report))
 }
 
 /// An effect, and joints from 1; none for the whole robot.
@@ -286,11 +288,11 @@ fn open(page: Page, report: &Report) -> Page {
         });
         format!("{why}: {}.", effects.collect::<Vec<_>>().join("; "))
     });
-    page.section("What this recording could not show").list(lines)
+    page.section("Not observable in this recording").list(lines)
 }
 
 fn made_from(page: Page, found: &Diagnosed, report: &Report) -> Page {
-    let mut page = page.section("What was done with the data");
+    let mut page = page.section("Data processing");
     if !report.notes.is_empty() {
         page = page.list(&report.notes);
     }
@@ -305,7 +307,7 @@ fn made_from(page: Page, found: &Diagnosed, report: &Report) -> Page {
     facts.extend([
         ("Rows with readings", found.rows.to_string()),
         ("Held out", report.heldout.clone()),
-        ("Fitted along", "measuring frames and places of reflectors".to_owned()),
+        ("Also estimated", "measuring frames and reflector positions".to_owned()),
         ("Seed", found.settings.seed.to_string()),
     ]);
     page.facts(facts)

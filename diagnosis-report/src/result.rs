@@ -350,7 +350,7 @@ impl Report {
             noise_rms: 0.0,
             heldout_rms_before: None,
             heldout_rms_after: None,
-            heldout: "nothing: the recordings cannot be judged".to_owned(),
+            heldout: "nothing: the recordings cannot be evaluated".to_owned(),
             tolerance: None,
             findings: Vec::new(),
             minor: Vec::new(),
@@ -532,13 +532,13 @@ fn difference(report: &Report) -> String {
         return report.unexplained.as_ref().map_or(String::new(), |rest| rest.says.clone());
     };
     let count = report.claims().count();
-    // Without findings the second figure differs by the numbers that are fitted anyway.
+    // Without findings the second figure differs only by nuisance parameters.
     let found = match count {
         0 => String::new(),
-        _ => format!(" as given and by {} with what was found", significant(after, 3)),
+        _ => format!(", {} with the findings", significant(after, 3)),
     };
     let errors = format!(
-        "held out, the model is off by {} {} (root mean square of single values){found}; the residual scatter is {}",
+        "held-out RMS error (single values): {} {} with the given model{found}; the residual scatter is {}",
         significant(before, 3),
         report.unit,
         significant(report.noise_rms, 3)

@@ -47,11 +47,13 @@ impl Tolerance {
     pub(crate) fn words(&self) -> String {
         let tolerance = significant(self.tolerance_mm, 3);
         let (Some(before), Some(after)) = (self.before, self.after) else {
-            return format!("{tolerance} mm not judged: no held-out row tells where the tool is");
+            return format!(
+                "{tolerance} mm not evaluated: no held-out row contains a tool position"
+            );
         };
         let word = |held: HeldOut| if held.met { "met" } else { "not met" };
         format!(
-            "{tolerance} mm {} as given and {} with what was found: 95 of 100 held-out errors of the tool stay within {} and {} mm",
+            "{tolerance} mm {} with the given model and {} with the findings: 95 % of the held-out tool errors are within {} and {} mm",
             word(before),
             word(after),
             significant(before.p95_mm, 3),
@@ -90,6 +92,6 @@ mod tests {
     fn a_tolerance_that_nothing_tells_of_is_not_called_met() {
         let tolerance = Tolerance::of(0.1, None);
         assert_eq!((tolerance.before, tolerance.after), (None, None));
-        assert!(tolerance.words().contains("not judged"), "{}", tolerance.words());
+        assert!(tolerance.words().contains("not evaluated"), "{}", tolerance.words());
     }
 }

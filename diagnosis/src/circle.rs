@@ -54,7 +54,7 @@ pub struct Axis {
 pub enum CircleError {
     /// Not enough points.
     #[error(
-        "track {track} has {found} points, three or more are needed: measure more steps along the sweep"
+        "track {track} has {found} points, expected three or more; measure more steps along the sweep"
     )]
     TooFew {
         /// 1-based.
@@ -63,7 +63,7 @@ pub enum CircleError {
         found: usize,
     },
     /// No track.
-    #[error("no target was seen along the sweep: name at least one that turns with the joint")]
+    #[error("no target was measured along the sweep; give at least one that moves with the joint")]
     NoTrack,
     /// A coordinate that is not a number.
     #[error("track {track}: a coordinate is not finite")]
@@ -73,7 +73,7 @@ pub enum CircleError {
     },
     /// The bend of the tracks does not show.
     #[error(
-        "the tracks are straight to within their noise, they determine no axis: sweep further, or put the target further from the axis"
+        "the tracks are straight within their noise and do not determine an axis; sweep further, or place the target further from the axis"
     )]
     Straight,
 }

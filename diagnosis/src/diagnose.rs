@@ -190,7 +190,7 @@ fn of_chosen(
     ready::set_begun(&mut campaign, model, &mut notes);
     let split = match held_out {
         Some(held) => Split {
-            says: "what the recordings keep for validation".to_owned(),
+            says: "what the recordings reserve for validation".to_owned(),
             training: held.iter().map(|held| !held).collect(),
         },
         None => Split::in_blocks(&campaign, seed),
@@ -314,7 +314,9 @@ fn finish(
     let early = readback::ahead(&campaign, &last, &settings).map(|suspicion| suspicion.says);
     let (far, rows) = far(&last, &campaign);
     if far > 0 {
-        notes.push(format!("{far} of {rows} rows lie far from the model with all that was found; they weigh little or nothing"));
+        notes.push(format!(
+            "{far} of {rows} rows are outliers of the final model and have little or no weight"
+        ));
     }
     Diagnosis {
         verdict,
@@ -354,7 +356,7 @@ impl Diagnosis {
         let follows = self.findings.is_empty() && with < FOLLOWS * without;
         (far as f64 > FAR_MOST * rows as f64 && !follows).then(|| {
             format!(
-                "{far} of {rows} rows lie far from whatever the others follow: the recording is of two different things, or its readings are not of this robot"
+                "{far} of {rows} rows are not consistent with the others: the recording mixes different setups, or its readings are not of this robot"
             )
         })
     }

@@ -90,9 +90,9 @@ pub fn suspicions(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
     found.retain(|s| s.after_m <= AS_GOOD * best);
     if found.is_empty() && before_m > OWN_M.max(HOPELESS * spread_m).max(noise_m) {
         let says = format!(
-            "{} was seen {:.0} mm from where the model puts it, and no single swapped column, unit, sign or tool explains \
-             it: check that the model is this robot's, that each row's joints belong to its measurement, and that the tracker stood in one \
-             place throughout each recording",
+            "{} was measured {:.0} mm from its predicted position, and no single swapped column, unit, sign or tool explains \
+             it: check that the model is of this robot, that joints and measurement of each row belong together, and that the tracker was not moved \
+             during a recording",
             targets::worst(&few, model),
             before_m * 1e3
         );
@@ -161,17 +161,11 @@ fn with_points(campaign: &Campaign, change: impl Fn(DVec3) -> DVec3) -> Campaign
 /// Each change that may put a recording right, with its words.
 fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campaign)> {
     let mut list = of_joints(campaign, &model.arm);
-    let mirrored = "the measuring frame is mirrored: one axis has the wrong sign, or two axes are swapped; put the columns x, y, z right";
+    let mirrored = "the measuring frame is mirrored: one axis has the wrong sign, or two axes are swapped; correct the columns x, y, z";
     list.push((mirrored.to_owned(), with_points(campaign, |p| DVec3::new(-p.x, p.y, p.z))));
     for (factor, says) in [
-        (
-            1e3,
-            "measured points are a thousand times too small: their unit is m where mm is said, or the other way round",
-        ),
-        (
-            1e-3,
-            "measured points are a thousand times too large: their unit is mm where m is said, or the other way round",
-        ),
+        (1e3, "measured points are a factor of 1000 too small: m and mm are confused"),
+        (1e-3, "measured points are a factor of 1000 too large: mm and m are confused"),
         (25.4, "measured points are in inches, not in mm"),
         (1.0 / 25.4, "measured points are in mm, not in inches"),
     ] {
@@ -189,11 +183,11 @@ fn of_joints(campaign: &Campaign, arm: &Arm) -> Vec<(String, Campaign)> {
     for (factor, says) in [
         (
             PI / 180.0,
-            "the joint positions are in degrees where radians are said: name the columns q1_deg …",
+            "the joint positions are in degrees, but radians are stated: name the columns q1_deg …",
         ),
         (
             180.0 / PI,
-            "the joint positions are in radians where degrees are said: name the columns q1_rad …",
+            "the joint positions are in radians, but degrees are stated: name the columns q1_rad …",
         ),
     ] {
         let change = |q: &mut Joints| {
@@ -202,8 +196,7 @@ fn of_joints(campaign: &Campaign, arm: &Arm) -> Vec<(String, Campaign)> {
         list.push((says.to_owned(), with_joints(campaign, change)));
     }
     for i in 0..arm.count() {
-        let says =
-            format!("joint {} counts the other way round: turn the sign of its column", i + 1);
+        let says = format!("joint {} has the opposite sign: invert its column", i + 1);
         list.push((says, with_joints(campaign, |q| q[i] = -q[i])));
     }
     for i in 0..arm.count() {
@@ -235,7 +228,7 @@ fn of_rows(campaign: &Campaign) -> Vec<(String, Campaign)> {
     };
     [(false, "after"), (true, "before")]
         .map(|(later, side)| {
-            let says = format!("each measurement stands one row {side} its joint positions: shift the columns by a row");
+            let says = format!("each measurement is one row {side} its joint positions: shift the columns by one row");
             (says, shifted(later))
         })
         .to_vec()
@@ -260,7 +253,7 @@ fn of_tool(campaign: &Campaign) -> Vec<(String, Campaign)> {
     if tcp.is_some() {
         changed.surroundings.targets.push(Fitted::unknown(DVec3::ZERO));
     }
-    let says = "the tool is not the model's: the measured point sits elsewhere on the flange; put `tcp_mm` (or the targets' places) right";
+    let says = "the tool differs from the model: the measured point is elsewhere on the flange; correct `tcp_mm` (or the target positions)";
     vec![(says.to_owned(), changed)]
 }
 

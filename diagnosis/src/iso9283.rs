@@ -77,15 +77,13 @@ pub struct DistanceFigures {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum IsoError {
     /// Nothing to evaluate.
-    #[error("no pose was visited twice with its place measured: nothing to evaluate")]
+    #[error("no pose was measured at two or more visits: nothing to evaluate")]
     NoVisits,
     /// Too few visits for a standard deviation.
-    #[error(
-        "a pose was visited {0} times: 2 are needed for a standard deviation, the standard asks for 30"
-    )]
+    #[error("a pose was visited {0} times: a standard deviation needs 2, the standard requires 30")]
     Visits(usize),
     /// Too few groups to compare.
-    #[error("there are {0} groups of visits: 2 are needed to compare them")]
+    #[error("there are {0} groups of visits: a comparison needs 2")]
     Groups(usize),
     /// A number that is none.
     #[error(

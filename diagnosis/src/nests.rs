@@ -82,7 +82,7 @@ impl Nests {
         let numbers = numbers.join(", ");
         if self.averaged == 0 {
             return format!(
-                "targets {numbers} on the base lay no measuring frame: they were never read together, stand on a line, or do not keep their distances"
+                "targets {numbers} on the base do not define a measuring frame: they were never measured together, are collinear, or do not keep their distances"
             );
         }
         let strange = match self.strange.len() {
@@ -94,7 +94,7 @@ impl Nests {
             rows => format!("averaged over {rows} rows"),
         };
         format!(
-            "the measuring frame was laid on targets {numbers} on the base, {rows}: it wandered by up to {:.3} mm{strange}",
+            "the measuring frame was defined by targets {numbers} on the base, {rows}: it drifted by up to {:.3} mm{strange}",
             self.wander_m * 1e3
         )
     }

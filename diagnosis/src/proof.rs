@@ -69,7 +69,8 @@ impl Split {
             }
         }
         let trained = drawn;
-        let says = format!("{trained} of {count} poses train, drawn with seed {seed}");
+        let says =
+            format!("{trained} of {count} poses in the training set, drawn with seed {seed}");
         Self { training, says }
     }
 
@@ -79,7 +80,7 @@ impl Split {
         let count = campaign.poses.len();
         let trained = (share * count as f64).round() as usize;
         let training = (0..count).map(|pose| pose < trained).collect();
-        Self { training, says: format!("the first {trained} of {count} poses train") }
+        Self { training, says: format!("the first {trained} of {count} poses in the training set") }
     }
 
     /// Whole runs are held out where there are many, else stretches of them: every fifth, the first by `seed`. A frame, an anchor or a body that
@@ -122,7 +123,7 @@ impl Split {
             let held = held.map(|block| left[block.clone()].fill(false)).count();
             let what = if fineness == 0 { "segments" } else { "stretches" };
             let count = blocks.len();
-            let says = format!("{held} of {count} {what}, never seen by the selection or the fit");
+            let says = format!("{held} of {count} {what}, not used in selection or fit");
             Self { training: left, says }
         };
         let whole = usize::from(runs.len() < RUNS_MANY);
@@ -136,7 +137,10 @@ impl Split {
         let count = campaign.poses.len();
         let without = |pose: usize| {
             let training = (0..count).map(|other| !repeats(campaign, pose, other)).collect();
-            Self { training, says: format!("all but pose {} and its repeats train", pose + 1) }
+            Self {
+                training,
+                says: format!("all but pose {} and its repeats in the training set", pose + 1),
+            }
         };
         (0..count).map(without).collect()
     }
@@ -275,12 +279,12 @@ pub fn calibrate(
 ) -> Calibration {
     let influence = Influence::Redescending;
     let settings = Settings { used: training, influence, from: None, effort: Effort::Full };
-    heard("the model as it is");
+    heard("the given model");
     let nominal = fit(campaign, &Hypothesis::fixed(*model), &settings);
     heard("the geometry");
     let within = geometry_within(model, sigma, &Tolerances::default(), campaign);
     let calibrated = fit(campaign, &within, &settings);
-    heard("choosing effects");
+    heard("selecting effects");
     let advanced = select(campaign, &calibrated, &settings);
     Calibration { nominal, calibrated, advanced }
 }

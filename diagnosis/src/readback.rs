@@ -55,26 +55,34 @@ pub fn contradiction(recording: &Recording, model: &Model) -> Option<Suspicion> 
     let (commanded, read) = (left(Input::Command)?, left(Input::Motor)?);
     let early = if apart.short > 0.75 {
         format!(
-            "in {:.0} % of the moves they stop short of the target, so they were read before the arm had settled; ",
+            "in {:.0} % of the moves they end before the target, so they were read before the arm had settled; ",
             apart.short * 100.0
         )
     } else {
         String::new()
     };
     let (verdict, before_m, after_m) = if read > WORSE * commanded {
-        ("the tool went where it was commanded: use those (`input = \"q\"`)", read, commanded)
+        (
+            "the tool agrees with the commanded positions: use these (`input = \"q\"`)",
+            read,
+            commanded,
+        )
     } else if commanded > WORSE * read {
-        ("the tool was where they say: use them (`input = \"qa\"`)", commanded, read)
+        (
+            "the tool agrees with the measured positions: use these (`input = \"qa\"`)",
+            commanded,
+            read,
+        )
     } else {
         (
-            "the tool does not tell which are right: measure again, reading after the arm stands",
+            "the tool does not show which are right: measure again, reading after the arm has settled",
             read,
             commanded,
         )
     };
     let says = format!(
-        "the joint positions that were read back differ from the commanded ones by {:.3} degrees (root mean square; joint {} by up to {:.2}); \
-         {early}with the commanded ones the geometry leaves {:.3} mm, with those read back {:.3} mm; {verdict}",
+        "the measured joint positions differ from the commanded ones by {:.3} degrees RMS (joint {} by up to {:.2}); \
+         {early}the residual of the geometry is {:.3} mm with the commanded and {:.3} mm with the measured ones; {verdict}",
         apart.rms.to_degrees(),
         apart.joint + 1,
         apart.most.to_degrees(),
@@ -151,8 +159,8 @@ pub fn ahead(campaign: &Campaign, found: &Fit, settings: &Settings<'_>) -> Optio
     }
     let left = Errors::of(found, campaign, settings.used).quantile(0.5);
     let says = format!(
-        "the tool stands further along each move than the joint positions say ({}): they were read before the arm had settled; \
-         use the commanded positions, or read again after the arm stands",
+        "the tool is further along each move than the joint positions ({}): they were read before the arm had settled; \
+         use the commanded positions, or read again after the arm has settled",
         joints.join(", ")
     );
     Some(Suspicion { says, before_m: left, after_m: left })

@@ -86,10 +86,10 @@ impl Undetermined {
     #[must_use]
     pub fn says(&self) -> String {
         match self.with.as_slice() {
-            [] => format!("{} shows nowhere in these data", self.what),
-            [one] => format!("{} and {one} move together", self.what),
+            [] => format!("{} has no effect in these data", self.what),
+            [one] => format!("{} and {one} cannot be separated", self.what),
             [first @ .., last] => {
-                format!("{} moves together with {} and {last}", self.what, first.join(", "))
+                format!("{} cannot be separated from {} and {last}", self.what, first.join(", "))
             }
         }
     }

@@ -84,7 +84,7 @@ pub struct AxisError {
 pub enum SweepError {
     /// There is no such joint, or it slides.
     #[error(
-        "joint {joint} is no revolute joint of this arm: sweeps determine axes of revolute joints"
+        "joint {joint} is not a revolute joint of this arm; sweeps determine only axes of revolute joints"
     )]
     NotRevolute {
         /// 1-based.
@@ -92,7 +92,7 @@ pub enum SweepError {
     },
     /// Another joint moved too.
     #[error(
-        "the sweep of joint {joint}: joint {other} moved by {by_rad:.1e} rad too; hold the others still"
+        "the sweep of joint {joint}: joint {other} moved too, by {by_rad:.1e} rad; keep the other joints at rest"
     )]
     OtherMoved {
         /// 1-based.

@@ -83,7 +83,7 @@ pub enum StiffnessError {
     #[error("the noise of the measurement must be above zero")]
     Noise,
     /// A joint that the arm does not have, or that slides.
-    #[error("loaded case {case}: joint {joint} is no revolute joint of this arm")]
+    #[error("loaded case {case}: joint {joint} is not a revolute joint of this arm")]
     NotRevolute {
         /// 1-based.
         case: usize,

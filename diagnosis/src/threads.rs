@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 /// A bound that came too late.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "the number of threads cannot be set to {0}: threads of this process are at work already, or the system gives none"
+    "the number of threads cannot be set to {0}: threads of this process are already running, or the system provides none"
 )]
 pub struct NotBounded(NonZeroUsize);
 

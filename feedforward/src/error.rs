@@ -8,12 +8,12 @@ use thiserror::Error;
 pub enum FeedforwardError {
     /// The model has nothing to compensate.
     #[error(
-        "the model states no time_delay, servo_lag or flexible_mode of a joint, so that there is nothing to compensate in time; \
+        "the model states no time_delay, servo_lag or flexible_mode of a joint, so there are no dynamics to compensate; \
          `trued diagnose` finds them in the recording of a path"
     )]
     NothingInTime,
     /// Rows of several runs.
-    #[error("{0} segments were given, expected one: correct each run by itself")]
+    #[error("{0} segments were given, expected one; correct each run separately")]
     Segments(usize),
     /// Poses at rest.
     #[error(
@@ -33,7 +33,7 @@ pub enum FeedforwardError {
     },
     /// The sampling is too coarse for the bandwidth.
     #[error(
-        "{what} is sampled every {step_ms:.1} ms, expected at most {most_ms:.1} ms for a bandwidth of {bandwidth_hz} Hz: sample faster or lower the bandwidth"
+        "{what} is sampled every {step_ms:.1} ms, expected at most {most_ms:.1} ms for a bandwidth of {bandwidth_hz} Hz: increase the sampling rate or reduce the bandwidth"
     )]
     Sampling {
         /// The path, or the measurement.
@@ -57,7 +57,7 @@ pub enum FeedforwardError {
     },
     /// A command outside the joint limits.
     #[error(
-        "row {row}: joint {joint} would be commanded to {position:.5} (rad or m), beyond its limits {lower:.5} to {upper:.5}: move the path away from the limit"
+        "row {row}: joint {joint} would be commanded to {position:.5} (rad or m), outside its limits {lower:.5} to {upper:.5}; move the path away from the limit"
     )]
     JointLimit {
         /// From 1.
@@ -73,13 +73,13 @@ pub enum FeedforwardError {
     },
     /// Neither joint positions nor points of the tool.
     #[error(
-        "nothing to learn from: expected joint positions of the link or motor side (ql1_deg …, qa1_deg …) or points of the tool (x_mm, y_mm, z_mm)"
+        "no usable measurements, expected link-side or motor-side joint positions (ql1_deg …, qa1_deg …) or points of the tool (x_mm, y_mm, z_mm)"
     )]
     NothingMeasured,
     /// The measurement does not cover the motion.
     #[error(
         "measured from {from_s:.3} s to {to_s:.3} s, the path moves from {moves_from_s:.3} s to {moves_to_s:.3} s: record the whole motion, \
-         or say how the clocks differ (--clock-offset-ms)"
+         or state the clock offset (--clock-offset-ms)"
     )]
     Uncovered {
         /// s.
@@ -93,8 +93,8 @@ pub enum FeedforwardError {
     },
     /// The error is too large for a linear correction.
     #[error(
-        "joint {joint} is off by {error:.4} (rad or m) at {t_s:.3} s, expected less than {most:.4}: is this the recording of this path, \
-         are the clocks the same (--clock-offset-ms)?"
+        "the error of joint {joint} is {error:.4} (rad or m) at {t_s:.3} s, expected less than {most:.4}; check that this is the recording of this path \
+         and that the clocks agree (--clock-offset-ms)"
     )]
     TooFarOff {
         /// From 1.

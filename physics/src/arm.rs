@@ -93,7 +93,7 @@ pub enum ArmError {
     #[error("an arm has 1 to {JOINTS_MAX} joints, this one has {0}")]
     JointCount(usize),
     /// The axis of a joint (1-based) is not of unit length to 1e-6.
-    #[error("joint {joint}: its axis has length {length}, expected 1 to within 1e-6")]
+    #[error("joint {joint}: its axis has length {length}, expected 1 within 1e-6")]
     AxisLength {
         /// 1-based joint.
         joint: usize,
@@ -107,7 +107,9 @@ pub enum ArmError {
     #[error("joint {0}: points must be finite, masses and speeds above zero")]
     JointNumbers(usize),
     /// The tool's values are not finite, or its rotation is not a right-handed rotation to 1e-6.
-    #[error("the tool: numbers must be finite, the rotation right-handed and orthonormal to 1e-6")]
+    #[error(
+        "the tool: numbers must be finite, the rotation right-handed and orthonormal within 1e-6"
+    )]
     Tool,
     /// Gravity is not finite.
     #[error("gravity must be finite")]

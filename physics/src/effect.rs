@@ -129,7 +129,7 @@ pub enum BuildError {
     #[error("this effect belongs to a joint: `joint` is missing")]
     NeedsJoint,
     /// The effect belongs to the whole robot and a joint was given.
-    #[error("this effect belongs to the whole robot: it takes no `joint`")]
+    #[error("this effect belongs to the whole robot and has no `joint`")]
     TakesNoJoint,
     /// The joint does not exist.
     #[error("joint {joint} does not exist, the arm has {count}")]
@@ -175,13 +175,13 @@ pub enum BuildError {
         range: Range,
     },
     /// A pivot that is not on the joint's axis (to 1e-6 m).
-    #[error("`pivot` is {distance_m} m off the joint's axis, it must lie on it")]
+    #[error("`pivot` is {distance_m} m from the joint's axis, expected a point on the axis")]
     PivotOffAxis {
         /// Distance, m.
         distance_m: f64,
     },
     /// Two points coincide and no direction was given.
-    #[error("the two points that set the direction coincide: `direction` is needed")]
+    #[error("the two points that define the direction coincide; `direction` is required")]
     NeedsDirection,
     /// Entries that exclude each other, or of which one is needed.
     #[error("expected {0}")]

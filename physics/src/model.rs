@@ -70,8 +70,8 @@ pub enum ModelError {
     },
     /// A compliance and one of its two parts.
     #[error(
-        "joint {joint}: `joint_compliance` stands for `gravity_compliance` and `load_compliance` with one number, \
-         it cannot stand beside either"
+        "joint {joint}: `joint_compliance` covers `gravity_compliance` and `load_compliance` with one parameter \
+         and cannot be combined with either"
     )]
     CompliantTwice {
         /// 1-based.

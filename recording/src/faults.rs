@@ -324,7 +324,7 @@ mod tests {
             faults.push(Fault::new("k", "m"));
         }
         assert_eq!((faults.list().len(), faults.len()), (FAULTS_MAX, FAULTS_MAX + 7));
-        assert!(faults.plain().ends_with("and 7 more faults in x"));
+        assert!(faults.plain().ends_with("and 7 more errors in x"));
     }
 
     #[test]

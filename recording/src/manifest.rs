@@ -218,9 +218,9 @@ files = ["a.csv"]
             .replace("seed = 7", "band_Hz = 0");
         let faults = Manifest::parse("m.toml", &text).unwrap_err();
         for words in [
-            "perhaps \"R08\"",
-            "holds \"a.csv\" again",
-            "a time with its zone",
+            "did you mean \"R08\"",
+            "contains \"a.csv\" twice",
+            "a time with time zone",
             "did you mean `serial`?",
             "`band_Hz`: is 0",
         ] {
@@ -238,7 +238,9 @@ files = ["a.csv"]
     #[test]
     fn two_robots_of_one_name_and_a_list_without_recordings_are_refused() {
         let twice = SHORT.replace("name = \"R08\"", "name = \"R07\"");
-        Manifest::parse("m.toml", &twice).unwrap_err().assert_say("is \"R07\" again");
+        Manifest::parse("m.toml", &twice)
+            .unwrap_err()
+            .assert_say("is \"R07\", which is used already");
         let none = SHORT.split("[[recording]]").next().unwrap();
         Manifest::parse("m.toml", none).unwrap_err().assert_say("`recording`: is missing");
     }

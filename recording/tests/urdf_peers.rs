@@ -88,7 +88,7 @@ fn compare(file: &Path, poses: &[Pose], account: &mut Account) {
                     continue;
                 }
             };
-            if import.notes.iter().any(|note| note.contains("slide together")) {
+            if import.notes.iter().any(|note| note.contains("move together")) {
                 // Pinocchio moves every stage of a telescope by itself.
                 continue;
             }

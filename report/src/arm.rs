@@ -239,7 +239,7 @@ impl ArmPicture {
 
     /// The colour scale, and the exaggeration of the errors.
     fn draw_key(&self, canvas: &mut Canvas, scale: Scaled<'_>) {
-        let words = format!("drawn {} times as long", significant(scale.factor, 1));
+        let words = format!("magnified {} times", significant(scale.factor, 1));
         let (left, top) = (0.0, 18.0);
         let width = (canvas.width_px() - text_width(&words) - 16.0).clamp(40.0, 300.0);
         canvas.text("axis", (left, 11.0), Anchor::Start, "Error at the tool (mm)");
@@ -263,14 +263,11 @@ impl ArmPicture {
         };
         let lit = self.joints.iter().filter(|joint| joint.is_lit);
         let lit: Vec<&str> = lit.map(|joint| joint.name.as_str()).collect();
-        let thinned = if stride > 1 {
-            format!(", every {stride}th of which is drawn")
-        } else {
-            String::new()
-        };
+        let thinned =
+            if stride > 1 { format!("(every {stride}th is drawn)") } else { String::new() };
         let lit = if lit.is_empty() { "none".to_owned() } else { lit.join(", ") };
         format!(
-            "Errors at {} places of the tool{thinned}, drawn {} times as long as they are; in the mean {} before and {} after. Joints that are lit: {lit}.",
+            "Errors at {} tool positions{thinned}, magnified {} times; mean {} before and {} after. Highlighted joints: {lit}.",
             self.errors.len(),
             significant(scale.factor, 1),
             mean(|e| e.before),
@@ -378,7 +375,7 @@ mod tests {
         let factor = picture.magnified();
         let digits = factor / 10f64.powf(factor.log10().floor());
         assert!([1.0, 2.0, 5.0].iter().any(|digit| (digits - digit).abs() < 1e-9), "{factor}");
-        let words = format!("drawn {} times as long", significant(factor, 1));
+        let words = format!("magnified {} times", significant(factor, 1));
         let drawn = picture.render();
         assert!(drawn.as_str().contains(&words) && drawn.narrow().contains(&words));
     }
@@ -388,7 +385,7 @@ mod tests {
         let drawn = picture().render();
         assert!(drawn.as_str().contains("joint-name lit"));
         assert!(drawn.as_str().contains(">1, 2<"), "two joints that lie in one place");
-        assert!(drawn.as_str().contains("Joints that are lit: 2."));
+        assert!(drawn.as_str().contains("Highlighted joints: 2."));
     }
 
     #[test]

@@ -99,7 +99,7 @@ fn a_drift_is_reported_with_its_time_and_a_new_model_resets_the_test() {
         "{}",
         said.message
     );
-    assert!(daemon.says("the model no longer holds", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.says("the model is outdated", LIMIT), "{:?}", daemon.lines());
 
     assert_eq!(monitor.reload(None, LIMIT).unwrap().answer(), Ok(Answer::Done));
     let anew = status(&mut monitor);
@@ -124,7 +124,7 @@ fn a_measurement_that_makes_no_sense_is_refused_and_changes_nothing() {
         (Measured { joints: &[9.0; JOINTS], ..sound }, "within their limits"),
         (Measured { joints: &[f64::NAN; JOINTS], ..sound }, "finite"),
         (Measured { point_m: [f64::NAN; 3], ..sound }, "must be finite"),
-        (Measured { sigma_m: 0.0, ..sound }, "above zero"),
+        (Measured { sigma_m: 0.0, ..sound }, "above 0"),
     ];
     for (measured, words) in cases {
         let answer = monitor.measured(&measured, LIMIT).unwrap();

@@ -172,7 +172,7 @@ fn the_effects_of_a_simulated_robot_are_found_and_its_model_loads_and_corrects()
     let page = place.read("c.html");
     let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
     roxmltree::Document::parse_with_options(&page, options).expect("a sound page");
-    assert!(page.contains("What these data cannot tell") && page.contains("rising"), "{page}");
+    assert!(page.contains("Not identifiable from these data") && page.contains("rising"), "{page}");
 }
 
 #[test]
@@ -194,7 +194,7 @@ fn the_library_gives_the_model_and_the_result_that_the_command_writes() {
     assert_eq!(json, place.json("c.json"));
     assert!(said.starts_with(&calibrated.text(Some(out), None)), "{said}");
     let unwritten = calibrated.page(None).render();
-    assert!(unwritten.contains("The proof") && !unwritten.contains("robot2.toml"));
+    assert!(unwritten.contains("Validation") && !unwritten.contains("robot2.toml"));
 }
 
 #[test]
@@ -366,13 +366,13 @@ fn gross_faults_are_reported_with_a_remedy_and_nothing_is_written() {
     };
     refused(&|row| row.2.iter_mut().for_each(|at| at.x = -at.x), "mirrored");
     refused(&|row| row.0.swap(1, 2), "columns of joints 2 and 3 are swapped");
-    refused(&|row| row.0[3] = -row.0[3], "joint 4 counts the other way round");
-    refused(&|row| row.2.iter_mut().for_each(|at| *at *= 1e-3), "thousand times too small");
-    refused(&|row| row.0 = row.0.map(f64::to_radians), "in radians where degrees are said");
+    refused(&|row| row.0[3] = -row.0[3], "joint 4 has the opposite sign");
+    refused(&|row| row.2.iter_mut().for_each(|at| *at *= 1e-3), "factor of 1000 too small");
+    refused(&|row| row.0 = row.0.map(f64::to_radians), "in radians, but degrees are stated");
     let swapped = |at: &mut DVec3| *at = DVec3::new(at.y, at.x, at.z);
     refused(
         &|row| swapped(&mut row.2[1]),
-        "target 2 alone is grossly off: its columns x and y are swapped",
+        "only target 2 has a gross error: its columns x and y are swapped",
     );
     // There is no remedy for noise of a decimetre, nor for rows of something else.
     refused(
@@ -390,7 +390,7 @@ fn a_model_that_its_own_proof_calls_worse_is_not_written_unless_it_is_asked_for(
     let done = place.run(&asked);
     assert_eq!(done.code, Some(1), "{done:#?}");
     assert!(
-        done.out.contains("no model was written") && done.out.contains("not proven"),
+        done.out.contains("no model was written") && done.out.contains("not validated"),
         "{done:#?}"
     );
     assert_eq!(place.names(), ["c.html", "c.json", "seen.csv", "seen.toml"]);
@@ -399,7 +399,7 @@ fn a_model_that_its_own_proof_calls_worse_is_not_written_unless_it_is_asked_for(
     assert!(mean("advanced") > mean("nominal") && found["out"].is_null(), "{found:#}");
     assert!(found["refused"].to_string().contains("held-out poses"), "{found:#}");
     let done = place.succeed(&[&asked[..], &["--accept-worse"]].concat());
-    assert!(done.out.contains("not proven"), "{done:#?}");
+    assert!(done.out.contains("not validated"), "{done:#?}");
     place.succeed(&["check", "robot2.toml"]);
 }
 

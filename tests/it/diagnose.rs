@@ -101,7 +101,7 @@ fn a_tolerance_is_judged_as_given_and_with_what_was_found_in_text_json_and_page(
     let diagnose = ["diagnose", "--model", BASE, "--out", "said", "--seed", "1"];
     let asked = [&diagnose[..], &["--tolerance-mm", "0.1", "seen.csv"]].concat();
     let text = place.succeed(&asked).out;
-    let words = "olerance of 0.100 mm not met as given and met with what was found";
+    let words = "olerance of 0.100 mm not met with the given model and met with the findings";
     assert!(text.contains(words), "{text}");
     assert!(place.read("said/report.html").contains(words));
     let said = place.json("said/diagnosis.json");
@@ -171,17 +171,17 @@ fn the_page_says_first_what_was_found_and_shows_it_in_one_file() {
     diagnosed(&place, "seen.csv");
     let page = place.read("said/report.html");
     let order = [
-        "What was found",
+        "Findings",
         "Before and after",
-        "Readings against the model over time",
+        "Errors of the readings over time",
         "Held-out errors",
-        "Spectrum of what is left",
+        "Spectrum of the residual",
         "Where model and recording differ",
-        "Each finding over what it follows",
-        "seen while rising",
+        "Each finding over its input",
+        "measured, increasing",
         "compliance_mrad_per_kNm",
-        "What this recording could not show",
-        "What was done with the data",
+        "Not observable in this recording",
+        "Data processing",
     ];
     let mut from = 0;
     for words in order {
@@ -208,10 +208,9 @@ fn text_json_and_page_of_a_diagnosis_tell_the_same_numbers() {
     let (said, page) = (place.json("said/diagnosis.json"), place.read("said/report.html"));
     let short = |of: &Value| significant(of.as_f64().expect("a number"), 3);
     let [before, after] = ["heldout_rms_before", "heldout_rms_after"].map(|key| short(&said[key]));
-    let words =
-        format!("off by {before} mm (root mean square of single values) as given and by {after}");
+    let words = format!("{before} mm with the given model, {after} with the findings");
     assert!(text.contains(&words), "`{words}`: {text}");
-    for (label, number) in [("Model as given", &before), ("With what was found", &after)] {
+    for (label, number) in [("Given model", &before), ("With the findings", &after)] {
         let tile = format!("<dt>{label}</dt><dd class=\"value\">{number}<");
         assert!(page.contains(&tile), "{tile}");
     }
@@ -328,7 +327,7 @@ fn only_missing_physics_is_applied_and_a_daemon_that_is_not_there_costs_no_diagn
     let (_, epoch) = beside(&at, |monitor| {
         let done = apply(&sound, "cell", "seen.csv");
         assert_eq!(done.code, Some(1), "{done:#?}");
-        assert!(done.out.contains("nothing is missing"), "{}", done.out);
+        assert!(done.out.contains("nothing to apply"), "{}", done.out);
         status(monitor).model_epoch
     });
     assert_eq!(epoch, 1);

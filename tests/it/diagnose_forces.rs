@@ -145,7 +145,7 @@ fn what_a_stated_cut_lacks_is_named_and_the_model_with_it_reads_the_same_forces(
     found.sort_unstable();
     assert_eq!(found, ["edge_force", "runout"]);
     let page = place.read("diagnosis/report.html");
-    assert!(page.contains("Over one turn of the spindle"));
+    assert!(page.contains("One spindle revolution"));
     // With the complete model nothing is missing any more.
     place.succeed(&["diagnose", "--model", "truth.toml", "--out", "told", "made.csv"]);
     assert_eq!(place.json("told/diagnosis.json")["verdict"], "consistent");

@@ -154,12 +154,12 @@ fn columns_under_the_wrong_name_or_unit_are_not_judged() {
     }
     for joint in 1..=5 {
         let turned = sheet.with(&[JOINTS[joint - 1]], |_, q| -q);
-        check(&format!("turned-{joint}"), &turned, &["other way round", "mirrored", "zero of"]);
+        check(&format!("turned-{joint}"), &turned, &["opposite sign", "mirrored", "zero of"]);
     }
-    check("radians", &sheet.with(&JOINTS, |_, q| q.to_radians()), &["radians where degrees"]);
+    check("radians", &sheet.with(&JOINTS, |_, q| q.to_radians()), &["radians, but degrees"]);
     let text = sheet.text().replace("_deg", "_rad");
-    assert_undetermined(&place, "degrees", &text, BASE, &["degrees where radians", "single"]);
-    check("metres", &sheet.with(&TOOL, |_, x| 1e-3 * x), &["thousand times too small"]);
+    assert_undetermined(&place, "degrees", &text, BASE, &["degrees, but radians", "single"]);
+    check("metres", &sheet.with(&TOOL, |_, x| 1e-3 * x), &["factor of 1000 too small"]);
     check("mirrored", &sheet.swapped("x_mm", "y_mm"), &["mirrored"]);
     check("one-axis-turned", &sheet.with(&["z_mm"], |_, z| -z), &["mirrored"]);
 }
@@ -169,7 +169,7 @@ fn another_robot_or_numbers_by_chance_are_not_judged() {
     let (place, sheet) = seen();
     let text = sheet.text();
     for model in ["irb120", "kuka-kr240", "fanuc-r2000ib", "ur10e"] {
-        assert_undetermined(&place, model, &text, model, &["robot's", "the tool is not"]);
+        assert_undetermined(&place, model, &text, model, &["of this robot", "the tool differs"]);
     }
     let random = sheet.with(&TOOL, |k, _| 1e3 * chance(k));
     assert_undetermined(&place, "random", &random.text(), BASE, &["single"]);
@@ -212,11 +212,11 @@ fn readings_that_freeze_or_are_cut_off_or_break_off_are_left_out_and_nothing_is_
     assert_nothing_found(&place, "frozen", &frozen.text(), "y_mm stands still");
     let most = (0..sheet.rows.len()).map(|k| sheet.value("x_mm", k)).fold(f64::MIN, f64::max);
     let cut = sheet.with(&["x_mm"], |_, x| x.min(most - 40.0));
-    assert_nothing_found(&place, "cut-off", &cut.text(), "x_mm is cut off");
+    assert_nothing_found(&place, "cut-off", &cut.text(), "x_mm is clipped");
     let text = sheet.text();
     assert_nothing_found(&place, "truncated", &text[..text.len() * 2 / 3], "consistent");
     let far = sheet.with(&TOOL, |k, x| if k % 50 == 3 { x + 30.0 } else { x });
-    assert_nothing_found(&place, "outliers", &far.text(), "lie far from the model");
+    assert_nothing_found(&place, "outliers", &far.text(), "are outliers of the final model");
 }
 
 /// Joint positions on the link side, without other measurements.

@@ -30,7 +30,7 @@ fn poses_that_were_filled_in_stay_as_they_are_and_nothing_is_written_beside_them
     place.file("poses/poses.csv", MINE);
     let done = place.run(&[&PLAN[..], &["poses"]].concat());
     assert!(
-        done.code == Some(2) && done.err.contains("poses/poses.csv exists already"),
+        done.code == Some(2) && done.err.contains("poses/poses.csv already exists"),
         "{done:?}"
     );
     assert!(done.err.contains("--overwrite"), "{done:?}");
@@ -68,7 +68,7 @@ fn every_command_refuses_an_output_that_is_there_before_it_begins() {
         let before = (place.names(), fs::read_dir(place.path("d")).unwrap().count());
         let done = place.run(arguments);
         assert!(
-            done.code == Some(2) && done.err.contains("exists already"),
+            done.code == Some(2) && done.err.contains("already exists"),
             "{arguments:?}: {done:?}"
         );
         assert_eq!(place.read(output), MINE, "{arguments:?}");

@@ -114,7 +114,7 @@ fn planned_poses_come_as_a_list_and_as_programs_within_the_limits() {
     assert!(place.read("d/poses.dat").contains("DEFDAT poses"));
     let twice = place.run(&[&["plan", "--seed", "5"], &asked[..]].concat());
     assert!(
-        twice.code == Some(2) && twice.err.contains("d/poses.toml exists already"),
+        twice.code == Some(2) && twice.err.contains("d/poses.toml already exists"),
         "{twice:?}"
     );
     let again = plan(&place, &[&asked[..], &["--overwrite"]].concat());
@@ -193,7 +193,8 @@ fn a_check_lets_a_sound_robot_pass_and_names_the_joint_that_moved() {
     let chosen = plan(&place, &[&begin[..], &["--out", "d"]].concat());
     assert_eq!(chosen["poses"].as_array().map(Vec::len), Some(10));
     let least = chosen["detectable"].as_array().expect("detectable").iter();
-    let third = least.clone().find(|d| d["damage"] == "joint 3 stands off").expect("joint 3");
+    let third =
+        least.clone().find(|d| d["damage"] == "joint 3 has a zero offset").expect("joint 3");
     assert!(number(third, "least") < 1.0, "{third}");
     let sound = model(CALIBRATED);
     measure(&place, "d", &sound, false, 1.0);
@@ -207,7 +208,7 @@ fn a_check_lets_a_sound_robot_pass_and_names_the_joint_that_moved() {
     let judged =
         place.run(&["plan", "--check", "--model", CALIBRATED, "d/seen.csv", "--json", "j.json"]);
     assert_eq!(judged.code, Some(1), "{judged:?}");
-    assert!(judged.out.contains("joint 3 stands off by 2"), "{}", judged.out);
+    assert!(judged.out.contains("joint 3 has a zero offset by 2"), "{}", judged.out);
     assert_eq!(
         (&place.json("j.json")["holds"], &place.json("j.json")["is_explained"]),
         (&false.into(), &true.into())

@@ -62,10 +62,10 @@ fn confirmed(said: &[Verdict], near_hz: f64) -> Verdict {
 #[test]
 fn what_would_help_stands_in_verdict_status_and_log() {
     for (rpm, frequency_hz, advice, words) in [
-        (28_000.0, 72.0, Advice::ChangeCut, "another spindle speed does not help"),
+        (28_000.0, 72.0, Advice::ChangeCut, "not affected by spindle speed"),
         (2400.0, 72.0, Advice::StabilityPocket, ": change to 2160 rev/min, stability lobe 1"),
         (2160.0, 72.0, Advice::MoveOffMode, "to move the tooth frequency away from the modes"),
-        (28_000.0, 66.67, Advice::SampleFaster, "may be a folded multiple of the spindle speed"),
+        (28_000.0, 66.67, Advice::SampleFaster, "may be an aliased harmonic of the spindle speed"),
     ] {
         let (_place, daemon, mut sensor) = watching("");
         tell(&mut sensor, &cutting(rpm, None));

@@ -189,9 +189,9 @@ fn recording_starts_and_stops_when_it_is_asked_to_and_what_is_kept_is_not_remove
     let mut daemon = Process::ready_daemon(TRUED, &place);
     assert!(!place.file("recordings").exists(), "nothing is recorded yet");
     assert!(asks(&place, &["status"], 0).contains("stopped"));
-    assert!(asks(&place, &["mark", "nobody writes"], 1).contains("nothing is recorded"));
-    assert!(asks(&place, &["record", "keep"], 1).contains("nothing is recorded"));
-    assert!(asks(&place, &["record", "stop"], 0).contains("nothing is recorded"));
+    assert!(asks(&place, &["mark", "nobody writes"], 1).contains("nothing is being recorded"));
+    assert!(asks(&place, &["record", "keep"], 1).contains("nothing is being recorded"));
+    assert!(asks(&place, &["record", "stop"], 0).contains("nothing is being recorded"));
 
     assert!(asks(&place, &["record", "start"], 0).contains("recording to"));
     asks(&place, &["mark", "part 7"], 0);
@@ -201,7 +201,7 @@ fn recording_starts_and_stops_when_it_is_asked_to_and_what_is_kept_is_not_remove
     assert!(stopped.contains(".kept.mcap is closed"), "{stopped}");
     let first = files(&place).pop().unwrap();
     let info = blackbox::info(&first).unwrap();
-    assert_eq!(info.end, End::Closed, "closed when the command ends");
+    assert_eq!(info.end, End::Closed, "closed when the command returns");
     let marks = blackbox::read(&first).unwrap();
     let is_mark = |record: &&Record| matches!(record, Record::Log(line) if line.level == "mark");
     assert_eq!(marks.records.iter().filter(is_mark).count(), 1);

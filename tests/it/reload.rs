@@ -168,7 +168,7 @@ fn a_model_of_another_robot_is_refused_unless_the_cell_is_in_shadow_and_it_is_as
             assert!(refused(&answer).contains(words), "{words}: {}", answer.message);
         }
         let answer = monitor.reload_other_robot(Some(&kuka), LIMIT).unwrap();
-        assert!(refused(&answer).contains("disarm first"), "{}", answer.message);
+        assert!(refused(&answer).contains("switch to shadow mode first"), "{}", answer.message);
         assert_eq!(status(monitor).model_hash, before.model_hash);
     });
     assert_eq!(seen.broken, Vec::<String>::new());

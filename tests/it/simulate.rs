@@ -234,12 +234,12 @@ fn an_instrument_that_wanders_is_simulated_as_it_stood_and_is_no_missing_physics
     place.succeed(&[&asked[..], &["made.csv"]].concat());
     let said = place.json("d.json");
     assert_eq!(said["verdict"], "consistent", "{said:#}");
-    assert!(said["notes"].to_string().contains("wandered by up to 0.05"), "{:#}", said["notes"]);
+    assert!(said["notes"].to_string().contains("drifted by up to 0.05"), "{:#}", said["notes"]);
     // The model is exact: no fit is better.
     let calibrate = ["calibrate", "--accept-worse", "--model", "robot.toml", "--out", "m.toml"];
     let fitted = place.succeed(&[&calibrate[..], &["made.csv"]].concat());
     assert!(
-        fitted.out.contains("frame     the measuring frame was laid on targets 2, 3, 4"),
+        fitted.out.contains("frame     the measuring frame was defined by targets 2, 3, 4"),
         "{fitted:#?}"
     );
 }

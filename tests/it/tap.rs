@@ -172,12 +172,12 @@ fn an_invalid_tap_test_is_refused_with_a_remedy() {
     );
     refused(
         &place.run(&["tap", "--response-kind", "velocity", "one.csv"]),
-        &["another kind", "--response-kind"],
+        &["contradicts --response-kind"],
     );
     place.file("bare.csv", &quiet.replace("arm_m_s2", "arm"));
     refused(
         &place.run(&["tap", "--force", "2", "--response", "3", "bare.csv"]),
-        &["names no unit", "--response-kind"],
+        &["has no unit", "--response-kind"],
     );
     refused(&place.run(&["tap", "--band", "90", "10", "one.csv"]), &["--band", "lower first"]);
     refused(&place.run(&["tap", "--direction", "0,0,0", "one.csv"]), &["not all 0"]);
@@ -305,7 +305,7 @@ fn response_functions_of_a_universal_file_and_of_a_table_are_taken_as_they_are()
     let place = Place::new();
     place.file("arm.uff", &uff());
     let done = place.succeed(&["tap", "arm.uff", "--json", "uff.json"]);
-    assert!(done.err.contains("without their coherence"), "{}", done.err);
+    assert!(done.err.contains("have no coherence"), "{}", done.err);
     let near = |file: &str| {
         let modes = place.json(file)["modes"].clone();
         for (mode, (f_n, zeta, _)) in modes.as_array().unwrap().iter().zip(ROBOT) {

@@ -234,7 +234,7 @@ mod tests {
         assert!((WAITING_MAX..=WAITING_MAX + 1).contains(&kept), "{kept}");
         // Lines lost before the thread's first line are reported too.
         let lost = text
-            .split(" lines of log were lost")
+            .split(" log lines were dropped")
             .filter_map(|before| before.split(' ').next_back()?.parse::<usize>().ok());
         assert_eq!(lost.sum::<usize>(), lines - kept, "{text}");
         assert!(text.ends_with("after\n"), "{text}");

@@ -22,7 +22,7 @@ fn help_is_an_answer_on_standard_output() {
     let output = trued(&["--help"]).output().expect("runs");
     assert_eq!(code(&output), Some(0));
     let help = text(&output.stdout);
-    for part in ["Usage: trued", "--json", "Exit codes:\n  0    done\n", "130"] {
+    for part in ["Usage: trued", "--json", "Exit codes:\n  0    success\n", "130"] {
         assert!(help.contains(part), "{part} in {help}");
     }
     assert!(!help.contains('\u{1b}'), "no colour where there is no terminal");

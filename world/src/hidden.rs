@@ -65,7 +65,9 @@ pub struct Hidden {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum HideError {
     /// No draw had a suitable size.
-    #[error("no effect was found that shows on this work and this measuring program without harm")]
+    #[error(
+        "no effect was found that is observable in this path and measuring program without collision or limit violation"
+    )]
     Nothing,
     /// The model has no room.
     #[error(transparent)]

@@ -23,11 +23,11 @@ const SEEDS: u32 = 96;
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum IkError {
     /// An arm of fewer than six joints cannot reach an arbitrary pose.
-    #[error("the arm has {0} joints, a placement of the tool needs at least 6")]
+    #[error("the arm has {0} joints, a tool pose needs at least 6")]
     TooFewJoints(usize),
     /// The pose is out of reach, or singular.
     #[error(
-        "the placement is out of reach: {position_m:.6} m and {angle_rad:.6} rad are left; move the work nearer"
+        "the tool pose is out of reach by {position_m:.6} m and {angle_rad:.6} rad; move the workpiece nearer"
     )]
     OutOfReach {
         /// Remaining distance, m.
@@ -36,7 +36,7 @@ pub enum IkError {
         angle_rad: f64,
     },
     /// A joint (1-based) would leave its limits.
-    #[error("joint {joint} would have to stand at {position:.4} (rad or m), out of its limits")]
+    #[error("joint {joint} would be at {position:.4} (rad or m), outside its limits")]
     Limits {
         /// 1-based.
         joint: usize,

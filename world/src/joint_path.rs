@@ -42,8 +42,8 @@ pub enum PlanError {
     },
     /// A joint (1-based) would exceed its speed: usually near a singular pose.
     #[error(
-        "at {t_s:.3} s joint {joint} would have to move at {speed:.2}, it can do {limit:.2} (rad/s or m/s): \
-         slow down or keep clear of singular poses"
+        "at {t_s:.3} s joint {joint} would need a speed of {speed:.2}, its limit is {limit:.2} (rad/s or m/s); \
+         slow down or avoid singular poses"
     )]
     TooFast {
         /// Time on the path, s.

@@ -47,7 +47,7 @@ pub struct Followed {
 pub enum ServoError {
     /// The mass matrix is not positive definite.
     #[error(
-        "joint {joint} has no inertia that resists its drive: a controller in the loop needs a `link` with a mass (and `inertia_kgm2`) \
+        "joint {joint} has no inertia; closed-loop simulation needs a `link` with a mass (and `inertia_kgm2`) \
          or an `inertia` for every joint"
     )]
     Massless {

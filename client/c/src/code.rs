@@ -273,6 +273,6 @@ mod tests {
         assert_eq!(guard(|| Err(Fault::Closed)), trued_code::TRUED_ERROR_CLOSED);
         let other = std::thread::spawn(|| (guard(|| Err(Fault::Busy)), last_error()));
         assert!(other.join().unwrap().1.contains("another thread"));
-        assert!(last_error().contains("has been closed"));
+        assert!(last_error().contains("is closed or invalid"));
     }
 }

@@ -141,7 +141,7 @@ impl Fitted {
         let (calibration, written) = std::thread::scope(|scope| {
             let written = seed.is_some().then(|| scope.spawn(|| anew(&used)));
             let proven = proof::calibrate(campaign, &base.physics, &base.sigma, training, begins);
-            begins("the model on all poses");
+            begins("fitting the model to all poses");
             (proven, written.map(std::thread::ScopedJoinHandle::join))
         });
         let written = match written {

@@ -60,7 +60,7 @@ pub(super) fn checks(campaign: &Campaign, last: &Fit, settings: &super::Settings
     for (instrument, factor) in campaign.instruments.iter().zip(&last.factors) {
         if instrument.noise_is_known && *factor > 1.0 {
             warnings.push(format!(
-                "{}: the residuals are {} times as large as the stated noise (`sigma`): the noise is larger than that, or the robot has errors that the model does not \
+                "{}: the residuals are {} times as large as the stated noise (`sigma`): the noise is larger than stated, or the robot has errors that the model does not \
                  describe; intervals are widened by this factor",
                 instrument.name,
                 fixed(*factor, 2)
@@ -69,14 +69,14 @@ pub(super) fn checks(campaign: &Campaign, last: &Fit, settings: &super::Settings
     }
     for (what, off) in last.beyond_tolerance(settings.implausible_sigmas) {
         warnings.push(format!(
-            "{what} comes out at {} standard deviations of its tolerance: check the model's geometry, and whether these poses show it",
+            "{what} is {} standard deviations of its tolerance from the prior; check the model's geometry, and whether these poses determine it",
             fixed(off, 1)
         ));
     }
     let condition = last.conditioning().condition;
     if condition > settings.condition_max {
         warnings.push(format!(
-            "the directions that these poses determine differ by a factor of {condition:.0e} in how well they show (condition number): measure poses that differ more"
+            "the identification is ill-conditioned (condition number {condition:.0e}); measure more varied poses"
         ));
     }
     warnings
@@ -91,16 +91,16 @@ pub(super) fn doubts(recordings: &[Recording], errors: &[Errors; 3], last: &Fit)
         .count();
     if open > 0 {
         warnings.push(format!(
-            "{} of the model cannot be determined one by one from these data: their combination is determined, and each value follows the prior of its kind",
+            "{} of the model cannot be determined individually from these data: only their combination is determined, and each value follows its prior",
             count(open, "number")
         ));
     }
     let [nominal, calibrated, advanced] = errors.each_ref().map(Errors::mean);
     if advanced >= nominal {
-        warnings.push("the advanced model is no better than the model as it is on held-out poses: do not use it; measure more poses".to_owned());
+        warnings.push("the advanced model is not better than the given model on held-out poses: do not use it; measure more poses".to_owned());
     } else if advanced > calibrated {
         warnings.push(
-            "on held-out poses the advanced model is worse than plain geometry: measure more poses"
+            "on held-out poses, the advanced model is worse than calibrated geometry alone; measure more poses"
                 .to_owned(),
         );
     }
@@ -113,7 +113,7 @@ pub(super) fn doubts(recordings: &[Recording], errors: &[Errors; 3], last: &Fit)
         let about = &recording.about;
         if about.kind == Kind::Poses && about.approach == Approach::Unknown {
             warnings.push(format!(
-                "{}: how the joints arrived is not said (`approach`), so lost motion cannot be determined",
+                "{}: the approach direction of the joints is not stated (`approach`), so lost motion cannot be determined",
                 recording.file.display()
             ));
         }

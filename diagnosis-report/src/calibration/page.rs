@@ -17,7 +17,7 @@ use crate::entries::Entry;
 const OUTLIERS: usize = 50;
 /// Of the distribution of errors.
 const SPREAD: &str =
-    "Distances of measured points from where each model sees them, on held-out poses.";
+    "Distance between measured and predicted points for each model, on held-out poses.";
 /// What the models of [`MODELS`] stand for.
 const ROLES: [Role; 3] = [Role::Before, Role::Calibrated, Role::After];
 
@@ -38,7 +38,7 @@ fn render(found: &Calibrated, written: Option<&Path>) -> Page {
         .robot(found.base.file.identity().to_string());
     let mut page =
         next(picture(verdict(page, found, written).numbers(numbers(found)), found), found, written);
-    page = notes(page, found).section("The proof").table(&errors(found));
+    page = notes(page, found).section("Validation").table(&errors(found));
     if !found.tool_errors.is_empty() {
         page = page.figure(SPREAD, &histogram(found));
     }
@@ -49,7 +49,7 @@ fn render(found: &Calibrated, written: Option<&Path>) -> Page {
         page = page.table(&stations(found));
     }
     if !found.approached.is_empty() {
-        page = page.folded("Errors by the direction in which a joint arrived", |page| {
+        page = page.folded("Errors by approach direction of a joint", |page| {
             page.table(&approach(&found.approached))
         });
     }
@@ -57,13 +57,14 @@ fn render(found: &Calibrated, written: Option<&Path>) -> Page {
     let by_themselves = found.sweeps_and_loads.lines();
     if !by_themselves.is_empty() {
         page = page
-            .section("Joints and loads by themselves")
-            .text("From the runs in which one joint moves alone, and from poses measured with and without a load: what the fit of everything can be held against.")
+            .section("Single-joint and load tests")
+            .text("Independent estimates from runs in which one joint moves alone, and from poses measured with and without a load, to compare with the full calibration.")
             .list(&by_themselves);
     }
     page = open(page, found);
-    let seed = found.seed.map_or("none: the recordings say".to_owned(), |seed| seed.to_string());
-    page.section("Made from").facts([
+    let seed =
+        found.seed.map_or("none: defined by the recordings".to_owned(), |seed| seed.to_string());
+    page.section("Data").facts([
         ("Recordings", names.join(", ")),
         ("Split", found.split.says.clone()),
         ("Seed", seed),
@@ -74,8 +75,8 @@ fn render(found: &Calibrated, written: Option<&Path>) -> Page {
 fn verdict(page: Page, found: &Calibrated, written: Option<&Path>) -> Page {
     let [nominal, calibrated, advanced] = found.errors.each_ref().map(|e| mm(e.mean()));
     let sentence = format!(
-        "On {} that no fit has seen the tool is {} mm from where the new model puts it, in the mean, and within {} mm in 95 of 100; it was {} mm with the model \
-         as it was, and {} mm with calibrated geometry alone.",
+        "On {} not used in any fit, the mean tool error of the new model is {} mm, and 95 % of the errors are within {} mm; the mean was {} mm with the given \
+         model, and {} mm with calibrated geometry alone.",
         count(found.split.training.iter().filter(|trains| !**trains).count(), "pose"),
         significant(advanced, 2),
         significant(mm(found.errors[2].quantile(0.95)), 2),
@@ -84,7 +85,9 @@ fn verdict(page: Page, found: &Calibrated, written: Option<&Path>) -> Page {
     );
     match found.refused.as_slice() {
         [] => match found.tolerance() {
-            None => page.verdict(Tone::Good, "calibrated, and proven on unseen poses", &sentence),
+            None => {
+                page.verdict(Tone::Good, "calibrated and validated on held-out poses", &sentence)
+            }
             Some(tolerance) => {
                 let (tone, word) = match tolerance.met {
                     true => (Tone::Good, "calibrated, within the tolerance"),
@@ -96,10 +99,10 @@ fn verdict(page: Page, found: &Calibrated, written: Option<&Path>) -> Page {
         },
         [reason, ..] => {
             let written =
-                if written.is_some() { "written all the same" } else { "no model written" };
+                if written.is_some() { "model written anyway" } else { "no model written" };
             page.verdict(
                 Tone::Bad,
-                &format!("not proven, {written}"),
+                &format!("not validated, {written}"),
                 &format!("{reason} {sentence}"),
             )
         }
@@ -114,9 +117,10 @@ fn picture(page: Page, found: &Calibrated) -> Page {
     else {
         return page.figure(SPREAD, &histogram(found));
     };
-    let red = if lit.is_empty() { "" } else { " Red: joints whose effects move the tool most." };
+    let red =
+        if lit.is_empty() { "" } else { " Red: joints with the largest effects at the tool." };
     let caption = format!(
-        "Where the tool is off on held-out poses: measured minus model, drawn {} times as long, with the model as it was (before) and with the new one (after).{red}",
+        "Tool errors on held-out poses: measured minus model, magnified {} times, with the given model (before) and the new model (after).{red}",
         significant(factor, 1)
     );
     page.figure(&caption, &drawing)
@@ -125,12 +129,12 @@ fn picture(page: Page, found: &Calibrated) -> Page {
 fn next(page: Page, found: &Calibrated, written: Option<&Path>) -> Page {
     let Some(model) = written else {
         return page.next(
-            "Read the objections to the model below, correct their causes, and measure again.",
+            "Read why the model was rejected (below), correct the causes, and measure again.",
             None,
         );
     };
     page.next(
-        "Plan the ten poses of a check with the new model, and measure them after a collision or a repair.",
+        "Plan a check of ten poses with the new model, and measure them after a collision or a repair.",
         Some(&format!("{} --out check", found.check_command(model))),
     )
 }
@@ -148,28 +152,30 @@ fn sizes(found: &Calibrated) -> Vec<OfJoint> {
 }
 
 fn what_was_found(page: Page, found: &Calibrated) -> Page {
-    let mut page = page.section("What was found");
+    let mut page = page.section("Identified effects");
     let name = |entry: &Entry| {
         let whose = entry.joint().map_or(String::new(), |joint| format!(", joint {joint}"));
         format!("{}{whose}", words(entry.kind()))
     };
     let known = || found.entries.iter().filter(|entry| !entry.is_empty());
     let ranked = known().map(|entry| Ranked { name: name(entry), size: Some(mm(entry.share_m)) });
-    let axis = Axis::new("Moves the tool by", "mm, root mean square");
-    if let Some(bars) = ranking("What each effect does at the tool", axis, ranked) {
+    let axis = Axis::new("Effect at the tool", "mm RMS");
+    if let Some(bars) = ranking("Effect of each term at the tool", axis, ranked) {
         page = page.figure(
-            "What each effect does at the tool over the measured poses, against the same model without it; the largest first.",
+            "RMS displacement of the tool by each effect over the measured poses, compared with the same model without it; largest first.",
             &bars,
         );
     }
-    let caption = "Moves the tool by, root mean square over the measured poses, mm";
+    let caption = "RMS displacement of the tool over the measured poses, mm";
     page = page.table(&by_joint(caption, found.base.physics.arm.count(), &sizes(found)));
-    page = page.folded("Parameter by parameter", |page| {
-        page.table(&parameters(found)).text("± is the standard uncertainty; `–` where the data tell nothing and the number stayed where it was.")
+    page = page.folded("Parameters", |page| {
+        page.table(&parameters(found)).text("± is the standard uncertainty; `–` means that the data do not determine the parameter, which kept its value.")
     });
     let around = lines(&numbers_around(&found.fit));
     if !around.is_empty() {
-        page = page.text("Around the robot, in its base frame, as found:").list(&around);
+        page = page
+            .text("Measuring frames, targets and contacted surfaces, estimated in the base frame:")
+            .list(&around);
     }
     let nests = found.nests();
     if nests.is_empty() { page } else { page.list(&nests) }
@@ -178,10 +184,10 @@ fn what_was_found(page: Page, found: &Calibrated) -> Page {
 /// What speaks against the model, and what is to be looked at.
 fn notes(mut page: Page, found: &Calibrated) -> Page {
     for reason in &found.refused {
-        page = page.note(Tone::Bad, "Not proven", reason);
+        page = page.note(Tone::Bad, "Validation failed", reason);
     }
     if let Some((first, others)) = found.warnings.split_first() {
-        page = page.note(Tone::Caution, "To be looked at", first);
+        page = page.note(Tone::Caution, "Warnings", first);
         if !others.is_empty() {
             page = page.list(others);
         }
@@ -270,7 +276,7 @@ fn stations(found: &Calibrated) -> Table {
 fn approach(approached: &[Approached]) -> Table {
     let heads =
         ["Joint", "Arrived", "Model", "Mean (mm)", "Median (mm)", "95 % (mm)", "Largest (mm)"];
-    let mut table = Table::new("Held-out errors by the direction in which a joint arrived", heads);
+    let mut table = Table::new("Held-out errors by approach direction of a joint", heads);
     for one in approached {
         for (side, way) in ["rising", "falling"].into_iter().enumerate() {
             for (name, errors) in MODELS.iter().zip(&one.errors) {
@@ -289,7 +295,7 @@ fn parameters(found: &Calibrated) -> Table {
         Column::new("Parameter"),
         Column::new("Value"),
         Column::new("±"),
-        Column::new("Moves the tool (mm)"),
+        Column::new("Effect at the tool (mm)"),
     ];
     let mut table = Table::new("Parameters, in the units of the model file", heads);
     let mut entries: Vec<&Entry> = found.entries.iter().collect();
@@ -320,14 +326,14 @@ fn open(mut page: Page, found: &Calibrated) -> Page {
     let undetermined = found.undetermined();
     if !undetermined.is_empty() {
         page = page
-            .section("What these data cannot tell")
-            .text("These numbers cannot be told one by one: of all that explain the readings alike, the model holds the smallest. Other poses, a known measuring frame or known places of the reflectors may tell them. In short:")
+            .section("Not identifiable from these data")
+            .text("These parameters cannot be identified individually: of all values that explain the readings equally well, the model contains the smallest. Other poses, a known measuring frame or known reflector positions may determine them. Summary:")
             .list(found.left_open())
-            .folded("Number by number", |page| page.list(undetermined));
+            .folded("All parameters", |page| page.list(undetermined));
     }
     if !found.outliers.is_empty() {
-        let heads = ["Recording", "Row", "Off (mm)"];
-        let words = format!("{} weigh less than half", count(found.outliers.len(), "pose"));
+        let heads = ["Recording", "Row", "Error (mm)"];
+        let words = format!("{} with a weight below one half", count(found.outliers.len(), "pose"));
         let outliers = found.outliers.iter().take(OUTLIERS);
         let table = outliers.fold(Table::new(words, heads), |table, outlier| {
             table.row([

@@ -29,7 +29,7 @@ impl Parts {
             let training: Vec<bool> = held.iter().map(|held| !held).collect();
             let trains = training.iter().filter(|trains| **trains).count();
             let says = format!(
-                "{trains} of {} poses train, as the recordings' `heldout` says",
+                "{trains} of {} poses in the training set, as stated by `heldout` in the recordings",
                 held.len()
             );
             Self { split: Split { training, says }, seed: None }
@@ -54,8 +54,8 @@ fn check_poses(campaign: &Campaign, split: &Split, least: usize) -> Result<(), E
     let (trains, held) = (part(true), part(false));
     if trains < least || held == 0 {
         return Err(Error::input(format!(
-            "the tool was measured at {} that train and at {held} held out, expected at least {least} and 1: measure more poses \
-             (some dozens tell a robot's geometry), or change --heldout",
+            "the tool was measured at {} for training and {held} held out, expected at least {least} and 1; measure more poses \
+             (a few dozen for a robot's geometry), or change --heldout",
             count(trains, "pose")
         )));
     }
@@ -71,8 +71,8 @@ fn check_stations(campaign: &Campaign, split: &Split, least: usize) -> Result<()
         let seen: usize = trains.iter().map(|(pose, _)| pose.seen.len()).sum();
         if station.free && seen < least && !held.is_empty() {
             return Err(Error::input(format!(
-                "station {} of the instrument has {} in the poses that train and {} held out, expected at least {least} to know where it \
-                 stood: measure more there, give its rows the `station` of another, or change --heldout",
+                "station {} of the instrument has {} in the training set and {} held out, expected at least {least} to estimate its \
+                 pose; measure more from there, assign its rows to another `station`, or change --heldout",
                 frame + 1,
                 count(seen, "reading"),
                 held.len()

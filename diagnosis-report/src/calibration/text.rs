@@ -30,7 +30,7 @@ impl Calibrated {
         }
         let mut text =
             format!("{}: {}\n{}", self.base.file.name, self.split.says, table.render(width_max));
-        text += "found, by how much it moves the tool (root mean square, mm)\n";
+        text += "effects, RMS displacement at the tool, mm\n";
         for line in per_joint(self) {
             text += &format!("  {line}\n");
         }
@@ -52,7 +52,7 @@ impl Calibrated {
             let some: Vec<String> = self.outliers.iter().take(NAMED).map(row).collect();
             let many = count(self.outliers.len(), "outlier");
             text +=
-                &format!("off       {many}: {}{}\n", some.join("; "), rest(self.outliers.len()));
+                &format!("outliers  {many}: {}{}\n", some.join("; "), rest(self.outliers.len()));
         }
         if let Some(tolerance) = self.tolerance() {
             text += &format!("tolerance {}\n", in_tolerance(tolerance));
@@ -98,7 +98,7 @@ pub(super) fn in_tolerance(tolerance: Tolerance) -> String {
     let Tolerance { tolerance_mm, p95_mm, met } = tolerance;
     let word = if met { "met" } else { "not met" };
     format!(
-        "{} mm {word}: 95 of 100 held-out errors stay within {} mm",
+        "{} mm {word}: 95 % of the held-out errors are within {} mm",
         significant(tolerance_mm, 3),
         significant(p95_mm, 3)
     )
@@ -128,7 +128,7 @@ fn per_joint(found: &Calibrated) -> Vec<String> {
 /// `axis_tilt` as people write it.
 pub(super) fn words(kind: &str) -> String {
     match kind {
-        "joint_polynomial" => "a remainder without a name".to_owned(),
+        "joint_polynomial" => "an unexplained remainder".to_owned(),
         _ => kind.replace('_', " "),
     }
 }

@@ -39,8 +39,8 @@ impl Reason {
 
     fn says(self, names: &str) -> String {
         match self {
-            Self::Unseen => format!("these poses do not show {names}"),
-            Self::AtZero => format!("{names} would come out negative and stand at zero"),
+            Self::Unseen => format!("these poses do not determine {names}"),
+            Self::AtZero => format!("{names} would be negative and were set to zero"),
             Self::Frame => format!(
                 "{names} cannot be separated from the pose of the instrument, which was estimated along"
             ),
@@ -49,7 +49,7 @@ impl Reason {
             ),
             Self::Others => {
                 format!(
-                    "{names} cannot be separated from other parameters that have the same effect in these poses"
+                    "{names} cannot be separated from other parameters with the same effect in these poses"
                 )
             }
         }

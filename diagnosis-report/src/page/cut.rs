@@ -14,32 +14,32 @@ const AXES: [&str; 3] = ["fx_N", "fy_N", "fz_N"];
 
 pub(crate) fn figures(page: Page, compared: &Compared) -> Page {
     let turn: Vec<&Traced> = compared.traces.iter().collect();
-    page.section("DiagnosedForces beside the law of the cut")
+    page.section("DiagnosedForces compared with the cutting force model")
         .figure(
-            "Over one turn of the spindle: what was measured, what the stated law says, and what it says with what was found.",
-            &all(&turn, "Over one turn", &|one| {
+            "One spindle revolution: measured force, stated force model, and force model with the findings.",
+            &all(&turn, "One revolution", &|one| {
                 Plot::new(AXES[one.axis], Axis::new("turn", ""), Axis::new("force", "N"))
                     .series(Series::dots("measured", points(&one.turn, &one.read)).role(Role::Truth))
-                    .series(Series::dots("law as stated", points(&one.turn, &one.law[0])).role(Role::Before))
-                    .series(Series::dots("with what was found", points(&one.turn, &one.law[1])).role(Role::After))
+                    .series(Series::dots("stated model", points(&one.turn, &one.law[0])).role(Role::Before))
+                    .series(Series::dots("with the findings", points(&one.turn, &one.law[1])).role(Role::After))
             }),
         )
         .figure(
-            "What the law is off by over time, before and after.",
+            "Error of the force model over time, before and after.",
             &all(&turn, "Over time", &|one| {
-                Plot::new(AXES[one.axis], Axis::new("time", "s"), Axis::new("off by", "N"))
-                    .series(Series::dots("as stated", points(&one.t_s, &one.off[0])).role(Role::Before))
-                    .series(Series::dots("with what was found", points(&one.t_s, &one.off[1])).role(Role::After))
+                Plot::new(AXES[one.axis], Axis::new("time", "s"), Axis::new("error", "N"))
+                    .series(Series::dots("stated model", points(&one.t_s, &one.off[0])).role(Role::Before))
+                    .series(Series::dots("with the findings", points(&one.t_s, &one.off[1])).role(Role::After))
             }),
         )
         .figure(
-            "Spectra of what the law is off by: lines at multiples of the spindle are forced, others ring by themselves.",
+            "Spectra of the force model error: lines at multiples of the spindle frequency are forced, others self-excited.",
             &all(&turn, "Spectra", &|one| {
                 let hertz = Axis::new("frequency", "Hz");
-                Plot::new(AXES[one.axis], hertz, Axis::new("off by", "N²/Hz").log())
-                    .series(Series::line("as stated", power(&one.run[0], one.rate_hz)).role(Role::Before))
+                Plot::new(AXES[one.axis], hertz, Axis::new("error", "N²/Hz").log())
+                    .series(Series::line("stated model", power(&one.run[0], one.rate_hz)).role(Role::Before))
                     .series(Series::line(
-                        "with what was found",
+                        "with the findings",
                         power(&one.run[1], one.rate_hz),
                     ).role(Role::After))
             }),

@@ -24,7 +24,9 @@ pub(crate) fn domain(
 ) -> Page {
     let unit = report.unit;
     let over_time = Figure {
-        caption: "What the torque is off by over time, before and after: recorded minus model, in the band.".to_owned(),
+        caption:
+            "Torque error over time, before and after: recorded minus model, low-pass filtered."
+                .to_owned(),
         drawing: over(torques, unit, "time", "s", &|trace, k| trace.t_s[k]),
     };
     // Of one joint or two, bars say no more than the numbers do.
@@ -34,7 +36,7 @@ pub(crate) fn domain(
     };
     let page = first(page, report, true, Some(picture), dir);
     let mut page = words(page, report, found.base.physics.arm.count());
-    page = page.section("Joint by joint").table(&joints(report, unit));
+    page = page.section("All joints").table(&joints(report, unit));
     page = page.section("Before and after");
     if let Some(figure) = below {
         page = page.figure(&figure.caption, &figure.drawing);
@@ -43,7 +45,7 @@ pub(crate) fn domain(
     let slides = kinds.iter().all(|joint| joint.kind == JointKind::Prismatic);
     let speed = if slides { "m/s" } else { "rad/s" };
     page = page.figure(
-        "The same over the joint's speed: friction shows here, in the step at rest, the slope, and the difference between the sides.",
+        "Torque error over joint speed: friction appears as the step at zero speed, the slope, and the difference between the directions.",
         &over(torques, unit, "speed", speed, &|trace, k| trace.speed[k]),
     );
     let held = |side: usize| -> Vec<f64> {
@@ -53,16 +55,16 @@ pub(crate) fn domain(
         };
         torques.traces.iter().flat_map(of).collect()
     };
-    let sizes = Histogram::new("Held-out rows", Axis::new("off by", unit))
-        .values("as given", held(0))
+    let sizes = Histogram::new("Held-out rows", Axis::new("error", unit))
+        .values("given model", held(0))
         .role(Role::Before)
-        .values("with what was found", held(1))
+        .values("with the findings", held(1))
         .role(Role::After);
     page = page.figure(
-        "Distribution of the errors of held-out rows, all joints; these rows took part in no fit.",
+        "Distribution of the errors of held-out rows, which were not used in any fit, all joints.",
         &sizes.render(),
     );
-    page = rest(page, report).section("What was done with the data").list(&report.notes);
+    page = rest(page, report).section("Data processing").list(&report.notes);
     page.facts([
         ("Rows of each joint", report.samples.to_string()),
         ("Held out", report.heldout.clone()),
@@ -73,23 +75,22 @@ pub(crate) fn domain(
 
 /// What the torque of each joint is off by, before and after.
 fn each_joint(report: &Report, unit: &str) -> Figure {
-    let axis = Axis::new("Off by", format!("{unit}, root mean square"));
-    let bars = Bars::new("Torque against the model, joint by joint", axis)
-        .groups(["as given", "with what was found"])
+    let axis = Axis::new("Error", format!("{unit} RMS"));
+    let bars = Bars::new("Torque error of each joint", axis)
+        .groups(["given model", "with the findings"])
         .roles([Role::Before, Role::After]);
     let bars = report.joints.iter().fold(bars, |bars, one| {
         let sizes = [one.heldout_rms_before, one.heldout_rms_after];
         bars.row(format!("joint {}", one.joint), sizes)
     });
-    let caption = "What the torque of each joint is off by on held-out rows.".to_owned();
+    let caption = "Torque error of each joint on held-out rows.".to_owned();
     Figure { caption, drawing: bars.render() }
 }
 
 fn joints(report: &Report, unit: &str) -> Table {
     let heads =
-        ["Joint", "Torque", "Off before", "Off after", "Outside low-speed zones", "Residual"];
-    let table =
-        Table::new(format!("Root mean square on held-out rows, {unit}"), heads.map(Column::new));
+        ["Joint", "Torque", "Error before", "Error after", "Outside low-speed zones", "Residual"];
+    let table = Table::new(format!("RMS on held-out rows, {unit}"), heads.map(Column::new));
     report.joints.iter().fold(table, |table, one| {
         let numbers = [
             one.torque_rms,
@@ -112,7 +113,7 @@ fn over(
     place: &dyn Fn(&Trace, usize) -> f64,
 ) -> report::Svg {
     let columns = if torques.traces.len() > 3 { 2 } else { 1 };
-    let mut all = Multiples::new(format!("Torque against the model over {name}"), columns).own_y();
+    let mut all = Multiples::new(format!("Torque error over {name}"), columns).own_y();
     for trace in torques.traces.iter().take(JOINTS) {
         let points = |side: usize| -> Vec<(f64, f64)> {
             (0..trace.t_s.len()).map(|k| (place(trace, k), trace.off[side][k])).collect()
@@ -120,11 +121,11 @@ fn over(
         let plot = Plot::new(
             format!("Joint {}", trace.joint + 1),
             Axis::new(name, its_unit),
-            Axis::new("off by", unit),
+            Axis::new("error", unit),
         );
         all = all.plot(
-            plot.series(Series::dots("as given", points(0)).role(Role::Before))
-                .series(Series::dots("with what was found", points(1)).role(Role::After)),
+            plot.series(Series::dots("given model", points(0)).role(Role::Before))
+                .series(Series::dots("with the findings", points(1)).role(Role::After)),
         );
     }
     all.render()

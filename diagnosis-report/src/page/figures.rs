@@ -30,9 +30,9 @@ pub(crate) fn arm(arm: &Arm, diagnosis: &Diagnosis, report: &Report) -> Option<F
     let errors = tool_errors(&diagnosis.campaign, arm, fits, held);
     let lit = guilty(arm.count(), &tables::sizes(report));
     let (drawing, factor) = arm_with_errors(arm, &diagnosis.campaign, &errors, &lit)?;
-    let lit = if lit.is_empty() { "" } else { " Red: joints whose findings do most." };
+    let lit = if lit.is_empty() { "" } else { " Red: joints with the largest findings." };
     let caption = format!(
-        "Where the tool is off, on {} held-out poses: measured minus model, drawn {} times as long, as given (before) and with what was found (after).{lit}",
+        "Tool errors on {} held-out poses: measured minus model, magnified {} times, with the given model (before) and with the findings (after).{lit}",
         errors.len(),
         significant(factor, 1)
     );
@@ -44,7 +44,8 @@ pub(crate) fn sizes(diagnosis: &Diagnosis, report: &Report) -> Option<Figure> {
     let [before, after] = diagnosis.held_out();
     let drawing = (!before.is_empty()).then(|| histogram(report.unit, &before, &after))?;
     let caption =
-        "Distribution of the errors of held-out readings, which took part in no fit.".to_owned();
+        "Distribution of the errors of held-out readings, which were not used in any fit."
+            .to_owned();
     Some(Figure { caption, drawing })
 }
 
@@ -56,9 +57,7 @@ pub(crate) fn proof(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page 
     if !traces.is_empty() {
         let (figure, left_out) = over_time(diagnosis, &traces, unit);
         page = page.figure(
-            &format!(
-                "What the readings are off by, before and after: measured minus model.{left_out}"
-            ),
+            &format!("Errors of the readings, before and after: measured minus model.{left_out}"),
             &figure,
         );
     }
@@ -69,7 +68,7 @@ pub(crate) fn proof(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page 
         let figure = spectrum(&spectra, unit);
         page = page.figure(
             &format!(
-                "The same as a spectrum, over the longest evenly sampled stretch ({} s): amplitude density, mean of the channels.",
+                "Spectrum of the errors over the longest evenly sampled section ({} s): amplitude density, mean of the channels.",
                 significant(spectra.stretch_s, 3)
             ),
             &figure,
@@ -97,12 +96,12 @@ fn over_time(diagnosis: &Diagnosis, traces: &[Trace], unit: &str) -> (Svg, Strin
         let points = trace.off.iter().step_by(stride);
         let points: Vec<(f64, f64)> =
             points.map(|(pose, off)| (factor * elapsed[*pose], MILLI * off[side])).collect();
-        let name = ["as given", "with what was found"][side];
+        let name = ["given model", "with the findings"][side];
         let series = Series::dots(name, points);
         series.role([Role::Before, Role::After][side])
     };
     let columns = if traces.len() > 3 { 2 } else { 1 };
-    let mut all = Multiples::new("Readings against the model over time", columns);
+    let mut all = Multiples::new("Errors of the readings over time", columns);
     for trace in traces.iter().take(CHANNELS) {
         let plot = Plot::new(&trace.channel, Axis::new("Time", name), Axis::new("Off", unit))
             .series(series(trace, 0))
@@ -118,10 +117,10 @@ fn over_time(diagnosis: &Diagnosis, traces: &[Trace], unit: &str) -> (Svg, Strin
 
 fn histogram(unit: &str, before: &[f64], after: &[f64]) -> Svg {
     let values = |all: &[f64]| all.iter().map(|off| MILLI * off).collect::<Vec<_>>();
-    Histogram::new("Held-out errors", Axis::new("Off by", unit).log())
-        .values("as given", values(before))
+    Histogram::new("Held-out errors", Axis::new("Error", unit).log())
+        .values("given model", values(before))
         .role(Role::Before)
-        .values("with what was found", values(after))
+        .values("with the findings", values(after))
         .role(Role::After)
         .bins(48)
         .render()
@@ -133,9 +132,9 @@ fn spectrum(spectra: &diagnosis::diagnose::Spectra, unit: &str) -> Svg {
         spectra.frequencies_hz.iter().copied().zip(density).skip(1).collect::<Vec<_>>()
     };
     let y = Axis::new("Density", format!("{unit}/√Hz")).log();
-    Plot::new("Spectrum of what is left", Axis::new("Frequency", "Hz").log(), y)
-        .series(Series::line("as given", line(0)).role(Role::Before))
-        .series(Series::line("with what was found", line(1)).role(Role::After))
+    Plot::new("Spectrum of the residual", Axis::new("Frequency", "Hz").log(), y)
+        .series(Series::line("given model", line(0)).role(Role::Before))
+        .series(Series::line("with the findings", line(1)).role(Role::After))
         .render()
 }
 
@@ -189,7 +188,7 @@ pub(crate) fn places(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page
     }
     let mut bars = Bars::new(
         "Where model and recording differ",
-        Axis::new("The joint alone would have to be off by", "mrad, or mm where it slides"),
+        Axis::new("Equivalent error of the joint alone", "mrad, or mm for a linear joint"),
     );
     for cell in cells {
         let name = format!("joint {}: {}", cell.joint, part(diagnosis, cell));
@@ -197,10 +196,10 @@ pub(crate) fn places(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page
     }
     page.section("Where model and recording differ")
         .text(
-            "Each bar takes the readings of one part of what the arm was doing, and says how far one joint alone would have to be off there to explain them, as the model \
-             was given; the clearest first. It shows where to look, not why: neighbouring joints often look alike.",
+            "Each bar is for the readings in one operating condition, and gives the error that one joint alone would need to explain them, with the given \
+             model; most significant first. It shows where errors occur, not their cause: neighbouring joints are often hard to distinguish.",
         )
-        .figure("How far a joint would have to be off, with 95 % intervals.", &bars.render())
+        .figure("Equivalent error of a joint, with 95 % intervals.", &bars.render())
 }
 
 /// `q3 10 to 20 deg`, `joint 3 rising`.
@@ -223,11 +222,11 @@ pub(crate) fn over_each(mut page: Page, diagnosis: &Diagnosis, report: &Report) 
     for (finding, reported) in shown {
         let Some(over) = diagnosis.over(finding) else { continue };
         if std::mem::take(&mut first) {
-            page = page.section("Each finding over what it follows");
+            page = page.section("Each finding over its input");
         }
         let stride = stride(over.points.len());
         let caption = format!(
-            "{} Dots: readings, all other findings taken out.{}",
+            "{} Dots: readings, with all other findings subtracted.{}",
             reported.says,
             left_out(stride)
         );
@@ -242,8 +241,8 @@ fn over_word(diagnosis: &Diagnosis, over: &Over, stride: usize) -> Svg {
     let sliding = joint.is_some_and(|j| slides(diagnosis, &format!("q{}", j + 1)));
     let off = if joint.is_none() || sliding { "mm" } else { "mrad" };
     let y = match joint {
-        Some(joint) => Axis::new(format!("Joint {} off by", joint + 1), off),
-        None => Axis::new("Tool off by", off),
+        Some(joint) => Axis::new(format!("Error of joint {}", joint + 1), off),
+        None => Axis::new("Error of the tool", off),
     };
     let drawn = || over.points.iter().step_by(stride);
     let seen = |wanted: Option<f64>| {
@@ -251,10 +250,11 @@ fn over_word(diagnosis: &Diagnosis, over: &Over, stride: usize) -> Svg {
         points.map(|p| (factor * p.at, MILLI * p.seen)).collect::<Vec<_>>()
     };
     let both = drawn().any(|p| p.direction > 0.0) && drawn().any(|p| p.direction < 0.0);
-    let mut plot = Plot::new(format!("Off over {}", what.to_lowercase()), Axis::new(what, unit), y);
+    let mut plot =
+        Plot::new(format!("Error over {}", what.to_lowercase()), Axis::new(what, unit), y);
     plot = if both && joint.is_some() {
-        plot.series(Series::dots("seen while rising", seen(Some(1.0))))
-            .series(Series::dots("seen while falling", seen(Some(-1.0))))
+        plot.series(Series::dots("measured, increasing", seen(Some(1.0))))
+            .series(Series::dots("measured, decreasing", seen(Some(-1.0))))
     } else {
         plot.series(Series::dots("seen", seen(None)))
     };

@@ -20,8 +20,8 @@ pub(crate) fn render(found: &DiagnosedForces, report: &Report) -> Page {
         .robot(found.base.file.identity().to_string());
     let page = match &found.result {
         Err(doubt) => {
-            let why = format!("This recording cannot be judged: {doubt}");
-            page.verdict(Tone::Bad, "not judged", &why)
+            let why = format!("This recording cannot be evaluated: {doubt}");
+            page.verdict(Tone::Bad, "not evaluated", &why)
                 .next("Correct the cause named in the verdict and diagnose again.", None)
         }
         Ok(diagnosis) => judged(page, diagnosis, report),
@@ -29,7 +29,7 @@ pub(crate) fn render(found: &DiagnosedForces, report: &Report) -> Page {
     if report.notes.is_empty() {
         return page;
     }
-    page.section("What was done with the data").list(&report.notes)
+    page.section("Data processing").list(&report.notes)
 }
 
 fn judged(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
@@ -38,31 +38,31 @@ fn judged(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
         .verdict(tone(report), &word, &sentence(diagnosis, report))
         .numbers(numbers(report))
         .figure(
-            "How far the signal is from where it is quiet: air and cut.",
+            "Distance of the signal from its mean at rest: air and cut.",
             &level(diagnosis, report),
         );
     page = page.next(
         report
             .next_experiment
             .as_deref()
-            .unwrap_or("Nothing to change. Record again when the cut sounds different."),
+            .unwrap_or("No action required. Record again if the cut sounds different."),
         None,
     );
     let sentences: Vec<&str> =
         report.findings.iter().map(|reported| reported.says.as_str()).collect();
     if !sentences.is_empty() {
-        page = page.section("What was found").list(&sentences);
+        page = page.section("Findings").list(&sentences);
         page = page.table(&tables::findings(report)).table(&tables::parameters(report));
     }
     if let Some(rest) = &report.unexplained {
-        page = page.note(Tone::Caution, "Not explained", &rest.says);
+        page = page.note(Tone::Caution, "Unexplained", &rest.says);
     }
     if let Ok(compared) = &diagnosis.compared {
         page = cut::figures(page, compared);
         if !report.not_tested.is_empty() {
             let open = |one: &NotTested| format!("{}: {}", one.effect.replace('_', " "), one.why);
             let open: Vec<String> = report.not_tested.iter().map(open).collect();
-            page = page.section("What this recording could not show").list(&open);
+            page = page.section("Not observable in this recording").list(&open);
         }
     }
     page = page.section("Air and cut").table(&phases(report));
@@ -78,7 +78,7 @@ fn judged(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
 fn sentence(diagnosis: &Diagnosis, report: &Report) -> String {
     match &diagnosis.compared {
         Ok(_) => format!(
-            "Compared with the stated cut, the force is off by {} {unit} as stated and by {} {unit} with what was found (root mean square); the tool: {}.",
+            "RMS force error: {} {unit} with the stated cutting model and {} {unit} with the findings; the tool: {}.",
             tables::rms(report.heldout_rms_before),
             tables::rms(report.heldout_rms_after),
             report.heldout,
@@ -95,10 +95,10 @@ fn numbers(report: &Report) -> Vec<Number> {
     let mut numbers = vec![Number::text("Findings", report.findings.len().to_string())];
     let held = report.heldout_rms_before.zip(report.heldout_rms_after);
     numbers.extend(held.into_iter().flat_map(|(before, after)| {
-        let rms = "root mean square";
+        let rms = "RMS";
         [
-            Number::new("As stated, off by", before, report.unit).note(rms),
-            Number::new("With what was found", after, report.unit).note(rms),
+            Number::new("Error, stated model", before, report.unit).note(rms),
+            Number::new("Error, with the findings", after, report.unit).note(rms),
         ]
     }));
     if let Some(loudest) = report.tones.iter().max_by(|a, b| a.amplitude.total_cmp(&b.amplitude)) {
@@ -113,7 +113,7 @@ fn level(diagnosis: &Diagnosis, report: &Report) -> Svg {
     let stride = diagnosis.level.len().div_ceil(POINTS).max(1);
     let points: Vec<(f64, f64)> = diagnosis.level.iter().step_by(stride).copied().collect();
     let plot = Plot::new("Level", Axis::new("Time", "s"), Axis::new("Level", report.unit).log())
-        .series(Series::line("distance from rest, swing included", points));
+        .series(Series::line("distance from rest, including vibration", points));
     let phases = report.phases.iter().skip(1);
     phases.fold(plot, |plot, phase| plot.mark_x(phase.from_s, phase.state)).render()
 }
@@ -132,7 +132,7 @@ fn tones_drawn(report: &Report) -> Svg {
 
 fn phases(report: &Report) -> Table {
     let heads = ["State", "From, s", "To, s", "Mean of each channel", "Scatter"];
-    let table = Table::new(format!("What the tool does, {}", report.unit), heads.map(Column::new));
+    let table = Table::new(format!("State of the tool, {}", report.unit), heads.map(Column::new));
     let list = |values: &[f64]| {
         values.iter().map(|x| significant(*x, 3)).collect::<Vec<String>>().join(", ")
     };

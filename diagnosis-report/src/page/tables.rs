@@ -36,7 +36,7 @@ pub(crate) fn sizes(report: &Report) -> Vec<OfJoint> {
 
 /// The same by effect and joint.
 pub(crate) fn by_joint(report: &Report, joints: usize) -> Table {
-    let caption = format!("What each finding does, root mean square, {}", report.unit);
+    let caption = format!("Effect of each finding, RMS, {}", report.unit);
     drawings::by_joint(&caption, joints, &sizes(report))
 }
 
@@ -47,7 +47,7 @@ fn table(title: String, all: &[ReportedFinding]) -> Table {
         "Confidence",
         "Size, rms",
         "largest",
-        "Held out without it",
+        "Held-out error without it",
         "Alternatives",
     ];
     all.iter().fold(Table::new(title, heads.map(Column::new)), |table, reported| {

@@ -73,15 +73,15 @@ fn reported(base: &RobotModel, finding: &Finding) -> ReportedFinding {
 /// What an effect's force goes with.
 fn condition(kind: &str) -> &'static str {
     match kind {
-        "cutting_force" => "goes with the chip, tooth by tooth",
-        "edge_force" => "goes with the depth of cut, whatever the feed",
-        "tool_wear" => "grows along the cut",
-        "runout" => "repeats with the spindle, not with its teeth alone",
-        "chatter" => "in the cut, not in air, at no multiple of the spindle",
+        "cutting_force" => "proportional to the chip thickness of each tooth",
+        "edge_force" => "proportional to the depth of cut, independent of the feed",
+        "tool_wear" => "increases along the cut",
+        "runout" => "periodic with the spindle revolution, not only with the teeth",
+        "chatter" => "in the cut, not in air, at no multiple of the spindle frequency",
         "wrench_bias" => "constant, in air too",
-        "wrench_scale" => "is a share of the force itself, axis by axis",
-        "wrench_misalignment" => "as if the force were turned",
-        "cross_talk" => "follows the force of another axis",
+        "wrench_scale" => "proportional to the force of each axis",
+        "wrench_misalignment" => "like a rotation of the force",
+        "cross_talk" => "proportional to the force of another axis",
         _ => "over the whole recording",
     }
 }
@@ -98,28 +98,28 @@ fn says(finding: &Finding, entry: Option<&EffectEntry>) -> String {
     let share = |k: usize| significant(100.0 * list("scale").get(k).copied().unwrap_or(0.0), 3);
     match finding.kind {
         "cutting_force" => format!(
-            "The work shears {} N/mm² harder than is reported (tangential, radial, axial).",
+            "The shear coefficients of the workpiece are {} N/mm² higher than stated (tangential, radial, axial).",
             said("coefficient")
         ),
         "edge_force" => format!(
-            "The edges rub by {} N per mm of depth more than is reported (tangential, radial, axial).",
+            "The edge coefficients are {} N per mm of depth higher than stated (tangential, radial, axial).",
             said("coefficient")
         ),
         "tool_wear" => {
-            format!("The tool wears: its edge force grows by {} per metre of cut.", said("growth"))
+            format!("Tool wear: the edge force increases by {} per metre of cut.", said("growth"))
         }
         "runout" => format!(
-            "The tool runs out by {} µm: one tooth cuts more than the others.",
+            "The tool has a runout of {} µm: one tooth cuts more than the others.",
             said("radial")
         ),
         "chatter" => format!(
-            "The cut rings at {} Hz by itself, by {} N: chatter.",
+            "Self-excited vibration at {} Hz, {} N: chatter.",
             said("frequency"),
             said("amplitude")
         ),
-        "wrench_bias" => format!("The sensor reads {} N too much (x, y, z).", said("bias")),
+        "wrench_bias" => format!("The sensor has an offset of {} N (x, y, z).", said("bias")),
         "wrench_scale" => format!(
-            "The sensor's scale is off by {}, {}, {} % (x, y, z).",
+            "The sensor has scale errors of {}, {}, {} % (x, y, z).",
             share(0),
             share(1),
             share(2)
@@ -128,7 +128,7 @@ fn says(finding: &Finding, entry: Option<&EffectEntry>) -> String {
             "The sensor is rotated by {} mrad (about x, y, z) from its stated orientation.",
             said("turn")
         ),
-        "cross_talk" => "One channel of the sensor leaks into another.".to_owned(),
+        "cross_talk" => "The sensor has cross talk between channels.".to_owned(),
         other => format!("{}.", other.replace('_', " ")),
     }
 }
@@ -136,7 +136,7 @@ fn says(finding: &Finding, entry: Option<&EffectEntry>) -> String {
 fn unexplained(rest: &Rest) -> Unexplained {
     let says = match rest.tone_hz {
         Some(hz) => format!(
-            "A tone of {} Hz stands in the forces whether the tool cuts or not: it is of no cut.",
+            "A tone of {} Hz is present in the forces with and without cutting: it is not caused by the cut.",
             significant(hz, 4)
         ),
         None => {
@@ -173,7 +173,7 @@ fn next_experiment(compared: &Compared) -> Option<String> {
     let Some(one) = compared.findings.iter().find(open) else {
         let rests = compared.verdict == Verdict::UnknownStructure;
         return rests.then(|| {
-            "Repeat the cut at half the depth and at another feed, with ten seconds of air before it: what goes with neither is not of the cut.".to_owned()
+            "Repeat the cut at half the depth and at another feed, with 10 s of air before it: forces that depend on neither are not caused by the cut.".to_owned()
         });
     };
     let is_among = |kinds: &[&str]| {
@@ -183,14 +183,13 @@ fn next_experiment(compared: &Compared) -> Option<String> {
     let of_coefficients = ["cutting_force", "edge_force", "tool_wear"];
     let of_sensor = ["wrench_scale", "wrench_misalignment", "cross_talk"];
     Some(if is_among(&["wrench_bias"]) && !compared.has_air {
-        "Record two seconds in air before the cut: there the signal is that of the sensor alone."
-            .to_owned()
+        "Record 2 s in air before the cut, where the signal is that of the sensor alone.".to_owned()
     } else if is_among(&of_sensor) {
         "Hang a known weight on the sensor along x, along y and along z, and record it: this separates the sensor's errors from the cut.".to_owned()
     } else if is_among(&of_coefficients) && compared.has_one_feed {
-        "Repeat the cut at three feeds, at least as 1 to 2 to 4, the rest unchanged: what shears goes with the feed, what rubs does not.".to_owned()
+        "Repeat the cut at three feeds with ratios of at least 1:2:4, all else unchanged: shear forces depend on the feed, edge forces do not.".to_owned()
     } else if is_among(&of_coefficients) {
-        "Repeat the cut with a new edge, and with the used one over a longer way: what the edge does changes, what the work does stays.".to_owned()
+        "Repeat the cut with a new edge, and with the used one over a longer distance: effects of the edge change, those of the workpiece do not.".to_owned()
     } else {
         "Repeat the cut at half the width of cut and at another feed, sampled at least twenty times per tooth.".to_owned()
     })

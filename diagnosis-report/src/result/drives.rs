@@ -85,7 +85,7 @@ fn reported(base: &RobotModel, drives: &Drives, finding: &Finding) -> ReportedFi
     };
     let mut condition = condition(finding.kind).to_owned();
     if let Some(name) = finding.recording.and_then(|k| drives.recordings.get(k)) {
-        condition = format!("{condition}, in {name} alone");
+        condition = format!("{condition}, in {name} only");
     }
     ReportedFinding {
         effect: finding.kind,
@@ -138,17 +138,17 @@ pub(crate) fn parameters(entry: &EffectEntry) -> BTreeMap<String, Value> {
 fn condition(kind: &str) -> &'static str {
     match kind {
         "coulomb_friction" => "changes sign with the direction of motion",
-        "viscous_friction" => "grows with speed",
-        "stribeck_friction" => "shows at low speed after each reversal",
+        "viscous_friction" => "increases with speed",
+        "stribeck_friction" => "occurs at low speed after each reversal",
         "friction_asymmetry" => "differs by direction",
-        "load_friction" => "grows with the load, against the motion",
-        "friction_temperature" => "grows with speed, less when warm",
-        "inertia" => "grows with acceleration",
-        "gravity_torque" | "payload" => "follows gravity and acceleration of what is carried",
-        "torque_ripple" => "repeats with the angle",
-        "spring" | "spring_hardening" => "grows away from a rest position",
+        "load_friction" => "increases with the load, opposing the motion",
+        "friction_temperature" => "increases with speed, less when warm",
+        "inertia" => "increases with acceleration",
+        "gravity_torque" | "payload" => "follows gravity and acceleration of the payload",
+        "torque_ripple" => "periodic in the joint angle",
+        "spring" | "spring_hardening" => "increases with distance from a rest position",
         "hysteresis" => "builds up over a distance after each reversal",
-        "drive_gain" => "is a share of the torque itself",
+        "drive_gain" => "proportional to the torque itself",
         "torque_delay" => "follows the torque's rate of change",
         _ => "over the whole recording",
     }
@@ -188,17 +188,17 @@ impl Sentence<'_> {
         Some(match self.finding.kind {
             "coulomb_friction" => {
                 format!(
-                    "{joint} has dry friction of {} {unit} that the model lacks.",
+                    "{joint} has Coulomb friction of {} {unit} that is missing in the model.",
                     self.said("level")
                 )
             }
             "viscous_friction" => format!(
-                "{joint} has friction that grows with speed, {} {unit} s per {}.",
+                "{joint} has viscous friction of {} {unit} s per {}.",
                 self.said("coefficient"),
                 if self.slides { "m" } else { "rad" }
             ),
             "stribeck_friction" => format!(
-                "{joint} needs {} {unit} more at low speed (Stribeck), gone above {} {}.",
+                "{joint} has {} {unit} of additional friction at low speed (Stribeck effect), vanishing above {} {}.",
                 self.said("level"),
                 self.said("stribeck_speed"),
                 if self.slides { "m/s" } else { "rad/s" }
@@ -216,10 +216,10 @@ impl Sentence<'_> {
             }
             "load_friction" => {
                 let share = significant(100.0 * self.si("coefficient"), 3);
-                format!("{joint}'s friction grows with its load: {share} % of it.")
+                format!("{joint}'s friction increases with its load: {share} % of it.")
             }
             "hysteresis" => format!(
-                "{joint}'s friction builds up over a distance after each reversal: a loop {} {unit} high.",
+                "{joint}'s friction has a hysteresis loop of {} {unit} after each reversal.",
                 self.said("amplitude")
             ),
             _ => return None,
@@ -233,40 +233,40 @@ impl Sentence<'_> {
             "inertia" => {
                 let (stem, unit) = if self.slides { ("mass", "kg") } else { ("inertia", "kg m²") };
                 format!(
-                    "{joint} moves more inertia than the model has: {} {unit}.",
+                    "{joint} has an additional inertia of {} {unit} that is missing in the model.",
                     self.said(stem)
                 )
             }
             "payload" => {
                 let only = only.map_or(String::new(), |name| format!(" in {name}"));
                 format!(
-                    "The arm carries {} kg that the model does not know{only}.",
+                    "The arm carries a mass of {} kg that is missing in the model{only}.",
                     self.said("mass")
                 )
             }
             "torque_ripple" => format!(
-                "{joint}'s torque ripples by {} {unit}, {} cycles per {}.",
+                "{joint} has a torque ripple of {} {unit}, {} cycles per {}.",
                 self.said("amplitude"),
                 self.said("cycles"),
                 if self.slides { "m" } else { "revolution" }
             ),
             "spring" => format!(
-                "A spring of {} {unit} per {} pulls at {}.",
+                "A spring of {} {unit} per {} acts on {}.",
                 self.said("stiffness"),
                 if self.slides { "m" } else { "rad" },
                 joint.to_lowercase()
             ),
             "drive_gain" => format!(
-                "{joint}'s drive exerts {} % {} than it is said to.",
+                "{joint}'s drive torque is {} % {} than stated.",
                 significant(100.0 * self.si("gain").abs(), 2),
                 if self.si("gain") > 0.0 { "less" } else { "more" }
             ),
             "torque_delay" => {
                 let late_ms = 1e3 * self.si("delay");
                 let which = if late_ms >= 0.0 {
-                    "Torque is recorded late against motion"
+                    "Torque is recorded later than motion"
                 } else {
-                    "Motion is recorded late against torque"
+                    "Motion is recorded later than torque"
                 };
                 format!("{which}, by {} ms.", significant(late_ms.abs(), 2))
             }
@@ -297,18 +297,18 @@ fn next_experiment(diagnosis: &Diagnosis) -> Option<String> {
         let of = one.joint.map_or("the arm".to_owned(), |joint| format!("joint {}", joint + 1));
         return Some(match one.kind {
             "friction_asymmetry" | "viscous_friction" => format!(
-                "Move {of} to and fro at five constant speeds from a tenth to all of its speed, the same both ways."
+                "Move {of} back and forth at five constant speeds from 10 % to 100 % of its maximum speed, equal in both directions."
             ),
             "coulomb_friction" | "stribeck_friction" | "hysteresis" | "load_friction" => format!(
                 "Move {of} slowly through twenty reversals of a degree to ten degrees, in two poses of different load."
             ),
             "payload" | "drive_gain" | "gravity_torque" | "inertia" => {
-                "Weigh what the arm carries, or repeat the motion with a known mass at the flange."
+                "Weigh the payload, or repeat the motion with a known mass at the flange."
                     .to_owned()
             }
             _ => format!("Repeat the motion of {of} at half and at double the speed."),
         });
     }
     let weighed = diagnosis.findings.iter().any(|one| one.kind == "payload");
-    weighed.then(|| "Weigh the payload: torques tell a mass only as well as the motors' constants are known.".to_owned())
+    weighed.then(|| "Weigh the payload: torques determine a mass only as accurately as the motor constants are known.".to_owned())
 }

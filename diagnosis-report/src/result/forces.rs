@@ -100,9 +100,9 @@ fn heard(diagnosis: &Diagnosis, tone: &Tone) -> Heard {
         channel: diagnosis.channels.get(tone.channel).cloned().unwrap_or_default(),
         cause: match tone.cause {
             Cause::Spindle(k) => format!("spindle, {k} per revolution"),
-            Cause::Air => "stands in air too".to_owned(),
-            Cause::Small => "stands in the cut, small".to_owned(),
-            Cause::Unforced => "stands in the cut alone".to_owned(),
+            Cause::Air => "also present in air".to_owned(),
+            Cause::Small => "present in the cut, small".to_owned(),
+            Cause::Unforced => "present only in the cut".to_owned(),
         },
     }
 }
@@ -125,7 +125,7 @@ fn notes(diagnosis: &Diagnosis) -> Vec<String> {
     let chatters = diagnosis.tones.iter().any(|tone| tone.cause == Cause::Unforced)
         || of_cut.into_iter().any(|finding| finding.kind == "chatter");
     if has_cut && !chatters {
-        notes.push("no chatter: no tone of the cut stands by itself".to_owned());
+        notes.push("no chatter: no self-excited tone in the cut".to_owned());
     }
     notes.extend(
         diagnosis
@@ -142,10 +142,10 @@ fn notes(diagnosis: &Diagnosis) -> Vec<String> {
 fn next_experiment(diagnosis: &Diagnosis) -> Option<String> {
     let open = |one: &Finding| matches!(one, Finding::Chatter { is_alone: false, .. });
     if diagnosis.findings.iter().any(open) {
-        return Some("Record the spindle speed (spindle_rpm, or one pulse per revolution as tacho), and repeat the cut at another speed: chatter stays where it is.".to_owned());
+        return Some("Record the spindle speed (spindle_rpm, or one pulse per revolution as tacho), and repeat the cut at another speed: chatter keeps its frequency.".to_owned());
     }
     let unknown = diagnosis.phases.iter().all(|phase| phase.state == State::Unknown);
-    unknown.then(|| "Record from air into the cut and out again.".to_owned())
+    unknown.then(|| "Record the entry into the cut and the exit.".to_owned())
 }
 
 fn reported(diagnosis: &Diagnosis, finding: &Finding) -> ReportedFinding {
@@ -175,9 +175,7 @@ fn reported(diagnosis: &Diagnosis, finding: &Finding) -> ReportedFinding {
                     frequency_Hz: None,
                 },
                 alternatives: Vec::new(),
-                says: format!(
-                    "The sensor reads {said} N (x, y, z) where the tool touches nothing."
-                ),
+                says: format!("The sensor has an offset of {said} N (x, y, z) without contact."),
             }
         }
         Finding::Chatter { tone, resolution_hz, is_alone } => {
@@ -219,13 +217,13 @@ fn chatter(
         place: Where {
             joint: None,
             channels: diagnosis.channels.get(tone.channel).cloned().into_iter().collect(),
-            condition: "in the cut, not in air, at no multiple of the spindle".to_owned(),
+            condition: "in the cut, not in air, at no multiple of the spindle frequency".to_owned(),
             intervals_s: intervals(diagnosis, State::Cut),
             frequency_Hz: Some(tone.frequency_hz),
         },
         alternatives: if is_alone { Vec::new() } else { vec![forced] },
         says: format!(
-            "The cut rings at {} Hz (resolved to {} Hz) by itself: chatter, {} % of what swings there.",
+            "Self-excited vibration at {} Hz (resolution {} Hz): chatter, {} % of the vibration there.",
             significant(tone.frequency_hz, 4),
             significant(resolution_hz, 2),
             significant(100.0 * tone.share, 2)

@@ -24,7 +24,7 @@ pub fn lines(report: &Report) -> Vec<String> {
             None => reported.name(),
         });
         let names = names.collect::<Vec<String>>().join(", ");
-        lines.push(format!("  not claimed, each with its probability: {names}"));
+        lines.push(format!("  not reported as findings, with their probabilities: {names}"));
     }
     lines.extend(report.unexplained.as_ref().map(|rest| format!("  {}", rest.says)));
     lines.extend(report.next_experiment.as_ref().map(|next| format!("  next: {next}")));
@@ -66,7 +66,7 @@ fn line(report: &Report, reported: &ReportedFinding) -> String {
     });
     let held = report.heldout_rms_after.zip(reported.heldout_rms_without).map(|(with, without)| {
         let [with, without] = [with, without].map(|rms| significant(rms, 3));
-        format!("without it the held-out error would be {without} {unit} instead of {with}")
+        format!("without it, the held-out error would be {without} {unit} instead of {with}")
     });
     let figures: Vec<String> = confidence.into_iter().chain(size).chain(held).collect();
     let figures = capitalised(&figures.join("; "));

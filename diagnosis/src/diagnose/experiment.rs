@@ -70,11 +70,11 @@ fn sentence(own: &AnyEffect, alike: &[&Rival], chosen: &Experiment, separation: 
     let again = (ALIKE / separation.max(1e-3)).ceil();
     let enough = match again {
         1.0 => String::new(),
-        2.0..=20.0 => format!("; carry it out {again:.0} times"),
-        _ => "; that is too little: measure with less noise".to_owned(),
+        2.0..=20.0 => format!("; repeat it {again:.0} times"),
+        _ => ", which is not enough; measure with less noise".to_owned(),
     };
     format!(
-        "To tell {} from {}: {}. It takes about {:.0} min and is expected to part them by {} in log-likelihood{enough}.",
+        "To distinguish {} from {}: {}. It takes about {:.0} min, with an expected log-likelihood ratio of {}{enough}.",
         name(own),
         rivals.join(", "),
         chosen.says,

@@ -87,8 +87,7 @@ fn without_readings(recording: &Recording) -> Vec<String> {
             .filter(|row| group.iter().any(|channel| finite(recording, *channel, *row).is_none()));
         let (gaps, all) = (gaps.count(), recording.len());
         if gaps > 0 && gaps < all {
-            notes
-                .push(format!("{} was not read in {gaps} of {all} rows", named(recording, &group)));
+            notes.push(format!("{} is missing in {gaps} of {all} rows", named(recording, &group)));
         }
     }
     notes

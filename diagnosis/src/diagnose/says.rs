@@ -61,11 +61,11 @@ fn what(said: &Said<'_>, joint: &str) -> String {
     match said.effect.spec().kind {
         "joint_offset" => format!("{joint} has a zero offset of {} {mrad}", n(0)),
         "joint_ratio" => format!(
-            "{joint} moves too far by {} of its angle: gear ratio or scale of its encoder",
+            "{joint} has a scale error of {} of its angle: gear ratio or encoder scale",
             n(0)
         ),
         "joint_coupling" => {
-            format!("{joint} moves with another joint, by {} of its motion: coupled gears", n(0))
+            format!("{joint} is coupled to another joint by {} of its motion: coupled gears", n(0))
         }
         "transmission_error" => format!(
             "{joint} has a transmission error of {} {mrad} with {} cycles per {}: eccentricity or mesh of its gears",
@@ -101,7 +101,10 @@ fn what(said: &Said<'_>, joint: &str) -> String {
             said.length(0, said.effect.values().len())
         ),
         "stiffness_hardening" => {
-            format!("{joint} stiffens under load: {} {mrad} per kNm cubed less", n(0))
+            format!(
+                "{joint} stiffens under load: compliance decreases by {} {mrad} per kNm cubed",
+                n(0)
+            )
         }
         "bearing_compliance" => {
             format!("{joint}'s bearing tilts by {} mrad per kNm of moment across its axis", n(0))
@@ -113,7 +116,7 @@ fn what(said: &Said<'_>, joint: &str) -> String {
             format!("The tool deflects by {}, {}, {} µm per N along its axes", n(0), n(1), n(2))
         }
         "counterbalance" => {
-            format!("{joint} carries the load of a spring, {} N per m: its counterbalance", n(0))
+            format!("{joint} is loaded by a spring of {} N per m: its counterbalance", n(0))
         }
         _ => stands(said, joint),
     }
@@ -145,7 +148,7 @@ fn stands(said: &Said<'_>, joint: &str) -> String {
             format!("{joint}'s zero drifts {}", by_heat(said, &format!("{} {mrad}", n(0))))
         }
         "axis_wobble" => format!(
-            "{joint}'s axis wobbles by {} mrad as it turns: runout of its bearing",
+            "{joint}'s axis wobbles by {} mrad during rotation: runout of its bearing",
             said.length(0, 2)
         ),
         "spindle_growth" => match said.effect.fitted().first().map(|p| p.stem) {
@@ -155,20 +158,20 @@ fn stands(said: &Said<'_>, joint: &str) -> String {
             _ => format!("The spindle expands by {} µm per kelvin as it warms up", n(0)),
         },
         "wrench_bias" => format!(
-            "The force sensor reads {} N and {} Nm too much",
+            "The force sensor has an offset of {} N and {} Nm",
             said.length(0, 3),
             said.length(3, 6)
         ),
         "wrench_scale" => {
             format!(
-                "The force sensor's scale is off by {}, {}, {} along its axes",
+                "The force sensor has scale errors of {}, {}, {} along its axes",
                 n(0),
                 n(1),
                 n(2)
             )
         }
         "wrench_misalignment" => {
-            format!("The force sensor is turned by {} mrad", said.length(0, 3))
+            format!("The force sensor is rotated by {} mrad", said.length(0, 3))
         }
         _ => lags(said, joint),
     }
@@ -178,7 +181,9 @@ fn stands(said: &Said<'_>, joint: &str) -> String {
 fn lags(said: &Said<'_>, joint: &str) -> String {
     let (n, mrad) = (|k| said.number(k), said.angle());
     match said.effect.spec().kind {
-        "time_delay" => format!("The measurement is delayed by {} ms against the commands", n(0)),
+        "time_delay" => {
+            format!("The measurement is delayed by {} ms relative to the commands", n(0))
+        }
         "servo_lag" => {
             format!("{joint} follows its command with a time constant of {} ms: servo lag", n(0))
         }
@@ -201,7 +206,10 @@ fn by_heat(said: &Said<'_>, much: &str) -> String {
     let stem = |k: usize| fitted.get(k).map(|p| p.stem);
     match (stem(0), stem(1)) {
         (Some("growth" | "drift"), Some("lag")) => {
-            format!("with temperature: {much} per kelvin, {} s behind the air", said.number(1))
+            format!(
+                "with temperature: {much} per kelvin, with a lag of {} s behind the air",
+                said.number(1)
+            )
         }
         (Some("growth" | "drift"), _) => format!("with temperature: {much} per kelvin"),
         (_, Some("time_constant")) => format!(
@@ -220,10 +228,10 @@ pub fn condition(effect: &AnyEffect) -> String {
         "backlash" | "reversal_spike" => format!("changes sign with the direction of joint {n}"),
         "servo_lag" => format!("follows the speed of joint {n}"),
         "time_delay" => "follows the speed of the arm".to_owned(),
-        "flexible_mode" if n > 0 => format!("rings after joint {n} was shaken"),
-        "flexible_mode" => "rings after the arm was shaken".to_owned(),
+        "flexible_mode" if n > 0 => format!("oscillates after excitation by joint {n}"),
+        "flexible_mode" => "oscillates after excitation by the arm".to_owned(),
         "wrench_bias" | "wrench_scale" | "wrench_misalignment" => {
-            "follows what gives way under the wrench".to_owned()
+            "follows the deflection under the wrench".to_owned()
         }
         "hysteresis" => format!("builds up after each reversal of joint {n}"),
         "lost_motion" => format!("changes sign with the load on joint {n}"),
@@ -234,16 +242,16 @@ pub fn condition(effect: &AnyEffect) -> String {
         "stiffness_hardening" => format!("follows the cube of the load on joint {n}"),
         "bearing_compliance" => format!("follows the moment across joint {n}'s axis"),
         "base_compliance" => "follows the moment about the base".to_owned(),
-        "joint_ratio" => format!("grows with the angle of joint {n}"),
-        "joint_coupling" => format!("joint {n} follows another joint's angle"),
-        "transmission_error" | "axis_wobble" => format!("returns with the angle of joint {n}"),
+        "joint_ratio" => format!("increases with the angle of joint {n}"),
+        "joint_coupling" => format!("follows the angle of a joint coupled to joint {n}"),
+        "transmission_error" | "axis_wobble" => format!("is periodic in the angle of joint {n}"),
         "thermal_growth" | "thermal_zero" | "spindle_growth" => {
             "follows the temperature, or time since the start".to_owned()
         }
         "gravity_tilt" | "payload" | "counterbalance" => "follows the weight of the arm".to_owned(),
         "joint_offset" | "axis_tilt" | "axis_shift" => {
-            format!("always there, carried along by joint {n}")
+            format!("constant in the frame of joint {n}")
         }
-        _ => "always there, carried along by the tool".to_owned(),
+        _ => "constant in the tool frame".to_owned(),
     }
 }

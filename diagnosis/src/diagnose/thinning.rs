@@ -71,10 +71,10 @@ pub(super) fn choose(rows: &Rows<'_>) -> Option<Stepwise> {
     let which = match *rows.paths {
         [] => format!("one in {stride}"),
         _ => format!(
-            "{STRETCHES} stretches where the arm is driven hardest, and one in {stride} of the rest"
+            "{STRETCHES} sections with the highest dynamics, and one in {stride} of the rest"
         ),
     };
-    let says = format!("of {measured} rows {looked_at} were looked at: {which}");
+    let says = format!("{looked_at} of {measured} rows were used: {which}");
     Some(Stepwise { kept, read, says })
 }
 

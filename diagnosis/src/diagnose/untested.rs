@@ -67,16 +67,16 @@ fn why(arm: &Arm, spec: &Spec, joint: Option<usize>, words: &[Word]) -> Option<S
     }
     let n = joint.map_or(0, |joint| joint + 1);
     if OVER_PATHS.contains(spec) {
-        let why = "the recording holds no path, or joint positions that were read back";
+        let why = "the recording contains no path, or measured joint positions";
         return Some(why.to_owned());
     }
     if joint.is_some() && !has(&format!("q{n}")) {
         return Some(format!("joint {n} never moves"));
     }
     let lacks = |need: &Need| match need {
-        Need::Direction if !has(&format!("direction_{n}")) => {
-            Some(format!("joint {n} never reverses, or the recording does not say how it arrived"))
-        }
+        Need::Direction if !has(&format!("direction_{n}")) => Some(format!(
+            "joint {n} never reverses, or the recording does not state its approach direction"
+        )),
         Need::Wrench if !has("wrench") => {
             Some("the wrench never changes or was not recorded".into())
         }

@@ -91,9 +91,9 @@ impl RowSets {
         validation.iter_mut().zip(&beside).for_each(|(own, beside)| *own &= !beside);
         let what = if whole { "runs" } else { "stretches" };
         let says = if is_reserved {
-            "what the recordings keep for validation".to_owned()
+            "what the recordings reserve for validation".to_owned()
         } else {
-            format!("{kept} of {stretch} {what}, never seen by the selection or the fit")
+            format!("{kept} of {stretch} {what}, not used in selection or fit")
         };
         Self { train, validation, test, says }
     }

@@ -288,7 +288,7 @@ pub(super) fn drift(levels: &Levels, phases: &[Phase]) -> Option<String> {
         .collect();
     (libm::sqrt(size) > scatter).then(|| {
         format!(
-            "After the cut the sensor rests elsewhere than before it ({}): it drifts, or the tool still touches the work.",
+            "The sensor has a different zero after the cut than before ({}): it drifts, or the tool is still in contact.",
             parts.join(", ")
         )
     })

@@ -21,7 +21,7 @@ pub enum Unusable {
     },
     /// A target on a link that is not there, or is the tool's.
     #[error(
-        "`target{target}_on_link` is {link}: a link is 0 (the base) to {} here; the last joint's moves with the tool, its targets need no such entry",
+        "`target{target}_on_link` is {link}: expected 0 (the base) to {}; targets on the last link move with the tool and need no such entry",
         joints - 1
     )]
     NoSuchLink {
@@ -34,7 +34,7 @@ pub enum Unusable {
     },
     /// Two recordings that do not agree.
     #[error(
-        "{file}: its TOML says other things of `{what}` than another recording does; a number stands for one thing in all recordings"
+        "{file}: its TOML defines `{what}` differently from another recording; a number has one meaning in all recordings"
     )]
     Contradiction {
         /// The recording.

@@ -27,11 +27,11 @@ pub fn links(campaign: &Campaign, arm: &Arm) -> Option<Suspicion> {
             (says, off(campaign, joint, other, 1.0))
         })
         .collect();
-    let turned = "counts the other way round: turn the sign of its column";
+    let turned = "has the opposite sign: invert its column";
     remedies.push((format!("ql{n} of joint {n} {turned}"), off(campaign, joint, joint, -1.0)));
-    let units = [(PI / 180.0, "radians where degrees"), (180.0 / PI, "degrees where radians")];
+    let units = [(PI / 180.0, "radians, but degrees"), (180.0 / PI, "degrees, but radians")];
     remedies.extend(units.map(|(factor, says)| {
-        let says = format!("ql{n} of joint {n} is in {says} are said");
+        let says = format!("ql{n} of joint {n} is in {says} are stated");
         (says, off(campaign, joint, joint, factor))
     }));
     let best = remedies.into_iter().filter_map(|(says, off)| Some((says, off?)));
@@ -40,7 +40,7 @@ pub fn links(campaign: &Campaign, arm: &Arm) -> Option<Suspicion> {
     let (size, unit) = if slides { (before * 1e3, "mm") } else { (before.to_degrees(), "degrees") };
     let (says, after) = best.unwrap_or_else(|| {
         let says = format!(
-            "joint {n} was seen {size:.1} {unit} from where it was sent, its zero aside, and no single swapped column, unit or sign explains it: check that ql{n} belongs to it"
+            "joint {n} was measured {size:.1} {unit} from its command, apart from its zero, and no single swapped column, unit or sign explains it: check that ql{n} belongs to it"
         );
         (says, before)
     });

@@ -72,12 +72,12 @@ pub(super) fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campa
         ("its x has the wrong sign", |p| DVec3::new(-p.x, p.y, p.z)),
         ("its y has the wrong sign", |p| DVec3::new(p.x, -p.y, p.z)),
         ("its z has the wrong sign", |p| DVec3::new(p.x, p.y, -p.z)),
-        ("its columns are in m where mm is said", |p| p * 1e3),
-        ("its columns are in mm where m is said", |p| p * 1e-3),
+        ("its columns are in m, but mm is stated", |p| p * 1e3),
+        ("its columns are in mm, but m is stated", |p| p * 1e-3),
     ];
     let of = |target: usize| {
         changes.map(|(says, change)| {
-            let says = format!("target {} alone is grossly off: {says}", target + 1);
+            let says = format!("only target {} has a gross error: {says}", target + 1);
             (says, with_target(campaign, target, change))
         })
     };

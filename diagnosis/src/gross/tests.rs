@@ -21,16 +21,16 @@ fn each_gross_fault_is_named() {
         ("joints 2 and 3 are swapped", with_joints(&measured(3), |q| q.swap(1, 2))),
         ("joints 4 and 6 are swapped", with_joints(&measured(3), |q| q.swap(3, 5))),
         (
-            "in radians where degrees are said",
+            "in radians, but degrees are stated",
             with_joints(&measured(3), |q| q.iter_mut().for_each(|q| *q *= PI / 180.0)),
         ),
         (
-            "in degrees where radians are said",
+            "in degrees, but radians are stated",
             with_joints(&measured(3), |q| q.iter_mut().for_each(|q| *q *= 180.0 / PI)),
         ),
         ("mirrored", with_points(&measured(3), |p| DVec3::new(p.y, p.x, p.z))),
-        ("joint 5 counts the other way", with_joints(&measured(1), |q| q[4] = -q[4])),
-        ("thousand times too small", with_points(&measured(0), |p| p * 1e-3)),
+        ("joint 5 has the opposite sign", with_joints(&measured(1), |q| q[4] = -q[4])),
+        ("factor of 1000 too small", with_points(&measured(0), |p| p * 1e-3)),
     ];
     for (wanted, campaign) in faults {
         let said = said(&campaign);
@@ -44,10 +44,10 @@ fn a_wrong_tool_is_told_from_a_wrong_robot() {
     let mut model = nominal();
     model.arm.tool.tcp += DVec3::new(0.03, 0.0, 0.05);
     let found = suspicions(&campaign, &model);
-    assert!(found[0].says.contains("the tool is not the model's"), "{found:?}");
+    assert!(found[0].says.contains("the tool differs from the model"), "{found:?}");
     let other = preset("fr3").expect("preset").model().expect("sound").physics;
     let found = suspicions(&campaign, &other);
-    assert!(found[0].says.contains("this robot's"), "{found:?}");
+    assert!(found[0].says.contains("of this robot"), "{found:?}");
 }
 
 #[test]
@@ -70,23 +70,23 @@ fn with_one(target: usize, change: fn(DVec3) -> DVec3) -> Campaign {
 fn columns_of_one_target_that_are_wrong_are_named_though_the_others_are_right() {
     let faults: [(&str, Campaign); 5] = [
         (
-            "target 1 alone is grossly off: its columns x and y are swapped",
+            "only target 1 has a gross error: its columns x and y are swapped",
             with_one(0, |p| DVec3::new(p.y, p.x, p.z)),
         ),
         (
-            "target 3 alone is grossly off: its columns y and z are swapped",
+            "only target 3 has a gross error: its columns y and z are swapped",
             with_one(2, |p| DVec3::new(p.x, p.z, p.y)),
         ),
         (
-            "target 2 alone is grossly off: its columns x and z are swapped",
+            "only target 2 has a gross error: its columns x and z are swapped",
             with_one(1, |p| DVec3::new(p.z, p.y, p.x)),
         ),
         (
-            "target 2 alone is grossly off: its y has the wrong sign",
+            "only target 2 has a gross error: its y has the wrong sign",
             with_one(1, |p| DVec3::new(p.x, -p.y, p.z)),
         ),
         (
-            "target 3 alone is grossly off: its columns are in m where mm is said",
+            "only target 3 has a gross error: its columns are in m, but mm is stated",
             with_one(2, |p| p * 1e-3),
         ),
     ];

@@ -65,8 +65,8 @@ fn frozen(
     let is_frozen = before_m > WORSE * after_m && before_m > SHOWS * spread_m;
     is_frozen.then(|| Suspicion {
         says: format!(
-            "the position of joint {n} does not change any more from {:.2} s on (row {}), and from there the tool is {:.1} mm from where the model puts it; before, it \
-             was {:.1} mm: the column q{n} froze; leave these rows out or record again",
+            "the position of joint {n} is constant from {:.2} s on (row {}), and from there the tool is {:.1} mm from its predicted position; before, it \
+             was {:.1} mm: the column q{n} froze; remove these rows or record again",
             few.poses[last].inputs.time_s,
             few.poses[last].row + 1,
             before_m * 1e3,
@@ -87,8 +87,8 @@ fn far(few: &Campaign, model: &Model, spread_m: f64) -> Option<Suspicion> {
     let share = count as f64 / errors.sorted_m.len().max(1) as f64;
     (share > PART).then(|| Suspicion {
         says: format!(
-            "in {:.0} % of the readings the tool was seen more than {:.0} mm from where the model puts it, in the others not: part of the recording is of something \
-             else; leave these rows out or record again",
+            "in {:.0} % of the readings the tool was more than {:.0} mm from its predicted position, in the others not: part of the recording is of a different \
+             setup; remove these rows or record again",
             1e2 * share,
             1e3 * edge
         ),

@@ -160,7 +160,7 @@ fn two_nests_or_nests_on_a_line_lay_nothing() {
 fn lay_nothing_and_say_so(recording: &Recording) {
     let nests = Nests::of(recording).expect("nests are told");
     let still = (0..recording.len()).all(|row| nests.laid_from_seen(row) == Frame::IDENTITY);
-    assert!(still && nests.note().contains("lay no measuring frame"), "{}", nests.note());
+    assert!(still && nests.note().contains("do not define a measuring frame"), "{}", nests.note());
 }
 
 #[test]

@@ -112,10 +112,10 @@ impl Damage {
     #[must_use]
     pub fn says(&self) -> String {
         match self {
-            Self::Offset(joint) => format!("joint {} stands off", joint + 1),
+            Self::Offset(joint) => format!("joint {} has a zero offset", joint + 1),
             Self::Tilt(joint) => format!("the axis of joint {} is tilted", joint + 1),
             Self::ToolShift => "the tool was shifted".to_owned(),
-            Self::ToolTurn => "the tool was turned".to_owned(),
+            Self::ToolTurn => "the tool was rotated".to_owned(),
         }
     }
 

@@ -110,7 +110,8 @@ impl Case {
             each.extend((0..recordings.len()).filter(|_| several).map(Some));
             each.iter().for_each(|one| library.payload(&motion, of_mass, arm.tool.tcp, *one));
         } else {
-            let why = "nothing is known of the last link's mass: a payload is one with it";
+            let why =
+                "the last link's mass is unknown, and a payload cannot be distinguished from it";
             library.untested.push(("payload", None, why));
         }
         let inertial = INERTIAL * arm.count();

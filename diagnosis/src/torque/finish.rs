@@ -296,15 +296,15 @@ fn notes(
     notes.extend(outside.iter().map(|name| {
         let family = &case.library.families[*name];
         let of = of_joint(family.joint);
-        format!("`{}`{of} reduces the error only outside the zones of low speed", family.kind)
+        format!("`{}`{of} reduces the error only outside the low-speed zones", family.kind)
     }));
     if always.len() > case.open.len() {
-        notes.push("the stated masses do not match the torques exactly: they were estimated along, within 5 % and 20 mm".to_owned());
+        notes.push("the stated masses do not match the torques exactly: they were estimated too, within 5 % and 20 mm".to_owned());
     } else if !case.open.is_empty() {
-        notes.push("masses that the model does not state, and parameters with a stated uncertainty, were estimated along".to_owned());
+        notes.push("masses that the model does not state, and parameters with a stated uncertainty, were estimated too".to_owned());
     }
     if case.motion.by_current && findings.iter().any(|one| one.kind == "payload") {
-        notes.push("a mass is as sure as the motors' constants, about a tenth: weigh the payload, or run once with a known mass".to_owned());
+        notes.push("a mass is as uncertain as the motor constants, about 10 %: weigh the payload, or run once with a known mass".to_owned());
     }
     notes
 }

@@ -196,7 +196,8 @@ impl Library {
         for (joint, _) in torques {
             let torque = &stated[*joint];
             if torque.iter().all(|torque| torque.abs() < 1e-9) {
-                let why = "the model states no masses: a gain is one with them";
+                let why =
+                    "the model states no masses, and a gain cannot be distinguished from them";
                 self.untested.push(("drive_gain", Some(*joint), why));
                 continue;
             }

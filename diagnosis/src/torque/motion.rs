@@ -225,14 +225,14 @@ impl Motion {
         }
         let whole: usize = runs.iter().map(|run: &Run| run.rows.len()).sum();
         let mut notes = vec![format!(
-            "torque and motion pass the same low-pass of {} Hz without delay; {whole} rows in {} runs are left",
+            "torque and motion were filtered by the same zero-phase low-pass of {} Hz; {whole} rows in {} runs remain",
             report_hz(band_hz),
             runs.len()
         )];
         if Stretches::of(all_rows, 1).is_some() {
             let share = 100.0 * whole as f64 / all_rows as f64;
             notes.push(format!(
-                "they are {share:.0} % of what was recorded: stretches, evenly over all of it"
+                "they are {share:.0} % of the recording, in evenly distributed sections"
             ));
         }
         let has_only_current = |recording: &Recording| {
@@ -412,6 +412,6 @@ mod tests {
         assert!(samples <= 200_000, "what is not looked at is not kept: {samples}");
         let starts: Vec<f64> = motion.runs.iter().map(|run| run.start_s).collect();
         assert!(starts[0] == 0.0 && starts.last().is_some_and(|last| *last > 0.9 * end_s));
-        assert!(motion.notes.iter().any(|note| note.contains("% of what was recorded")));
+        assert!(motion.notes.iter().any(|note| note.contains("% of the recording")));
     }
 }

@@ -39,7 +39,7 @@ impl Zone {
             JointKind::Prismatic => (1e3 * self.below, "mm/s", "N"),
         };
         format!(
-            "slower than {speed:.2} {unit} the torque of joint {} follows no known law ({:.1} % of the rows; the residual is {:.2} {load} there, {:.2} {load} elsewhere): \
+            "below {speed:.2} {unit}, the torque of joint {} follows no known law ({:.1} % of the rows; the residual is {:.2} {load} there, {:.2} {load} elsewhere): \
              these rows are excluded from the estimation",
             self.joint + 1,
             100.0 * self.share,

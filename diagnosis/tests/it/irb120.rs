@@ -56,7 +56,7 @@ fn the_read_back_joints_are_noticed_as_bad_beside_the_commanded_and_alone() {
     let Some((mut recording, model)) = recorded() else { return };
     assert_eq!(gross::suspicions(&campaign(&recording, &model), &model), []);
     let said = readback::contradiction(&recording, &model).expect("noticed").says;
-    assert!(said.contains("before the arm had settled") && said.contains("use those"), "{said}");
+    assert!(said.contains("before the arm had settled") && said.contains("use these"), "{said}");
     recording.about.input = Some(Input::Motor);
     let alone = campaign(&recording, &model);
     let used = vec![true; alone.poses.len()];

@@ -77,10 +77,10 @@ fn state_word(report: &Report) -> (String, Color) {
         return ("NO DAEMON".to_owned(), Color::Red);
     }
     if report.age_s > OLD_S {
-        return (format!("SILENT FOR {:.0} s", report.age_s), Color::Red);
+        return (format!("NO STATUS FOR {:.0} s", report.age_s), Color::Red);
     }
     if report.bypassed {
-        return ("BYPASSED: NOTHING IS CORRECTED".to_owned(), Color::Yellow);
+        return ("BYPASSED: NO CORRECTION".to_owned(), Color::Yellow);
     }
     let colour = match report.health {
         "running" => Color::Green,
@@ -132,7 +132,7 @@ fn draw_joints(frame: &mut Frame<'_>, area: Rect, joints: &[Joint]) {
         Line::styled(format!("{text}{}", if near { " near" } else { "" }), style)
     };
     let lines: Vec<Line<'_>> = joints.iter().enumerate().map(line).collect();
-    let block = Block::new().borders(Borders::ALL).title(" correction, share of its limit ");
+    let block = Block::new().borders(Borders::ALL).title(" correction relative to its limit ");
     frame.render_widget(Paragraph::new(lines).block(block), area);
 }
 
@@ -250,7 +250,7 @@ mod tests {
         assert!(rows[1].contains("RUNNING, FULL"), "{text}");
         assert!(text.contains(" 2 [          |#####     ]    50.0 %"), "{text}");
         assert!(text.contains(" 3 [##########|          ]   -95.0 % near"), "{text}");
-        assert!(text.contains("refused 0") && text.contains("vibration"), "{text}");
+        assert!(text.contains("rejected 0") && text.contains("vibration"), "{text}");
         assert!(rows[23].contains("quit") && rows[23].contains("freeze"), "{text}");
     }
 
@@ -269,6 +269,6 @@ mod tests {
     #[test]
     fn a_bypass_is_the_most_prominent_state() {
         let rows = shown(&Status { bypassed: 1, ..running() }, 80, 24);
-        assert!(rows[1].contains("BYPASSED: NOTHING IS CORRECTED"), "{rows:?}");
+        assert!(rows[1].contains("BYPASSED: NO CORRECTION"), "{rows:?}");
     }
 }

@@ -172,7 +172,7 @@ impl Acceptance {
         // The daemon has a working folder of its own.
         let folder = folder.canonicalize().map_err(error(&folder))?;
         let lock = File::create(folder.join("lock")).map_err(error(&folder))?;
-        let taken = "another bridge uses this folder; give each cell a folder of its own";
+        let taken = "another bridge uses this folder; use a separate folder for each cell";
         lock.try_lock().map_err(|_| error(&folder)(taken))?;
         let last_counter = read_counter(&folder.join("counter"))?;
         let robot = robot.file.identity();
@@ -196,7 +196,7 @@ impl Acceptance {
         now_unix_ms: u64,
     ) -> Result<Checked<'a>, Refusal> {
         if self.accept == Accept::Never {
-            let words = "this cell takes no models: `accept` is \"never\" in its owner's file";
+            let words = "this cell accepts no models: `accept` is \"never\" in its owner's file";
             return Err(Refusal::new(Reason::NotAccepted, words));
         }
         let statement = Statement::read(signature)?;
@@ -207,13 +207,13 @@ impl Acceptance {
         offer::verify(model, signature, &self.keys)?;
         if now_unix_ms >= statement.expires_unix_ms {
             let ago_s = (now_unix_ms - statement.expires_unix_ms) / 1000;
-            let words = format!("the offer expired {ago_s} s ago; sign it anew");
+            let words = format!("the offer expired {ago_s} s ago; sign it again");
             return Err(Refusal::new(Reason::Expired, words));
         }
         if statement.counter <= self.last_counter {
             let (counter, last) = (statement.counter, self.last_counter);
             let words = format!(
-                "counter {counter} is not above {last}, the one of the last offer that was taken; sign it anew with a higher one"
+                "counter {counter} is not above {last}, that of the last accepted offer; sign it again with a higher one"
             );
             return Err(Refusal::new(Reason::Replayed, words));
         }
@@ -276,7 +276,7 @@ fn read_counter(path: &Path) -> Result<u64, AcceptanceError> {
         Err(why) if why.kind() == std::io::ErrorKind::NotFound => Ok(0),
         Err(why) => Err(error(path)(why)),
         Ok(text) => text.trim().parse().map_err(|_| {
-            let words = format!("is `{}`; expected a number: the counter of the last offer that was taken (a higher one is safe)", text.trim());
+            let words = format!("is `{}`; expected a number: the counter of the last accepted offer (a higher one is safe)", text.trim());
             error(path)(words)
         }),
     }

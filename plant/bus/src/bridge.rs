@@ -181,7 +181,7 @@ impl Bridge {
         // A log that nobody reads any more must not end the bridge.
         let _ = match &event {
             Event::ModelRefused { sha256, message, .. } => {
-                writeln!(log, "offered model {sha256}: refused: {message}")
+                writeln!(log, "offered model {sha256}: rejected: {message}")
             }
             Event::ModelLoaded { sha256, message, .. } => {
                 writeln!(log, "offered model {sha256}: {message}")
@@ -196,7 +196,7 @@ impl Bridge {
     /// Checks an offered model, stages it, and has it loaded where the owner's file says so.
     fn take_model(&mut self, offered: &Offered) -> Result<Event, Refusal> {
         let Some(acceptance) = &mut self.acceptance else {
-            let words = "this cell takes no models: its bridge runs without `--models`";
+            let words = "this cell accepts no models: its bridge runs without `--models`";
             return Err(Refusal::new(Reason::NotAccepted, words));
         };
         let checked = acceptance.check(&offered.model, &offered.signature, now_unix_ms())?;
@@ -297,7 +297,7 @@ impl Bridge {
             return Some(away.to_string());
         }
         let Some(status) = status.filter(|status| status.t_ns != self.former_t_ns) else {
-            return Some("its first status has not come yet".to_owned());
+            return Some("its first status has not arrived yet".to_owned());
         };
         if self.status.is_none_or(|last| last.t_ns != status.t_ns) {
             self.sums.add(&status);

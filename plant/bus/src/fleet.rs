@@ -176,7 +176,7 @@ pub enum FleetError {
     Bus(#[from] BusError),
     /// No bridge answers.
     #[error(
-        "no cell answers on the bus; is `trued-plant bridge` running, and connected to the same router?"
+        "no cell answers on the bus; check that `trued-plant bridge` is running and connected to the same router"
     )]
     Nobody,
 }

@@ -57,7 +57,7 @@ pub enum OfferError {
     Statement(String),
     /// The bytes are others than the stated ones.
     #[error(
-        "the model has SHA-256 {found}, the statement says {stated}; it was torn on the way or changed"
+        "the model has SHA-256 {found}, the statement has {stated}; the file is incomplete or was changed"
     )]
     Torn {
         /// Of the bytes.
@@ -66,7 +66,7 @@ pub enum OfferError {
         stated: String,
     },
     /// No accepted key signed it.
-    #[error("none of the accepted keys signed this: {0}")]
+    #[error("not signed by any of the accepted keys: {0}")]
     NotSigned(String),
     /// The bytes are no model.
     #[error("not a model: {0}")]
@@ -144,13 +144,13 @@ fn decode(signature: &str) -> Result<Signature, OfferError> {
 /// [`OfferError::NotSigned`] where no key fits.
 pub fn verify(bytes: &[u8], signature: &str, keys: &[PublicKey]) -> Result<(), OfferError> {
     let signature = decode(signature)?;
-    let mut why = "the signature names another key".to_owned();
+    let mut why = "the signature is of another key".to_owned();
     for key in keys {
         match key.verify(bytes, &signature, false) {
             Ok(()) => return Ok(()),
             Err(minisign_verify::Error::UnexpectedKeyId) => {}
             Err(minisign_verify::Error::UnexpectedAlgorithm) => {
-                why = "the signature has the old form; sign without `-l`, with minisign 0.10 or later".to_owned();
+                why = "the signature has the legacy format; sign without `-l`, with minisign 0.10 or later".to_owned();
             }
             Err(refused) => why = refused.to_string(),
         }

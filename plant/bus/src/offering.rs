@@ -31,7 +31,7 @@ pub enum OfferingError {
     Bus(#[from] BusError),
     /// No bridge answers.
     #[error(
-        "cell `{0}` does not answer; is its `trued-plant bridge` running, and connected to the same router?"
+        "cell `{0}` does not answer; check that its `trued-plant bridge` is running and connected to the same router"
     )]
     Nobody(String),
     /// The bridge cannot take an offer now.
@@ -124,8 +124,8 @@ pub fn offer(
     let (path, said) = (path.unwrap_or_default(), said.unwrap_or_default());
     let (words, is_taken) = match event.as_str() {
         "model_loaded" => (format!("loaded by the daemon: {said}"), true),
-        "model_staged" => (format!("staged as {path}; the daemon was not asked"), true),
-        "model_refused" => (format!("refused: {said}"), false),
+        "model_staged" => (format!("staged as {path}; not loaded into the daemon"), true),
+        "model_refused" => (format!("rejected: {said}"), false),
         other => return Err(unreadable(format!("event `{other}`"))),
     };
     Ok(Told { message, words, is_taken })

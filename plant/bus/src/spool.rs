@@ -28,10 +28,10 @@ pub enum SpoolError {
     #[error("the spool's budget is {0} bytes; expected at least {BUDGET_BYTES_MIN}")]
     Budget(u64),
     /// Another process uses the folder.
-    #[error("{}: another trued-plant uses this folder; give each cell a folder of its own", .0.display())]
+    #[error("{}: another trued-plant uses this folder; use a separate folder for each cell", .0.display())]
     Taken(PathBuf),
     /// The system refuses.
-    #[error("{}: cannot {what}: {why}; is the disk full, or the folder another user's?", path.display())]
+    #[error("{}: cannot {what}: {why}; check free disk space and the owner of the folder", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
@@ -114,7 +114,7 @@ impl Spool {
         if budget_bytes < BUDGET_BYTES_MIN {
             return Err(SpoolError::Budget(budget_bytes));
         }
-        fs::create_dir_all(folder).map_err(io_error("make the folder", folder))?;
+        fs::create_dir_all(folder).map_err(io_error("create the folder", folder))?;
         let lock_path = folder.join("lock");
         let lock = File::create(&lock_path).map_err(io_error("write", &lock_path))?;
         lock.try_lock().map_err(|_| SpoolError::Taken(folder.to_owned()))?;

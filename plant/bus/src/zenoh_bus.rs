@@ -187,9 +187,9 @@ impl Bus {
                 Some(_) => take_offer(&query, &asked, &hand_over),
             })
             .wait()
-            .map_err(zenoh_error("declare what it answers"))?;
+            .map_err(zenoh_error("declare its queryable"))?;
         let alive = session.liveliness().declare_token(keys.alive()).wait();
-        let alive = alive.map_err(zenoh_error("declare that it is there"))?;
+        let alive = alive.map_err(zenoh_error("declare its presence"))?;
         Ok(Self { session, offers, keys, kept, _answers: answers, _alive: alive })
     }
 
@@ -225,13 +225,14 @@ fn take_offer(query: &Query, keys: &Keys, hand_over: &SyncSender<Offered>) {
     let signature = query.attachment().filter(|attached| attached.len() <= SIGNATURE_BYTES_MAX);
     let signature = signature.and_then(|attached| attached.try_to_string().ok());
     let Some(signature) = signature else {
-        let words = format!("the attachment is no signature of up to {SIGNATURE_BYTES_MAX} bytes");
+        let words =
+            format!("the attachment is not a signature of up to {SIGNATURE_BYTES_MAX} bytes");
         return refuse(words);
     };
     let signature = signature.into_owned();
     let model = query.payload().map_or(Vec::new(), |bytes| bytes.to_bytes().into_owned());
     if hand_over.try_send(Offered { query: query.clone(), model, signature }).is_err() {
-        refuse("another offer is being judged; offer again in a few seconds".to_owned());
+        refuse("another offer is being processed; retry in a few seconds".to_owned());
     }
 }
 

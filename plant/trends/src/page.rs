@@ -17,8 +17,8 @@ const UNCHANGED: usize = 60;
 #[must_use]
 pub fn page(answer: &Answer, provenance: Provenance) -> String {
     let (tone, word) = match answer.alerts.len() {
-        0 => (Tone::Good, "Nothing grows worse"),
-        _ => (Tone::Bad, "Something grows worse"),
+        0 => (Tone::Good, "No effect is growing"),
+        _ => (Tone::Bad, "An effect is growing"),
     };
     let mut page = Page::new("Trends of a fleet").kicker("trued trends").provenance(provenance);
     page = page.verdict(tone, word, &headline(answer)).numbers(numbers(answer));
@@ -31,8 +31,9 @@ pub fn page(answer: &Answer, provenance: Provenance) -> String {
     let mut still: Vec<&Searched> = answer.searched.iter().filter(|one| !one.is_reported).collect();
     still.sort_by(|a, b| b.change.log_bayes.total_cmp(&a.change.log_bayes));
     if !reported.is_empty() {
-        page =
-            page.section("What changes").figure(CAPTION, &drawn("Series that change", &reported));
+        page = page
+            .section("Changing series")
+            .figure(CAPTION, &drawn("Series that change", &reported));
     }
     if !answer.alerts.is_empty() || !answer.decreases.is_empty() {
         let all = answer.alerts.iter().chain(&answer.decreases);
@@ -48,13 +49,13 @@ pub fn page(answer: &Answer, provenance: Provenance) -> String {
         );
         let svg = drawn("Series without a change", some);
         page = page
-            .section("What does not change")
+            .section("Unchanged series")
             .folded("Every series", |page| page.figure(&caption, &svg));
     }
     page.section("How it was computed").text(METHOD).render()
 }
 
-const CAPTION: &str = "One number of one effect over the months since the robot's first recording. Dots: found. Strokes at the limit: not found, so that the number is smaller. Line: the most probable mean.";
+const CAPTION: &str = "One parameter of one effect over the months since the robot's first recording. Dots: found. Strokes at the limit: not found, so the parameter is smaller. Line: the most probable mean.";
 
 const METHOD: &str = "Each series is compared with a constant, a step and a growth that begins at some recording, by Bayes factors; the time of the change is \
      averaged over all recordings, the scatter between recordings is estimated with it, and ambient temperature is taken out where it was recorded. Recordings in \

@@ -38,9 +38,9 @@ pub fn headline(answer: &Answer) -> String {
     );
     match answer.alerts.len() {
         0 if answer.series == 0 => {
-            format!("{searched}: no effect was found often enough to be followed.")
+            format!("{searched}: no effect was found often enough to be evaluated.")
         }
-        0 => format!("{searched}: nothing grows worse."),
+        0 => format!("{searched}: no effect is growing."),
         alerts => {
             let mut robots: Vec<&str> =
                 answer.alerts.iter().map(|alert| alert.robot.as_str()).collect();
@@ -110,7 +110,7 @@ fn tolerance(reaches: &Reaches) -> String {
             let early = early.as_deref().unwrap_or(day);
             let late = late.as_deref().map_or("never".to_owned(), str::to_owned);
             format!(
-                " Its largest error reaches the tolerance about {day} ({early} to {late}), if it goes on like that."
+                " Its largest error reaches the tolerance about {day} ({early} to {late})if this continues."
             )
         }
         (None, false) => String::new(),

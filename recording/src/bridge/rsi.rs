@@ -169,14 +169,14 @@ fn takes(table: &Table<'_, '_>, ethernet: &Ethernet, group: &Group, sums: Sums) 
                     "{tag} becomes zero if a reply is late, and the robot jumps: {} line {line}",
                     ethernet.name
                 ),
-                "HOLDON=\"1\" in that line",
+                "set HOLDON=\"1\" in that line",
             ),
             (Sums::Relative, true) => table.fault_here(
                 format!(
                     "{tag} is added again if a reply is late, and the robot drifts: {} line {line}",
                     ethernet.name
                 ),
-                "HOLDON=\"0\" in that line, or sums = \"absolute\"",
+                "set HOLDON=\"0\" in that line, or use sums = \"absolute\"",
             ),
             _ => {}
         }
@@ -242,7 +242,7 @@ fn others(
             root.fault(
                 "ethernet",
                 format!("IPOC is listed in RECEIVE: {} line {}", ethernet.name, element.place.line),
-                "no IPOC in RECEIVE; every reply contains the controller's own",
+                "remove it from RECEIVE; every reply contains the controller's own",
             );
             continue;
         }

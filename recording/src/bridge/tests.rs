@@ -91,7 +91,7 @@ fn configurations_that_jump_or_drift_on_late_answers_are_refused() {
     let falls = XML.replacen("HOLDON=\"1\"", "HOLDON=\"0\"", 1);
     let said = words(rsi(RSI, &falls));
     assert!(
-        said.contains("AKorr.A1 falls to zero") && said.contains("ethernet.xml line 18"),
+        said.contains("AKorr.A1 becomes zero") && said.contains("ethernet.xml line 18"),
         "{said}"
     );
     let relative = RSI.replace("sums = \"absolute\"", "sums = \"relative\"");
@@ -107,12 +107,12 @@ fn missing_elements_of_the_controller_are_reported() {
     let said = words(rsi(RSI, &XML.replace("DEF_ASPos", "DEF_RIst")));
     assert!(said.contains("does not send ASPos"), "{said}");
     let said = words(rsi(&RSI.replace("DiO = 0", ""), XML));
-    assert!(said.contains("says nothing of DiO") && said.contains("line 24"), "{said}");
+    assert!(said.contains("has no value for DiO") && said.contains("line 24"), "{said}");
     let said = words(rsi(&RSI.replace("DiO = 0", "DiO = 0\nDiP = 1"), XML));
     assert!(said.contains("`others.DiP`"), "{said}");
     let said = words(rsi(RSI, &XML.replace("AKorr.A3", "AKorr.B3")));
     assert!(
-        said.contains("does not receive AKorr.A3") && said.contains("nothing of AKorr.B3"),
+        said.contains("does not receive AKorr.A3") && said.contains("no value for AKorr.B3"),
         "{said}"
     );
     let own = XML.replace("DEF_ASPos", "Axes.A1").replace("DEF_AIPos", "Axes.A2");
@@ -182,10 +182,10 @@ fn the_override_of_the_feed_has_an_element_that_holds_and_needs_no_constant() {
     assert_eq!(config.feed.map(|feed| (feed.tag, feed.is_whole)), Some(("OvPro".to_owned(), true)));
     assert_eq!(config.others.len(), 1);
     let said = words(rsi(&text, XML));
-    assert!(said.contains("names OvPro, which the controller does not receive"), "{said}");
+    assert!(said.contains("is OvPro, which the controller does not receive"), "{said}");
     let falls =
         words(rsi(&text, &held.replace("INDX=\"8\" HOLDON=\"1\"", "INDX=\"8\" HOLDON=\"0\"")));
     assert!(falls.contains("becomes zero if a reply is late"), "{falls}");
     let said = words(rsi(RSI, &held));
-    assert!(said.contains("says nothing of OvPro"), "{said}");
+    assert!(said.contains("has no value for OvPro"), "{said}");
 }

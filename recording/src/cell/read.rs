@@ -477,7 +477,7 @@ fn vibration(table: &Table<'_, '_>, force: Option<Force>) -> Option<Vibration> {
         teeth,
     };
     if enabled && force.is_none() {
-        table.fault_here("needs the force stream, but the cell has none", "a table [force]");
+        table.fault_here("needs the force stream, but the cell has none", "add a table [force]");
     }
     table.close();
     enabled.then_some(vibration)

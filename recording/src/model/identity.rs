@@ -283,7 +283,7 @@ mod tests {
         let moved = named(&|file| file.joints[2].point_mm = Some([150.0, 0.0, 1187.0]));
         assert_eq!(moved, ["the axis of joint 3 is displaced by 0.500 mm"]);
         let turned = named(&|file| file.joints[3].axis = [-1.0, 0.0, 0.0]);
-        assert_eq!(turned, ["the axis of joint 4 is turned by 180.0000 deg"]);
+        assert_eq!(turned, ["the axis of joint 4 is rotated by 180.0000 deg"]);
         let sliding = named(&|file| file.joints[0].kind = JointKind::Prismatic);
         assert_eq!(sliding, ["the axis of joint 1 is prismatic instead of revolute"]);
         assert_eq!(named(&|file| drop(file.joints.pop())), ["5 joints instead of 6"]);

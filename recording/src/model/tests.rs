@@ -234,7 +234,7 @@ fn what_only_the_physics_knows_is_reported_at_its_effect() {
     let text = TWO_JOINTS
         .replace("tilt_mrad = [0.1, -0.2]", "tilt_mrad = [0.1, -0.2]\npivot_mm = [9, 0, 0]");
     insta::assert_snapshot!(parse(&text).unwrap_err(), @r#"
-        error: `effect[3]: axis_tilt of joint 2`: `pivot` is 0.40010123718878954 m off the joint's axis, it must lie on it
+        error: `effect[3]: axis_tilt of joint 2`: `pivot` is 0.40010123718878954 m from the joint's axis, expected a point on the axis
           --> robot.toml:46:1
            |
         46 | [[effect]]

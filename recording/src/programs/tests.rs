@@ -177,7 +177,7 @@ fn all_reasons_against_a_tour_are_reported_at_once() {
         --> poses
          = note: expected one axis for each of the model's 6 joints
 
-        error: `axes`: name A2 twice
+        error: `axes`: include A2 twice
         --> poses
          = note: expected each axis once
         ---

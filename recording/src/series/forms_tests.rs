@@ -94,7 +94,7 @@ fn a_number_that_can_be_read_in_two_ways_is_refused_with_the_way_out() {
             "`88.5` has a decimal point",
         ),
         ("decimal = \".\"\nthousands = \".\"", "t_s,q1_deg,x_mm\n0,1,1\n", "is the decimal mark"),
-        ("", "t_s,q1_deg,x_mm\n0,1,1 042.5\n", "is no number"),
+        ("", "t_s,q1_deg,x_mm\n0,1,1 042.5\n", "is not a number"),
     ] {
         assert_told(mapping, text, says);
     }
@@ -113,7 +113,7 @@ fn columns_that_are_not_read_as_numbers_tell_no_decimal_mark() {
         assert_eq!(rows(mapping, firmware), [(0.0, 5.0), (1.0, 88.5)], "{mapping}");
     }
     let grouped = "t_s\tq1_deg\tx_mm\n0\t1\t1.042.075\n";
-    assert_told("", grouped, "only where each point groups thousands");
+    assert_told("", grouped, "only if its point separates thousands");
     assert_eq!(rows("thousands = \".\"", grouped), [(0.0, 1_042_075.0)]);
 }
 
@@ -154,7 +154,7 @@ fn a_last_line_without_an_end_is_left_out_only_where_it_is_seen_to_be_cut_off() 
         ),
         ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,", 2, "skipped 1 empty rows at the end"),
         ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,\n,", 2, "skipped 2 empty rows at the end"),
-        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,\n2,", 2, "line 5 is cut off"),
+        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,\n2,", 2, "line 5 is truncated"),
     ] {
         let recording = read("", text).unwrap_or_else(|faults| panic!("{text}\n{faults}"));
         let notes = recording.notes.join("\n");
@@ -215,7 +215,7 @@ fn a_unit_that_is_not_known_is_refused_unless_the_mapping_states_how_its_column_
     for mapping in ["units_row = true", &mapped("")] {
         assert_told(mapping, inches, "`x_mm`: has the unit inch, which is not supported");
     }
-    assert_told(&mapped(""), inches, "how many mm one inch is (`scale`)");
+    assert_told(&mapped(""), inches, "the factor from inch to mm in a mapping (`scale`)");
     assert_eq!(rows(&mapped(", scale = 25.4"), inches), [(0.0, 25.4)]);
     assert_eq!(rows(&mapped(", unit = \"m\""), inches), [(0.0, 1000.0)]);
     let kelvin = columns_with_x(" }\ntemp_C = { from = \"temp\", unit = \"C\", offset = -273.15");
@@ -294,9 +294,9 @@ fn a_time_that_is_not_understood_is_refused() {
             german.clone(),
             "no unit together with `format`",
         ),
-        (stated(", unit = \"ms\""), text("2026-11-26", "2026-11-27"), "is no number"),
+        (stated(", unit = \"ms\""), text("2026-11-26", "2026-11-27"), "is not a number"),
         (stated(""), text("2026-11-26 10:00Z", "2026-11-26 11:00"), "time zone"),
-        (stated(""), text("2026-10-25 02:59", "2026-10-25 02:00"), "runs back"),
+        (stated(""), text("2026-10-25 02:59", "2026-10-25 02:00"), "decreases"),
         (stated(""), text("2026-10-25 02:59", ""), "is empty"),
         (stated(", format = \"%H:%M %p\""), german.clone(), "`%I` with `%p`, or `%H` without them"),
         (

@@ -22,7 +22,7 @@ fn a_spreadsheets_export_is_read_and_reported() {
     );
     assert_eq!(recording.units, FileUnits::WORKSHOP);
     let notes = recording.notes.join("\n");
-    for said in ["semicolons", "line 4 is cut off", "not used: remark"] {
+    for said in ["semicolons", "line 4 is truncated", "unused columns: remark"] {
         assert!(notes.contains(said), "{notes}");
     }
 }

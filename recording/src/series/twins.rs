@@ -104,7 +104,7 @@ mod tests {
     fn twins(text: &str) -> Vec<(String, String)> {
         let recording = read_text("x.csv", text, None, None, Need::Path).unwrap();
         let twins = recording.twins();
-        let noted = recording.notes.iter().filter(|note| note.contains("the same readings"));
+        let noted = recording.notes.iter().filter(|note| note.contains("exactly the same values"));
         assert_eq!(noted.count(), twins.len());
         assert_eq!(recording.check_need(Need::Measurement).is_err(), !twins.is_empty());
         let read = read_text("x.csv", text, None, None, Need::Measurement);

@@ -27,8 +27,8 @@ fn a_placeholder_inertia_is_a_point_mass_and_the_geometry_is_read_all_the_same()
     };
     let forms = [
         (String::new(), "has no <inertia>"),
-        ("<inertia ixx=\"1\"/>".to_owned(), "is missing or not finite"),
-        (moments("nan", "0", "1", "1"), "is missing or not finite"),
+        ("<inertia ixx=\"1\"/>".to_owned(), "missing or non-finite moment"),
+        (moments("nan", "0", "1", "1"), "missing or non-finite moment"),
         (moments("0", "0", "0", "0"), "has an inertia of zero"),
         (moments("1e-8", "1e-8", "1e-8", "1e-8"), "has an unphysical inertia"),
         (moments("-1", "0", "1", "1"), "has an unphysical inertia"),

@@ -126,7 +126,7 @@ mod tests {
         assert_eq!(slide.limits, [0.0, 400.0]);
         let tcp = import.model.file.tool.tcp_mm;
         assert!((tcp[0] - 250.0).abs() < 1e-9 && (tcp[2] - 500.0).abs() < 1e-9, "{tcp:?}");
-        assert!(import.notes[0].contains("to_low, to_high slide together as joint slide"));
+        assert!(import.notes[0].contains("to_low, to_high move together as joint slide"));
         let uneven = high(&stages(0.4)).unwrap_err().plain();
         assert!(uneven.contains("`joint to_low`: follows the joint `slide`"), "{uneven}");
     }

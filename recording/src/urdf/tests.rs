@@ -188,7 +188,7 @@ fn every_fault_of_the_tree_is_reported_at_once() {
         23 | <joint name="more" type="fixed"><parent link="base"/></joint></robot>
            | ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
            |
-           = help: name the link
+           = help: specify the link
         "#);
 }
 

@@ -144,7 +144,7 @@ mod tests {
         let coarse: Vec<f64> = x.iter().map(|x| (x * 1e4).round() * 1e-4).collect();
         let spacing = Spacing::of(&coarse, |_| false).unwrap();
         assert!((spacing.rate() - 3200.0).abs() < 0.1, "{}", spacing.rate());
-        assert!(spacing.notes[0].contains("stray"), "{:?}", spacing.notes);
+        assert!(spacing.notes[0].contains("deviate"), "{:?}", spacing.notes);
     }
 
     #[test]
@@ -153,7 +153,7 @@ mod tests {
         let spacing = Spacing::of(&x, |_| false).unwrap();
         let rows: Vec<_> = spacing.runs.iter().map(|run| run.rows.clone()).collect();
         assert_eq!(rows, [0..3, 3..5, 5..8]);
-        assert_eq!(spacing.notes, ["a new record begins behind each gap: 1"]);
+        assert_eq!(spacing.notes, ["a new record begins after each gap: 1"]);
     }
 
     #[test]

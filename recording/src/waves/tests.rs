@@ -87,7 +87,7 @@ fn a_gap_splits_a_record_and_jitter_is_reported() {
     let Grid::Time { start_s, rate_hz } = second.grid else { panic!("{second:?}") };
     assert!((start_s - 0.52).abs() < 1e-9 && (rate_hz - 1000.0).abs() < 10.0, "{rate_hz}");
     let notes = waves.notes.join("\n");
-    assert!(notes.contains("gap") && notes.contains("stray by 9.9 %"), "{notes}");
+    assert!(notes.contains("gap") && notes.contains("deviate by 9.9 %"), "{notes}");
 }
 
 #[test]
@@ -234,7 +234,7 @@ fn universal_files_of_every_form_hold_the_same_hits_and_response() {
 fn a_universal_file_that_is_cut_off_or_of_the_old_form_is_refused_with_a_reason() {
     let (path, bytes) = fixture("hits-little-f64.uff");
     let cut = parse(&path, bytes[..1000].to_vec(), &Options::default()).unwrap_err();
-    assert!(cut.to_string().contains("cut off"), "{cut}");
+    assert!(cut.to_string().contains("truncated"), "{cut}");
     let text = String::from_utf8(fixture("hits-ascii-f64.uff").1).unwrap();
     let odd = text
         .replacen("        48 ", "        47 ", 1)

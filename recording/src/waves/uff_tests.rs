@@ -316,7 +316,7 @@ fn a_file_of_other_functions_alone_is_refused_by_their_names() {
     assert!(fault.contains("auto spectrum (2), power spectral density (1)"), "{fault}");
     assert!(fault.contains("time responses") && fault.contains("export"), "{fault}");
     let beside = read(&[of(6, hz), Made::at(1, 1, 1.0)]).unwrap();
-    assert!(beside.notes[0].contains("left out: coherence (1)"), "{:?}", beside.notes);
+    assert!(beside.notes[0].contains("skipped: coherence (1)"), "{:?}", beside.notes);
 }
 
 #[test]
@@ -328,7 +328,7 @@ fn an_abscissa_that_is_no_time_is_never_read_as_time() {
         assert!(fault.contains("over an abscissa in"), "{fault}");
     }
     let waves = read(&[over(1, (0, "NONE"))]).unwrap();
-    assert!(waves.notes[0].contains("taken as s"), "{:?}", waves.notes);
+    assert!(waves.notes[0].contains("s is assumed"), "{:?}", waves.notes);
     let response = read(&[over(4, (18, "rad/s"))]).unwrap();
     let step_hz = response.responses[0].frequency_hz[1];
     assert!((step_hz - 1e-3 / std::f64::consts::TAU).abs() < 1e-12, "{step_hz}");

@@ -184,14 +184,14 @@ fn what_stands_behind_the_samples_is_no_sample_and_reported_where_it_is_no_metad
     let list = b"LIST\x06\0\0\0INFO\x07\x08";
     let says = |waves: &Waves, what: &str| waves.notes.iter().any(|note| note.contains(what));
     let waves = with_tail(Made::of(PCM, 2), list).unwrap();
-    assert_eq!((waves.records[0].len(), says(&waves, "left out")), (3, false), "{waves:?}");
+    assert_eq!((waves.records[0].len(), says(&waves, "skipped")), (3, false), "{waves:?}");
     let waves = with_tail(Made { data_size: Some(4), ..Made::of(PCM, 2) }, &[1; 20]).unwrap();
     assert_eq!(waves.records[0].len(), 2);
     assert!(says(&waves, "skipped 22 bytes after the samples that are not a chunk"), "{waves:?}");
     let waves = with_tail(Made::of(PCM, 2), b"data\x02\0\0\0\x01\x02").unwrap();
-    assert!(says(&waves, "another `data` chunk"), "{waves:?}");
+    assert!(says(&waves, "a second `data` chunk"), "{waves:?}");
     let empty = [Made::of(PCM, 2).file(&[]).as_slice(), list].concat();
-    assert!(read(&empty).unwrap_err().contains("holds 0 samples"), "metadata are no samples");
+    assert!(read(&empty).unwrap_err().contains("contains 0 samples"), "metadata are no samples");
 }
 
 #[test]
@@ -199,7 +199,7 @@ fn what_is_cut_off_is_reported_and_what_is_compressed_is_refused_with_the_reason
     let made = Made { data_size: Some(100), ..Made::of(PCM, 2) };
     let waves = read(&made.file(&pcm(2))).unwrap();
     assert_eq!(waves.records[0].len(), 3);
-    assert!(waves.notes.iter().any(|note| note.contains("cut off")), "{:?}", waves.notes);
+    assert!(waves.notes.iter().any(|note| note.contains("truncated")), "{:?}", waves.notes);
     for (tag, name) in [(6, "A-law"), (7, "µ-law"), (0x11, "ADPCM"), (0x55, "MP3")] {
         let fault = read(&Made::of(tag, 1).file(&[1, 2])).unwrap_err();
         assert!(fault.contains(name), "{fault}");

@@ -118,16 +118,15 @@ impl Analysis {
                 let used = test.tap.frf.hits;
                 if used < COHERENCE_HITS {
                     said.push(format!(
-                        "{} used: the coherence of fewer than {COHERENCE_HITS} means nothing (of one it is 1 by construction), \
-                         so that the modes are unverified; record at least {COHERENCE_HITS}",
+                        "{} used: the coherence of fewer than {COHERENCE_HITS} is meaningless (of one it is 1 by construction), \
+                         so the modes are unverified; record at least {COHERENCE_HITS}",
                         count(used, "hit")
                     ));
                 }
                 said.extend(test.hits.notes.iter().cloned());
             }
             None => said.push(
-                "response functions come without their coherence: the modes are unverified"
-                    .to_owned(),
+                "the response functions have no coherence, so the modes are unverified".to_owned(),
             ),
         }
         said.extend(self.modes.iter().flat_map(|mode| self.doubts(mode)));
@@ -141,18 +140,18 @@ impl Analysis {
         let at = format!("mode at {} Hz", fixed(mode.frequency_hz, 1));
         if let Some(db) = self.force_db(mode).filter(|db| *db < self.settings.weak_db) {
             said.push(format!(
-                "{at}: weakly excited, the force there is {db:.0} dB of its strongest"
+                "{at}: weakly excited; the force there is {db:.0} dB relative to its maximum"
             ));
         }
         if !mode.by_signs {
-            said.push(format!("{at}: seen by the fit alone, within the peak of its neighbour"));
+            said.push(format!("{at}: found only by the fit, within the peak of its neighbour"));
         }
         let Some(one) = self.clearest(mode) else { return said };
         if let Some(half_power) = one.damping_half_power {
             let apart = (half_power - one.damping).abs();
             if apart > self.settings.damping_disagrees * one.damping + 2.0 * one.damping_sigma {
                 said.push(format!(
-                    "{at}: its damping is {} % by the fit and {} % by the width at half power; look at its peak",
+                    "{at}: damping is {} % by the fit but {} % by the half-power width; check its peak",
                     significant(100.0 * one.damping, 2),
                     significant(100.0 * half_power, 2)
                 ));
@@ -160,7 +159,7 @@ impl Analysis {
         }
         if one.carried > self.settings.carried_most {
             said.push(format!(
-                "{at}: {} % of it still rings when the next hit comes; its modal mass and stiffness are as uncertain: leave {} s \
+                "{at}: {} % of the vibration remains at the next hit, and its modal mass and stiffness are uncertain by as much; wait {} s \
                  between hits",
                 significant(100.0 * one.carried, 2),
                 significant(one.rings_s(self.settings.rung_down), 2)
@@ -219,8 +218,8 @@ impl Function {
     fn hidden(&self, misfit: f64) -> Vec<String> {
         let (bin_hz, record_s) = (self.bin_hz(), 1.0 / self.bin_hz());
         let longer = |s: f64| match self.between_hits_s {
-            Some(_) => format!("leave at least {} s between hits", significant(s, 2)),
-            None => format!("take records of at least {} s", significant(s, 2)),
+            Some(_) => format!("wait at least {} s between hits", significant(s, 2)),
+            None => format!("record at least {} s per hit", significant(s, 2)),
         };
         let mut said = Vec::new();
         for one in &self.unresolved {
@@ -228,7 +227,7 @@ impl Function {
                 format!(", {} Hz from another,", significant((hz - one.frequency_hz).abs(), 2))
             });
             said.push(format!(
-                "{}: the peak at {} Hz{beside} is not resolved by bins of {} Hz, and is not among the modes: {}",
+                "{}: the peak at {} Hz{beside} is not resolved with a bin width of {} Hz and is not listed as a mode: {}",
                 self.name,
                 fixed(one.frequency_hz, 1),
                 significant(bin_hz, 2),
@@ -237,7 +236,7 @@ impl Function {
         }
         for one in self.modes.iter().filter(|one| one.residual > misfit) {
             said.push(format!(
-                "{}: one mode at {} Hz fits its peak to {} % only: noise, or two modes that records of {} s do not separate; take \
+                "{}: one mode at {} Hz fits its peak only to {} %: noise, or two modes that records of {} s do not separate; record \
                  more hits, and {}",
                 self.name,
                 fixed(one.frequency_hz, 1),

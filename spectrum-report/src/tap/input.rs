@@ -109,7 +109,7 @@ pub fn read(paths: &[impl AsRef<Path>], asked: &Channels) -> Result<Source, Erro
             take(asked, path, waves, &mut hits).map_err(unfit)?;
         } else {
             if !waves.records.is_empty() {
-                let what = "holds records over time too; its response functions are taken";
+                let what = "also contains time records; only its response functions are used";
                 notes.push(format!("{}: {what}", path.display()));
             }
             for function in &waves.responses {
@@ -122,7 +122,7 @@ pub fn read(paths: &[impl AsRef<Path>], asked: &Channels) -> Result<Source, Erro
         (None, false) => Content::Functions(functions),
         _ => {
             return Err(Error::input(
-                "some files hold records of hits and some response functions; analyse them apart",
+                "some files contain records of hits and some response functions; analyse them separately",
             ));
         }
     };
@@ -149,7 +149,7 @@ fn take(
     let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     for record in waves.records {
         let Grid::Time { rate_hz, start_s } = record.grid else {
-            return Err("its samples stand over a length, not over time; give --rate HZ".to_owned());
+            return Err("its samples are over a length, not over time; give --rate HZ".to_owned());
         };
         let ([force, response], kind, notes) = channels(asked, &record)?;
         let all = hits.get_or_insert_with(|| Hits {
@@ -161,12 +161,12 @@ fn take(
         });
         if (all.rate_hz / rate_hz - 1.0).abs() > 1e-6 {
             return Err(format!(
-                "was sampled at {rate_hz} Hz, the first file at {} Hz; hits of one average must be sampled alike",
+                "was sampled at {rate_hz} Hz, the first file at {} Hz; averaged hits must have the same sampling rate",
                 all.rate_hz
             ));
         }
         if all.response != kind {
-            return Err("its response is of another kind than the first file's".to_owned());
+            return Err("its response is a different quantity than in the first file".to_owned());
         }
         let record = HitRecord {
             file: file.clone(),
@@ -191,7 +191,7 @@ fn channels(asked: &Channels, record: &Record) -> Result<ForceAndResponse, Strin
             (found, _) => {
                 let many = if found.is_some() { "several columns" } else { "no column" };
                 Err(format!(
-                    "{many} may be the {what} by the units; say which with --force and --response (columns: {})",
+                    "{many} could be the {what} by their units; select with --force and --response (columns: {})",
                     all()
                 ))
             }
@@ -235,11 +235,11 @@ fn force_factor(asked: &Channels, force: &Wave, notes: &mut Vec<String>) -> Resu
         (Some(scale), _) => Ok(scale),
         (None, Some((Quantity::Force, si))) => Ok(si),
         (None, None) if force.unit == "1" => {
-            notes.push(format!("column `{}` names no unit: taken as N", force.name));
+            notes.push(format!("column `{}` has no unit; N is assumed", force.name));
             Ok(1.0)
         }
         _ => Err(format!(
-            "the force, column `{}`, is in `{}`, expected a force; give --force-scale, N of one unit",
+            "the force, column `{}`, is in `{}`, expected a force; give --force-scale, N per unit",
             force.name, force.unit
         )),
     }
@@ -256,15 +256,15 @@ fn response_factor(
             Ok((asked.response_scale.unwrap_or(1.0), kind))
         }
         (Some(stated), Some((kind, _))) if stated != kind => Err(format!(
-            "the response, column `{name}`, is in `{unit}`, which is another kind than --response-kind says"
+            "the response, column `{name}`, is in `{unit}`, which contradicts --response-kind"
         )),
         (_, Some((kind, si))) => Ok((si, kind)),
         (Some(kind), None) if unit == "1" => {
-            notes.push(format!("column `{name}` names no unit: taken as SI"));
+            notes.push(format!("column `{name}` has no unit; SI is assumed"));
             Ok((1.0, kind))
         }
         (None, None) if unit == "1" => Err(format!(
-            "the response, column `{name}`, names no unit; say --response-kind acceleration, velocity or displacement \
+            "the response, column `{name}`, has no unit; give --response-kind acceleration, velocity or displacement \
              (its values are then SI)"
         )),
         _ => Err(format!(
@@ -281,7 +281,7 @@ fn stem(path: &Path) -> String {
 /// A response function as a table.
 fn table(asked: &Channels, path: &Path, waves: &Waves) -> Result<MeasuredFunction, String> {
     let ([record], Some(kind)) = (waves.records.as_slice(), asked.response) else {
-        return Err("holds more than one table".to_owned());
+        return Err("contains more than one table".to_owned());
     };
     let [frequency, re, im] = record.channels.as_slice() else {
         return Err(
@@ -306,14 +306,16 @@ fn given(
     let (kind, response_si) = match (asked.response, known) {
         (Some(stated), Some((kind, _))) if stated != kind => {
             return Err(format!(
-                "its response is in `{}`, which is another kind than --response-kind says",
+                "its response is in `{}`, which contradicts --response-kind",
                 given.response_unit
             ));
         }
         (_, Some(known)) => known,
         (Some(kind), None) => (kind, asked.response_scale.unwrap_or(1.0)),
         (None, None) => {
-            return Err("does not say what its response is; give --response-kind".to_owned());
+            return Err(
+                "does not state the quantity of its response; give --response-kind".to_owned()
+            );
         }
     };
     let force_si = match reference {
@@ -338,10 +340,10 @@ fn function(
 ) -> Result<MeasuredFunction, String> {
     let grow = frequency_hz.windows(2).position(|pair| pair[1].is_nan() || pair[1] <= pair[0]);
     if let Some(row) = grow {
-        return Err(format!("its frequencies do not grow after row {} of the numbers", row + 1));
+        return Err(format!("its frequencies do not increase after row {} of the data", row + 1));
     }
     if let Some(row) = values.iter().position(|h| !h.is_finite()) {
-        return Err(format!("row {} of the response function is no number", row + 1));
+        return Err(format!("row {} of the response function is not a number", row + 1));
     }
     Ok(MeasuredFunction { name, frf: Frf::given(frequency_hz, values, kind) })
 }

@@ -65,7 +65,10 @@ impl Renewed {
             words.push(format!("{} Hz not measured, kept", kept.join(", ")));
         }
         if self.count > MODES_MAX {
-            words.push(format!("the watch takes the first {MODES_MAX} of {} modes", self.count));
+            words.push(format!(
+                "the vibration monitor uses the first {MODES_MAX} of {} modes",
+                self.count
+            ));
         }
         if words.is_empty() { "no mode changed".to_owned() } else { words.join("; ") }
     }

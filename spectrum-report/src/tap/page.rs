@@ -59,17 +59,17 @@ fn render(analysis: &Analysis, renewed: Option<&Renewed>) -> Page {
     page = picture(page, analysis);
     page = next(page, renewed, verified);
     if let Some((first, others)) = analysis.warnings.split_first() {
-        page = page.note(Tone::Caution, "To be looked at", first);
+        page = page.note(Tone::Caution, "Warnings", first);
         if !others.is_empty() {
             page = page.list(others);
         }
     }
     if !analysis.modes.is_empty() {
         page = page.section("Modes").table(&modes(analysis)).text(
-            "Frequency and damping are fitted as complex poles; ± is the standard uncertainty: what noise and misfit leave, and \
-             how far the result moves with the band of the fit. The width at half power stands beside it as a check. Mass \
-             and stiffness are modal, those of the structure itself where it was struck and measured at one point \
-             along one direction.",
+            "Frequency and damping are fitted as complex poles; ± is the standard uncertainty from noise and misfit, and from \
+             the variation of the result with the band of the fit. The half-power width is given as a check. Mass \
+             and stiffness are modal; they are those of the structure if it was struck and measured at the same point \
+             in the same direction.",
         );
     }
     page = functions(page, analysis);
@@ -77,7 +77,7 @@ fn render(analysis: &Analysis, renewed: Option<&Renewed>) -> Page {
         page = hits(page, test);
     }
     if let Some(renewed) = renewed {
-        page = page.section("The model").text(&format!(
+        page = page.section("Model").text(&format!(
             "{}: {}.",
             renewed.path.display(),
             renewed.line(analysis)
@@ -126,7 +126,7 @@ fn sentence(analysis: &Analysis, how: &str) -> String {
 
 fn next(page: Page, renewed: Option<&Renewed>, verified: usize) -> Page {
     if verified == 0 {
-        return page.next("Strike again, five times or more, with a softer or harder tip so that the force reaches the mode.", None);
+        return page.next("Repeat with five or more hits, and a softer or harder tip so that the force excites the mode.", None);
     }
     match renewed {
         Some(renewed) => page.next(
@@ -134,7 +134,7 @@ fn next(page: Page, renewed: Option<&Renewed>, verified: usize) -> Page {
             Some(&format!("trued check {}", renewed.path.display())),
         ),
         None => page.next(
-            "Write these modes into the robot's model, so that the daemon knows them.",
+            "Write these modes into the robot model for the daemon.",
             Some("trued tap --model ROBOT.toml --out ROBOT-modes.toml FILES"),
         ),
     }
@@ -157,9 +157,9 @@ fn numbers(analysis: &Analysis) -> Vec<Number> {
                 .note(format!("of {found} found"))
                 .tone(tone),
         );
-        numbers.push(Number::new("Each hit's record", test.tap.block_s, "s"));
+        numbers.push(Number::new("Record per hit", test.tap.block_s, "s"));
         numbers.push(
-            Number::new("Excited to", test.tap.excited_to_hz(20.0), "Hz")
+            Number::new("Excited up to", test.tap.excited_to_hz(20.0), "Hz")
                 .note("force within 20 dB"),
         );
     }
@@ -175,7 +175,7 @@ fn modes(analysis: &Analysis) -> Table {
         "Stiffness (N/µm)",
         "Mass (kg)",
         "Phase (°)",
-        if several { "Seen in" } else { "Coherence" },
+        if several { "Found in" } else { "Coherence" },
         "",
     ];
     let table = Table::new("Natural frequencies, lowest first", heads);
@@ -211,10 +211,10 @@ fn functions(page: Page, analysis: &Analysis) -> Page {
     let mut page = page.section("Response function");
     let shown = analysis.functions.len().min(FUNCTIONS_MAX);
     if shown < analysis.functions.len() {
-        page = page.text(&format!("The first {shown} of {} are drawn.", analysis.functions.len()));
+        page = page.text(&format!("The first {shown} of {} are shown.", analysis.functions.len()));
     }
     page = page.figure(
-        "The three signs: at a natural frequency the real part changes sign, the imaginary part peaks, and the coherence is \
+        "Mode indicators: at a natural frequency, the real part changes sign, the imaginary part peaks, and the coherence is \
          above its bound (dotted).",
         &signs(analysis, shown).render(),
     );
@@ -305,7 +305,7 @@ fn signs(analysis: &Analysis, shown: usize) -> Multiples {
     };
     let real = each(plot("Real part"), analysis, shown, |one| part(one, |h| h.re));
     let imaginary = each(plot("Imaginary part"), analysis, shown, |one| part(one, |h| h.im));
-    let signs = Multiples::new("The three signs", 1)
+    let signs = Multiples::new("Mode indicators", 1)
         .own_y()
         .plot(marked(real.mark_y(0.0, ""), analysis, true))
         .plot(marked(imaginary, analysis, false));
@@ -335,18 +335,18 @@ fn coherence(analysis: &Analysis, shown: usize) -> Option<Plot> {
 fn hits(page: Page, test: &Test) -> Page {
     let windows = match (test.tap.windows.force, test.tap.windows.decay_per_s) {
         (false, _) => "as recorded, without windows".to_owned(),
-        (true, 0.0) => "the force zero outside its contact".to_owned(),
+        (true, 0.0) => "force set to zero outside the contact".to_owned(),
         (true, decay) => format!(
-            "the force zero outside its contact, both under an exponential window of {} 1/s",
+            "force set to zero outside the contact, both under an exponential window of {} 1/s",
             significant(decay, 2)
         ),
     };
     page.section("Hits")
         .table(&hit_table(test))
-        .figure("Force of each hit, about its contact.", &forces(test).render())
+        .figure("Force of each hit around its contact.", &forces(test).render())
         .figure(&format!("Response of each hit, {windows}."), &responses(test).render())
         .figure(
-            "Force over frequency, rms over the hits: where it is weak, so is what is known.",
+            "Force spectrum, RMS over the hits: results are uncertain where it is weak.",
             &force_spectrum(test).render(),
         )
 }
@@ -355,7 +355,7 @@ fn hit_table(test: &Test) -> Table {
     let heads = ["File", "Time (s)", "Peak (N)", "Contact (ms)", ""].map(Column::new);
     test.tap.hits.iter().fold(Table::new("Hits found, in order", heads), |table, hit| {
         let (file, t_s) = test.place(hit);
-        let why = hit.refused.map_or_else(|| "used".to_owned(), |why| format!("left out: {why}"));
+        let why = hit.refused.map_or_else(|| "used".to_owned(), |why| format!("rejected: {why}"));
         table.row([
             file.into(),
             Cell::from(fixed(t_s, 3)),

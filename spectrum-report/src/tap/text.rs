@@ -33,7 +33,7 @@ impl Analysis {
 fn hits(test: &Test) -> String {
     let (found, used) = (test.tap.hits.len(), test.tap.frf.hits);
     let mut text = format!(
-        "{} found, {used} used, each {} s at {} Hz; excites to {} Hz (−20 dB)\n",
+        "{} found, {used} used, each {} s at {} Hz; excitation up to {} Hz (−20 dB)\n",
         count(found, "hit"),
         significant(test.tap.block_s, 3),
         significant(test.hits.rate_hz, 3),
@@ -42,13 +42,13 @@ fn hits(test: &Test) -> String {
     for hit in &test.tap.hits {
         if let Some(why) = hit.refused {
             let (file, t_s) = test.place(hit);
-            text += &format!("left out: {file} at {} s, {why}\n", fixed(t_s, 3));
+            text += &format!("rejected: {file} at {} s, {why}\n", fixed(t_s, 3));
         }
     }
     let decay = test.tap.windows.decay_per_s;
     if decay > 0.0 {
         text += &format!(
-            "exponential window of {} 1/s, as {} % of the response was left at the end; taken out of the damping\n",
+            "exponential window of {} 1/s, since {} % of the response remained at the end; damping corrected for it\n",
             significant(decay, 2),
             significant(100.0 * test.tap.windows.left_at_end, 2)
         );
@@ -95,6 +95,6 @@ pub(super) fn verdict(analysis: &Analysis, mode: &Merged) -> &'static str {
     match (analysis.is_verified(mode), mode.by_signs) {
         (true, _) => "verified",
         (false, true) => "unverified",
-        (false, false) => "by the fit alone",
+        (false, false) => "by the fit only",
     }
 }

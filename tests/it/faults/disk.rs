@@ -150,7 +150,7 @@ fn a_recorder_that_hangs_is_reported_and_blocks_nothing() {
         return skipped(scratch(), "a recorder that hangs", "no `strace` that may trace");
     };
     let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
-    until(&mut monitor, "that it hangs is told", |status| {
+    until(&mut monitor, "that it does not respond is told", |status| {
         status.recorder == DROPPING && status.health() == Ok(Health::Degraded)
     });
     pair.back();
@@ -171,7 +171,7 @@ fn a_daemon_whose_recorder_hangs_ends_all_the_same_and_reports_it() {
     assert!(pair.cell.let_go().success());
     let start = Instant::now();
     pair.daemon.signal(Signal::TERM);
-    assert!(pair.daemon.says("it hangs", 3 * JAM), "{:#?}", pair.daemon.lines());
+    assert!(pair.daemon.says("it does not respond", 3 * JAM), "{:#?}", pair.daemon.lines());
     println!("gave up after {:?}", start.elapsed());
     hang.kill();
     assert_eq!(pair.daemon.wait().code(), Some(3));

@@ -26,7 +26,7 @@ use asked::Asked;
 /// The page's name in the output directory.
 const PAGE: &str = "bench.html";
 
-/// Measure this computer: latency of the daemon, compared with atomics, iceoryx2 and the IPC of the kernel
+/// Measure the latency of the daemon on this computer, compared with other transports
 #[derive(Debug, Args)]
 pub(crate) struct Bench {
     #[command(flatten)]

@@ -96,7 +96,7 @@ impl Calibrate {
         console.write(outputs, "trued.calibrate/1", &calibrated.report(written))?;
         console.say(calibrated.text(written, wrap::columns_of_stdout()))?;
         for reason in &calibrated.refused {
-            let head = console.paint(Paint::Bad, "not proven");
+            let head = console.paint(Paint::Bad, "not validated");
             console.say(format!("{head}: {reason}"))?;
         }
         if written.is_some() {

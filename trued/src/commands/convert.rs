@@ -19,7 +19,7 @@ use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
 
-/// Convert a recording (the daemon's MCAP file, CSV or Parquet) to a table (CSV, Parquet) or to ROS 2 messages (MCAP)
+/// Convert a recording (MCAP, CSV, Parquet) to a table (CSV, Parquet) or to ROS 2 messages (MCAP)
 ///
 /// The table of an MCAP file has one row per cycle: commands, measured joints, wrench, temperatures, process state, and the outcome of each command (`c1_rad` …,
 /// `status`, `reason`). Force samples are written to NAME-forces, the model of the rows to NAME-model.toml, to which NAME.toml refers. If another model was

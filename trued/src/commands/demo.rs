@@ -36,7 +36,7 @@ use super::diagnose;
 use outcome::{Again, Milled, Report};
 use scene::Scene;
 
-/// Demonstrate trued: a simulated robot mills without and with correction; a diagnosis finds the errors missing from its model, and it mills again
+/// Demonstrate trued: a simulated robot mills without and with correction, before and after a diagnosis
 #[derive(Debug, Args)]
 pub(crate) struct Demo {
     /// Short form: one slot of 10 s, and the diagnosis

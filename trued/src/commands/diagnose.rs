@@ -24,7 +24,7 @@ use crate::options::{Seed, Threads, tolerance_mm};
 use crate::output::{Console, Paint};
 use crate::progress;
 
-/// Find the errors that a robot's model does not explain, identify the missing effects, and validate the gain on held-out data
+/// Identify the physical effects that a robot's model lacks, with validation on held-out data
 ///
 /// Recordings contain joint positions and measurements: of the tool, reflectors, link-side joint positions, drive torques or currents; or forces
 /// or accelerations at the tool, without joint positions. Writes DIR/diagnosis.json,

@@ -6,9 +6,9 @@ use harness::doctor::{Check, Diagnosis, State, TimerlatSettings, diagnose};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::{Console, Paint};
 
-/// Check this computer for real-time use: kernel, governor, idle states, isolation, limits, memory, clock; with the fix for each finding
+/// Check this computer for real-time use: kernel, power management, isolation, limits, memory, clock
 ///
-/// With `--measure`, the wake-up latency of a real-time thread and the causes of the largest one are measured too, by `rtla timerlat` (requires root).
+/// Prints one line per check, with the fix for each problem. With `--measure`, the wake-up latency of a real-time thread and the causes of the largest one are measured too, by `rtla timerlat` (requires root).
 #[derive(Debug, Args)]
 pub(crate) struct Doctor {
     /// Measure the wake-up latency for this time, s, 1 to 86400

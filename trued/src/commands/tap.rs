@@ -16,7 +16,7 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
 use crate::wrap;
 
-/// Analyse impact (tap) tests: identify natural frequencies and damping, and write them into a model
+/// Analyse impact (tap) tests: natural frequencies and damping, optionally written into a model
 ///
 /// Each FILE contains the force of an instrumented hammer and the response, of one or several hits, or frequency response functions
 /// measured with another program (UFF 58, or tables with --frf). Hits are detected by their force; double hits, overloads and

@@ -93,7 +93,7 @@ impl Judged {
             ),
             None => ("not named".to_owned(), false),
         };
-        Self::new(what, measured, format!("holds {truth}"), met)
+        Self::new(what, measured, format!("includes {truth}"), met)
     }
 }
 
@@ -135,7 +135,7 @@ impl Case {
             .map(|key| significant(said.number(key), 3));
         if said.number("heldout_rms_before") > 0.0 {
             self.said.push(format!(
-                "Held out ({}): {before} {unit} as given, {after} {unit} with what was found, noise {noise} {unit} (root mean square of single values).",
+                "Held out ({}): {before} {unit} with the given model, {after} {unit} with the findings, noise {noise} {unit} (RMS of single values).",
                 said.text("heldout")
             ));
         }
@@ -159,17 +159,17 @@ impl Case {
         }
         if said.number("heldout_rms_after") > said.number("heldout_rms_before") {
             self.short_of.push(format!(
-                "What was found makes the held-out error larger: {before} to {after} {unit}."
+                "The findings increase the held-out error: {before} to {after} {unit}."
             ));
         }
         if let Some(rest) = said.unexplained() {
-            self.short_of.push(format!("Not explained: {rest}"));
+            self.short_of.push(format!("Unexplained: {rest}"));
         }
         let notes = said.list("notes").iter().filter_map(|note| note.as_str());
         let refuted = notes.clone().filter(|note| note.contains("increases the error")).count();
         if refuted > 0 {
             self.short_of.push(format!(
-                "Chosen and taken back, as unseen rows spoke against them: {refuted}."
+                "Selected, but rejected because they increase the error on held-out rows: {refuted}."
             ));
         }
         let zones: Vec<&str> = notes.filter(|note| note.contains("follows no known law")).collect();
@@ -177,7 +177,7 @@ impl Case {
             [] => {}
             [one] => self.short_of.push(sentence(one)),
             many => self.short_of.push(format!(
-                "Zones of low speed whose torque follows no known law, told apart: of {} joints.",
+                "Low-speed zones whose torque follows no known law: {} joints.",
                 many.len()
             )),
         }
@@ -185,7 +185,7 @@ impl Case {
             said.findings().filter(Found::may_be_nothing).map(|one| one.name()).collect();
         if !open.is_empty() {
             self.short_of.push(format!(
-                "Named, though the interval of its one number holds zero: {}.",
+                "Reported, although the interval of its only parameter includes zero: {}.",
                 open.join(", ")
             ));
         }
@@ -221,9 +221,7 @@ impl Case {
             .judged
             .iter()
             .filter(|one| !one.met)
-            .map(|one| {
-                format!("**Missed**: {}: {}; asked for: {}.", one.what, one.measured, one.bar)
-            })
+            .map(|one| format!("**Missed**: {}: {}; limit: {}.", one.what, one.measured, one.bar))
             .collect();
         if let (Some(errors), Some(Reference { value: Some(value), .. })) =
             (&self.errors, &self.reference)
@@ -241,7 +239,7 @@ impl Case {
             && !was_asked
             && matches!(self.verdict.as_str(), "undetermined" | "consistent")
         {
-            all.push(format!("Silent: {}, nothing named.", self.verdict));
+            all.push(format!("No result: {}, no finding.", self.verdict));
         }
         all.extend(self.short_of.iter().cloned());
         all

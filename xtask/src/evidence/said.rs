@@ -63,7 +63,7 @@ impl Said {
     pub(super) fn names(&self, most: usize) -> String {
         let names: Vec<String> = self.findings().map(|one| one.name()).collect();
         match names.len() {
-            0 => "nothing named".to_owned(),
+            0 => "no finding".to_owned(),
             count if count > most => {
                 format!("{} and {} more", names[..most].join(", "), count - most)
             }

@@ -25,7 +25,7 @@ impl SweepReport {
             ));
         }
         let off: Vec<f64> = self.steps.iter().map(|step| step.mean_mrad).collect();
-        parts.push(format!("position off by up to {} mrad", significant(largest(&off), 2)));
+        parts.push(format!("position error up to {} mrad", significant(largest(&off), 2)));
         let lost: Vec<f64> =
             self.steps.iter().filter_map(|step| step.half_lost_motion_mrad).collect();
         if !lost.is_empty() {
@@ -35,13 +35,13 @@ impl SweepReport {
         if let Some(sag) = &self.sag {
             parts.push(if sag.taken_out {
                 format!(
-                    "the others' sag taken out: points by up to {} µm, the axis by {} mrad and {} µm",
+                    "gravity deflection of the other joints subtracted: points by up to {} µm, the axis by {} mrad and {} µm",
                     significant(sag.moved_points_um, 2),
                     significant(sag.turned_axis_mrad, 2),
                     significant(sag.shifted_axis_um, 2)
                 )
             } else {
-                "the others' sag left in".to_owned()
+                "gravity deflection of the other joints not subtracted".to_owned()
             });
         }
         format!("{head}: {}", parts.join("; "))
@@ -53,7 +53,7 @@ impl TiltReport {
         let [x, y, z] = self.turn_mrad;
         let turn = (x * x + y * y + z * z).sqrt();
         format!(
-            "the base tilted by up to {} ± {} mrad (row {}, of {}); a turn about the line of its two targets does not show",
+            "the base tilted by up to {} ± {} mrad (row {}, of {}); a rotation about the line through its two targets is not observable",
             significant(turn, 2),
             significant(self.sigma_mrad, 2),
             self.row,
@@ -86,7 +86,7 @@ impl StiffnessReport {
         let pairs = count(self.pairs, "loaded and unloaded pose");
         for (joints, from) in [
             (&self.joints, format!("from {pairs}")),
-            (&self.one_by_one, "one joint after the other, from targets on links".to_owned()),
+            (&self.one_by_one, "joint by joint, from targets on links".to_owned()),
         ] {
             let all: Vec<String> = joints.iter().map(joint).collect();
             if !all.is_empty() {
@@ -95,7 +95,7 @@ impl StiffnessReport {
         }
         lines.extend(self.by_load_um.as_ref().map(|load| {
             format!(
-                "the loads move the tool by {} µm (largest {}); that they bend the arm (K_c) changes {} µm of it, {} at most; at most {} µm at {} of {}",
+                "the loads move the tool by {} µm (largest {}); deflection of the arm by them (K_c) accounts for {} µm of it, at most {}; at most {} µm at {} of {}",
                 significant(load.deflection_median, 2),
                 significant(load.deflection_max, 2),
                 significant(load.enhanced_median, 2),

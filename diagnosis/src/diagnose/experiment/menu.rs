@@ -121,28 +121,28 @@ pub fn menu(arm: &Arm) -> Vec<Experiment> {
     all.push(tour(
         arm,
         "tour",
-        "go through the poses of the request, stretched and folded",
+        "visit the requested poses, with the arm stretched and folded",
         &[DVec3::ZERO],
         false,
     ));
     all.push(tour(
         arm,
         "tour, fast",
-        "go through the poses of the request once slowly and once fast",
+        "visit the requested poses once slowly and once fast",
         &[DVec3::ZERO],
         true,
     ));
     all.push(tour(
         arm,
         "tour, hanging load",
-        "go through the poses of the request twice, first without a load and then with 5 kg hanging on the tool (50 N)",
+        "visit the requested poses twice, first without a load and then with 5 kg hanging on the tool (50 N)",
         &[DVec3::ZERO, -DVec3::Z * LOAD_N],
         false,
     ));
     all.push(tour(
         arm,
         "tour, sideways load",
-        "go through the poses of the request twice, first without a load and then with 50 N pulling the tool sideways, along the base's y axis",
+        "visit the requested poses twice, first without a load and then with a lateral force of 50 N on the tool, along the base's y axis",
         &[DVec3::ZERO, side],
         false,
     ));
@@ -234,7 +234,7 @@ fn alone(arm: &Arm, joint: usize) -> Experiment {
     let n = joint + 1;
     going.done(
         format!("joint {n} alone"),
-        format!("turn joint {n} alone through its range, both ways"),
+        format!("move joint {n} alone through its range, in both directions"),
     )
 }
 
@@ -258,7 +258,7 @@ fn reversals(arm: &Arm, joint: usize) -> Experiment {
     going.done(
         format!("joint {n} to and fro"),
         format!(
-            "let joint {n} go slowly to and fro with strokes of 0.01, 0.1, 1 and 10 {unit}, once where gravity pulls one way and once where it pulls the other"
+            "move joint {n} slowly back and forth with strokes of 0.01, 0.1, 1 and 10 {unit}, once with gravity acting in one direction and once in the other"
         ),
     )
 }
@@ -329,6 +329,6 @@ fn warm_up(arm: &Arm) -> Experiment {
     }
     going.done(
         "warm-up".to_owned(),
-        "warm the robot up from cold for two hours with the temperatures recorded, and return to the same ten poses every five minutes".to_owned(),
+        "warm up the cold robot for 2 h, record the temperatures, and return to the same ten poses every 5 min".to_owned(),
     )
 }

@@ -121,7 +121,7 @@ impl<'a> Looking<'a> {
             return None;
         }
         let note = format!(
-            "{} never change{} in {} rows while the arm moves: the instrument did not follow it, or the columns are not its; not used",
+            "{} never change{} in {} rows while the arm moves: the instrument did not follow it, or the columns are wrong; not used",
             named(self.recording, group),
             if group.len() == 1 { "s" } else { "" },
             rows.len()
@@ -149,7 +149,7 @@ impl<'a> Looking<'a> {
         let frozen: Vec<usize> = frozen.flatten().map(|k| rows[k]).collect();
         let (first, last) = (*frozen.first()?, *frozen.last()?);
         let note = format!(
-            "{} stand still from {:.3} s to {:.3} s ({} rows) while the tool turns: not used",
+            "{} are constant from {:.3} s to {:.3} s ({} rows) while the tool rotates; not used",
             named(self.recording, group),
             self.recording.t_s[first],
             self.recording.t_s[last],
@@ -186,7 +186,7 @@ impl<'a> Looking<'a> {
         }
         self.take_out(group, &repeats);
         Some(format!(
-            "{} only repeat{} the row before in {} of {} rows: the instrument is slower than the rows; repeats are not used",
+            "{} only repeat{} the row before in {} of {} rows: the sampling rate of the instrument is lower; repeats are not used",
             named(self.recording, group),
             if group.len() == 1 { "s" } else { "" },
             repeats.len(),
@@ -204,9 +204,8 @@ impl<'a> Looking<'a> {
             if step > stated && noise(&values).is_some_and(|noise| noise < HIDDEN * step) {
                 let [step] = self.in_file_units(*channel, [step]);
                 let name = name(self.recording, *channel);
-                notes.push(format!(
-                    "{name} comes in steps of {step:.3e}, coarser than its noise: nothing finer can be resolved"
-                ));
+                notes
+                    .push(format!("{name} has a resolution of {step:.3e}, coarser than its noise"));
             }
         }
         notes
@@ -222,12 +221,12 @@ impl<'a> Looking<'a> {
         let (first, last) = (rows.first().copied().unwrap_or(0), rows.last().copied().unwrap_or(0));
         let [at] = self.in_file_units(channel, [values[first]]);
         let what = match fault {
-            Fault::Still => "stands still",
-            Fault::CutOff => "is cut off",
+            Fault::Still => "is constant",
+            Fault::CutOff => "is clipped",
         };
         let t = &self.recording.t_s;
         format!(
-            "{} {what} at {at:.6} between {:.3} s and {:.3} s ({} rows) while the arm moves on: these rows are not used",
+            "{} {what} at {at:.6} between {:.3} s and {:.3} s ({} rows) while the arm moves; these rows are not used",
             name(self.recording, channel),
             t[first],
             t[last],

@@ -85,7 +85,7 @@ fn a_channel_at_its_largest_value_is_cut_off_there() {
     let most = column.iter().copied().fold(f64::MIN, f64::max) - 0.05;
     let beyond = column.iter().filter(|x| **x > most).count();
     let (said, after) = looked(changed(0, |_, x| x.min(most)));
-    assert!(said.notes[0].contains("x_mm is cut off"), "{:?}", said.notes);
+    assert!(said.notes[0].contains("x_mm is clipped"), "{:?}", said.notes);
     assert_eq!(left(&after, 0), ROWS - beyond);
 }
 
@@ -124,7 +124,7 @@ fn held_values_count_once_and_coarse_ones_are_said() {
         made.set(Channel::Position(axis), (0..ROWS).map(|row| column[row - row % 5]).collect());
     }
     let (said, after) = looked(made);
-    assert!(said.notes[0].contains("slower than the rows"), "{said:?}");
+    assert!(said.notes[0].contains("the sampling rate of the instrument is lower"), "{said:?}");
     assert_eq!(left(&after, 0), ROWS / 5);
     let (said, after) = looked(changed(2, |_, z| (z * 1e3).round() / 1e3));
     assert!(said.notes[0].contains("z_mm comes in steps of 1.000e0"), "{said:?}");
@@ -142,5 +142,5 @@ fn gaps_and_uneven_stamps_and_missing_rows_are_said() {
     made.set(Channel::Position(0), column);
     let said = looked(made).0.notes.join("\n");
     assert!(said.contains("time has 1 gap") && said.contains("not evenly spaced"), "{said}");
-    assert!(said.contains("x_mm, y_mm, z_mm was not read in 20 of 600 rows"), "{said}");
+    assert!(said.contains("x_mm, y_mm, z_mm is missing in 20 of 600 rows"), "{said}");
 }

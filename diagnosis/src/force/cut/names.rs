@@ -222,9 +222,9 @@ pub(super) fn narrow(case: &mut Case) {
         }
         let why = match *kind {
             "tool_wear" => "no edge force is stated that could grow",
-            "runout" if cutter.turning => "a turning tool does not turn",
+            "runout" if cutter.turning => "a turning tool does not rotate",
             "runout" => "the tool has one tooth, or no shear coefficient is stated",
-            _ => "nothing that was recorded shows it",
+            _ => "not observable in the recorded channels",
         };
         case.library.untested.push((kind, None, why));
     }

@@ -56,9 +56,18 @@ pub(super) fn not_tested(case: &Case) -> Vec<(&'static str, &'static str)> {
     let mut all: Vec<(&'static str, &'static str)> =
         case.library.untested.iter().map(|(kind, _, why)| (*kind, *why)).collect();
     const LACKING: [(&str, &str); 3] = [
-        ("fx_N", "fx_N was not recorded or does not change: what shows there alone is not seen"),
-        ("fy_N", "fy_N was not recorded or does not change: what shows there alone is not seen"),
-        ("fz_N", "fz_N was not recorded or does not change: what shows there alone is not seen"),
+        (
+            "fx_N",
+            "fx_N was not recorded or is constant: effects that appear only there are not observable",
+        ),
+        (
+            "fy_N",
+            "fy_N was not recorded or is constant: effects that appear only there are not observable",
+        ),
+        (
+            "fz_N",
+            "fz_N was not recorded or is constant: effects that appear only there are not observable",
+        ),
     ];
     for (measured, (_, why)) in case.measured.iter().zip(LACKING) {
         if measured.is_none() {
@@ -74,7 +83,7 @@ pub(super) fn notes(case: &Case, recording: &Recording) -> Vec<String> {
     let is_off = libm::fabs(faster) > 1e-5;
     if is_off {
         notes.push(format!(
-            "the spindle turns {:.3} % {} than recorded",
+            "the spindle rotates {:.3} % {} than recorded",
             100.0 * libm::fabs(faster),
             if faster > 0.0 { "faster" } else { "slower" }
         ));
@@ -82,12 +91,12 @@ pub(super) fn notes(case: &Case, recording: &Recording) -> Vec<String> {
     let turned = case.belief.spindle.phases.iter().map(|phase| phase.abs()).fold(0.0, f64::max);
     if turned > 0.02 {
         notes.push(format!(
-            "tooth 0 does not stand at angle 0 where a segment begins: off by up to {turned:.2} rad, fitted along"
+            "tooth 0 is not at angle 0 at the start of a segment: off by up to {turned:.2} rad, estimated too"
         ));
     }
     if recording.len() > case.law.rows.len() {
         notes.push(format!(
-            "{} of {} rows were compared, in stretches spread over the recording",
+            "{} of {} rows were compared, in sections distributed over the recording",
             case.law.rows.len(),
             recording.len()
         ));

@@ -124,7 +124,9 @@ impl Sparkplug {
             let page = self.kept.spool().page(self.cursor.next, self.settings.broker_page_bytes)?;
             if page.from > self.cursor.next {
                 let (from, to) = (self.cursor.next, page.from - 1);
-                tell(&format!("mqtt: messages {from} to {to} fell out of the spool undelivered"));
+                tell(&format!(
+                    "mqtt: messages {from} to {to} were removed from the spool before delivery"
+                ));
             }
             self.cursor.next = page.from;
             if page.records.is_empty() {

@@ -169,8 +169,8 @@ fn an_offer_without_signature_too_large_or_to_many_cells_at_once_is_refused_befo
     let cases = [
         ("trued/*/*/offer", &text, Some(&signature), "without wildcards"),
         ("trued/line/cell/summary", &text, Some(&signature), "without wildcards"),
-        ("trued/line/cell/offer", &text, None, "no signature"),
-        ("trued/line/cell/offer", &text, Some(&large), "no signature"),
+        ("trued/line/cell/offer", &text, None, "not a signature"),
+        ("trued/line/cell/offer", &text, Some(&large), "not a signature"),
         ("trued/line/cell/offer", &large, Some(&signature), "expected at most"),
     ];
     let before = scene.owner.kept();
@@ -200,7 +200,7 @@ fn a_staged_model_waits_for_the_owner_and_without_an_owners_file_or_a_daemon_not
     drop(bridge);
     let bridge = scene.bridge(true);
     let (code, said) = scene.offer(&signed, &[]);
-    assert!(code == 0 && said.contains("the daemon was not asked"), "{said}");
+    assert!(code == 0 && said.contains("not loaded into the daemon"), "{said}");
     assert_eq!(scene.last_event()["event"], "model_staged");
     let kept = owner.kept();
     assert_eq!(kept.len(), 3, "{:?}", kept.keys());

@@ -130,14 +130,14 @@ fn what_another_key_signed_is_refused_also_under_the_number_of_the_owners_key() 
     let model = model(SERIAL, 820.0);
     let stranger = Owner::new("load");
     let signature = stranger.sign(&model, 7, NOW + 1);
-    owner.refused(&model, &signature, Reason::NotSigned, "none of the accepted keys");
+    owner.refused(&model, &signature, Reason::NotSigned, "not signed by any of the accepted keys");
     // The number of a key is not secret: minisign compares it, and it proves nothing.
     let mut raw = owner.keys.pk.to_bytes();
     raw.splice(10.., stranger.keys.pk.to_bytes()[10..].iter().copied());
     let mixed = KeyPair { pk: minisign::PublicKey::from_bytes(&raw).unwrap(), ..stranger.keys };
     owner.write("load", &mixed);
     let signature = owner.sign(&model, 7, NOW + 1);
-    owner.refused(&model, &signature, Reason::NotSigned, "none of the accepted keys");
+    owner.refused(&model, &signature, Reason::NotSigned, "not signed by any of the accepted keys");
 }
 
 #[test]
@@ -147,10 +147,10 @@ fn a_statement_that_was_not_signed_with_the_model_is_refused() {
     let signature = owner.sign(&model, 7, NOW + 1);
     let raised = signature.replace("\"counter\":7", "\"counter\":8");
     assert_ne!(raised, signature);
-    owner.refused(&model, &raised, Reason::NotSigned, "none of the accepted keys");
+    owner.refused(&model, &raised, Reason::NotSigned, "not signed by any of the accepted keys");
     let longer = signature.replace(&(NOW + 1).to_string(), &(NOW + 9).to_string());
     assert_ne!(longer, signature);
-    owner.refused(&model, &longer, Reason::NotSigned, "none of the accepted keys");
+    owner.refused(&model, &longer, Reason::NotSigned, "not signed by any of the accepted keys");
 }
 
 #[test]
@@ -160,7 +160,7 @@ fn a_torn_model_is_refused_even_where_what_is_left_is_a_model() {
     let signature = owner.sign(&whole, 7, NOW + 1);
     let cut = whole.rfind("[[effect]]").unwrap();
     assert!(bus::offer::read_model(&whole.as_bytes()[..cut]).is_ok(), "the test's own premise");
-    owner.refused(&whole[..cut], &signature, Reason::Torn, "torn on the way or changed");
+    owner.refused(&whole[..cut], &signature, Reason::Torn, "is incomplete or was changed");
 }
 
 #[test]

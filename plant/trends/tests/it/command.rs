@@ -32,7 +32,7 @@ fn errors(output: &Output) -> String {
 fn the_exit_code_says_whether_something_grows() {
     let said = trends(&Folder::with(&days(0.0)), &[]);
     assert_eq!(said.status.code(), Some(0), "{said:?}");
-    assert!(String::from_utf8_lossy(&said.stdout).contains("nothing grows worse"));
+    assert!(String::from_utf8_lossy(&said.stdout).contains("no effect is growing"));
     let said = trends(&Folder::with(&days(0.02)), &[]);
     assert_eq!(said.status.code(), Some(1), "{said:?}");
     let text = String::from_utf8_lossy(&said.stdout).into_owned();

@@ -144,7 +144,7 @@ fn an_orientation_that_is_not_said_or_is_none_is_refused() {
         (
             "from = [1,2,3,4,5,6,7,8,9], convention = \"matrix_rows\"",
             "1 0 0 0 1 0 0 0 -1",
-            "no rotation",
+            "is not a rotation",
         ),
         (
             "from = [1,2,3,4,5,6,7,8,9], convention = \"matrix_rows\"",

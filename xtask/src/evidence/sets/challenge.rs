@@ -15,7 +15,7 @@ const INJECTED: [(f64, f64); 3] = [(10.0, 0.70), (20.0, 0.90), (40.0, 0.97)];
 
 pub(super) const SET: Set = Set {
     name: "challenge",
-    what: "The project's own blind challenge ([challenge.md](challenge.md)): sealed cases of a generator that shares no physics with the program, whose answers are hashed before the truth is opened.",
+    what: "The blind challenge of the project ([challenge.md](challenge.md)): sealed cases of a generator that shares no physics with the program; answers are hashed before the truth is disclosed.",
     source: "`trued challenge`",
     given: "a model and a recording per case.",
     needs: &[],
@@ -30,9 +30,10 @@ fn run(bench: &Bench) -> Result<Vec<Case>, String> {
     let count = count.to_string();
     let mut cases = Vec::new();
     for domain in ["position", "torque"] {
-        for (tier, concealed) in
-            [("", "an effect or several, or none"), ("null", "nothing: no name is right")]
-        {
+        for (tier, concealed) in [
+            ("", "an effect or several, or none"),
+            ("null", "nothing is missing: any finding is wrong"),
+        ] {
             let run = if tier.is_empty() { domain.to_owned() } else { format!("{domain}-{tier}") };
             let mut words = vec![
                 "challenge",
@@ -99,8 +100,8 @@ fn judge(case: &mut Case, said: &Value, count: &str) {
     }
     let least = [
         ("joint_right", "joint right, given the effect", 0.99),
-        ("unknown_recognised", "unknown physics called unknown", 0.95),
-        ("undetermined_recognised", "alike, and said to be so", 0.95),
+        ("unknown_recognised", "unknown physics reported as unknown", 0.95),
+        ("undetermined_recognised", "indistinguishable effects reported as such", 0.95),
         ("gain_vs_oracle_median", "share of the oracle's gain, median", 0.95),
         ("gain_vs_oracle_p10", "share of the oracle's gain, worst tenth", 0.85),
     ];
@@ -116,7 +117,7 @@ fn judge(case: &mut Case, said: &Value, count: &str) {
     }
     for (key, what, bar) in [
         ("false_findings_on_nulls", "false findings where nothing is missing", 0.01),
-        ("named_wrong", "wrong names among names", 0.03),
+        ("named_wrong", "wrong findings among all findings", 0.03),
     ] {
         if let Some(value) = said[key].as_f64() {
             case.judged.push(Judged::new(
@@ -129,7 +130,7 @@ fn judge(case: &mut Case, said: &Value, count: &str) {
     }
     if let Some(value) = said["coverage95"].as_f64() {
         case.judged.push(Judged::new(
-            "95 % intervals hold",
+            "coverage of 95 % intervals",
             share(value),
             "93 to 97 %",
             (0.93..=0.97).contains(&value),
@@ -146,7 +147,7 @@ pub(super) fn injected(
 ) -> Result<Case, String> {
     let (name, concealed) = (
         "effects added to the real recording",
-        "each law of the torque table in turn, at z of 10, 20 and 40, joints by chance",
+        "each effect of the torque table in turn, at z of 10, 20 and 40, random joints",
     );
     if bench.challenge.is_none() {
         return Ok(not_asked(name, concealed));
@@ -201,7 +202,7 @@ fn unanswered(case: &mut Case, said: &Value) {
         let joint = one["joint"].as_u64().map_or(String::new(), |joint| format!(" {joint}"));
         let instead = one["first_new"].as_str().unwrap_or("nothing");
         case.short_of.push(format!(
-            "Added {}{joint} at z of {}: answered {}.",
+            "Added {}{joint} at z of {}: result {}.",
             one["effect"].as_str().unwrap_or("").replace('_', " "),
             report::significant(one["z"].as_f64().unwrap_or(f64::NAN), 2),
             instead.replace('_', " ")
@@ -216,7 +217,7 @@ fn unanswered(case: &mut Case, said: &Value) {
     barred.dedup();
     if !barred.is_empty() {
         case.short_of.push(format!(
-            "Cannot be added, as no size that a robot has shows beside what is fitted anyway: {}.",
+            "Cannot be added, since no realistic size is observable next to the fitted parameters: {}.",
             barred.join(", ")
         ));
     }

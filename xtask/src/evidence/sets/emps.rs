@@ -20,10 +20,10 @@ const LEVEL_N: f64 = 20.4;
 
 pub(super) const SET: Set = Set {
     name: "emps",
-    what: "EMPS, one linear axis driven through a ball screw at 1 kHz: force and position, 24.8 s each. `DATA_EMPS` trains; `DATA_EMPS_PULSES`, another experiment with pulses of \
-           force, is seen by no choice and no fit. Errors are shares of the root mean square of its force.",
+    what: "EMPS, one linear axis driven through a ball screw at 1 kHz: force and position, 24.8 s each. `DATA_EMPS` is the training set; `DATA_EMPS_PULSES`, another experiment with pulses of \
+           force, is not used in selection or fit. Errors are relative to the RMS of its force.",
     source: "Janot, Gautier, Brunot 2019, nonlinearbenchmark.org",
-    given: "one level prismatic joint without mass and without friction; what a case says besides.",
+    given: "one horizontal prismatic joint without mass and without friction, and what the case states in addition.",
     needs: &[TRAIN, UNSEEN],
     cannot: None,
     run,
@@ -78,15 +78,15 @@ fn dry(bench: &Bench, band: &str) -> Result<Case, String> {
             value: Some(5.98),
             says: "5.98 % across experiments with symmetric friction, 100 Hz (authors' description of EMPS)",
         },
-        _ => Reference { value: None, says: "the authors give 100 Hz alone" },
+        _ => Reference { value: None, says: "the authors give only 100 Hz" },
     });
     let first = said.findings().next();
     let is_first = first.as_ref().is_some_and(|one| one.effect() == "coulomb_friction");
     let named = first.as_ref().map_or("nothing".to_owned(), Found::name);
-    case.judged.push(Judged::new("named first", named, "coulomb friction 1", is_first));
+    case.judged.push(Judged::new("first finding", named, "coulomb friction 1", is_first));
     if band == "40" {
         let whole = share(&said, said.number("heldout_rms_after"));
-        case.judged.push(Judged::at_most("force error with all that was named", whole, 5.7, "%"));
+        case.judged.push(Judged::at_most("force error with all findings", whole, 5.7, "%"));
         case.judged.push(dry_alone(bench)?);
         let [alone, _] = with_coulomb(&said);
         case.said.push(format!(
@@ -118,7 +118,7 @@ fn dry_alone(bench: &Bench) -> Result<Judged, String> {
         _ => [f64::NAN; 2],
     };
     let what = format!(
-        "force error with dry friction alone: Coulomb's level and the constant by direction (stated as 0 ± 100 N and fitted along: {} % without the level)",
+        "force error with dry friction alone: Coulomb's level and the constant by direction (stated as 0 ± 100 N and estimated too: {} % without the level)",
         significant(before, 3)
     );
     Ok(Judged::at_most(&what, after, 5.7, "%"))
@@ -140,22 +140,21 @@ fn nothing_told(bench: &Bench, band: &'static str) -> Result<Case, String> {
     if let (Answer::Done(folder), "40") = (&answer, band) {
         bench.offer(
             &folder.join("report.html"),
-            "What the torque is off by over time",
-            "What the force is off by over time, nothing told, 40 Hz: recorded minus model, as given and with what was found.",
+            "Torque error over time",
+            "Force error over time, no effect given, 40 Hz: recorded minus model, with the given model and with the findings.",
         );
     }
-    let name = format!("nothing told, {band} Hz");
-    let (mut case, said) =
-        Case::of(&name, "mass, every friction, delay", &words, &answer, "torque");
+    let name = format!("no effect given, {band} Hz");
+    let (mut case, said) = Case::of(&name, "mass, all friction, delay", &words, &answer, "torque");
     let Some(said) = said else { return Ok(case) };
     case.errors = Some(errors(&said));
     case.reference = Some(Reference {
         value: (band == "100").then_some(5.98),
         says: match band {
             "100" => {
-                "5.98 % across experiments with symmetric friction, 100 Hz; with asymmetric friction the authors give 3.11 % on the experiment that trained"
+                "5.98 % across experiments with symmetric friction, 100 Hz; with asymmetric friction the authors give 3.11 % on the training experiment"
             }
-            _ => "the authors give 100 Hz alone",
+            _ => "the authors give only 100 Hz",
         },
     });
     if band != "40" {
@@ -179,7 +178,7 @@ fn nothing_told(bench: &Bench, band: &'static str) -> Result<Case, String> {
     let outside = said.joint(1).and_then(|joint| joint["heldout_rms_after_outside"].as_f64());
     let outside = share(&said, outside.unwrap_or(f64::NAN));
     case.judged.push(Judged::at_most(
-        "force error outside the zone that it located itself",
+        "force error outside the low-speed zone that it reported",
         outside,
         2.8,
         "%",
@@ -205,10 +204,10 @@ fn delay_or_zone(said: &Said) -> Judged {
     let of_delay = delay.map_or("no delay".to_owned(), |(ms, _)| {
         format!("{:.2} ms between force and motion", ms.abs())
     });
-    let of_zone = if zone { "a zone of low speed" } else { "no zone" };
+    let of_zone = if zone { "a low-speed zone" } else { "no zone" };
     let right = delay.is_some_and(|(ms, _)| (0.7..=0.8).contains(&ms.abs()));
     Judged::new(
-        "a delay or the zone of low speed",
+        "a delay or the low-speed zone",
         format!("{of_delay}; {of_zone}"),
         "0.7 to 0.8 ms, or the zone",
         right || zone,
@@ -243,14 +242,14 @@ fn leak(bench: &Bench) -> Result<Case, String> {
     ];
     let answer = bench.ask("leak", &words)?;
     let plain = bench.ask("plain-40", &plain("40"))?;
-    let concealed = "as before; the controller's tracking error stands in both files, as commanded minus measured position and as a column";
+    let concealed = "as before; both files also contain the controller's tracking error, as commanded minus measured position and as a column";
     let (mut case, said) =
         Case::of("tracking error as a column", concealed, &words, &answer, "torque");
     let (Some(said), Answer::Done(plain)) = (said, plain) else { return Ok(case) };
     case.errors = Some(errors(&said));
     let plain = Said::of(&plain, "torque");
     let same = said.list("findings") == plain.list("findings");
-    let told = if same { "the same as without it" } else { "others than without it" };
+    let told = if same { "the same as without it" } else { "different from those without it" };
     case.judged.push(Judged::new("findings", told, "the same as without it", same));
     Ok(case)
 }
@@ -270,8 +269,8 @@ fn consistent(bench: &Bench) -> Result<Case, String> {
         "OUT",
         "noisy.csv",
     ];
-    let concealed = "nothing: force simulated along the measured motion (smoothed over 0.02 s) by the model itself, of 95.1 kg and with all that it found, plus what the real force differs by, reversed in time and \
-                     turned by a third of the recording";
+    let concealed = "nothing: force simulated along the measured motion (smoothed over 0.02 s) with the resulting model and 95.1 kg, plus the real residuals, reversed in time and \
+                     shifted cyclically by a third of the recording";
     let plain = bench.ask("plain-40", &plain("40"))?;
     let Answer::Done(found) = &plain else {
         return Ok(Case::of(name, concealed, &words, &plain, "torque").0);

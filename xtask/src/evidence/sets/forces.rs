@@ -12,7 +12,7 @@ const MILLED: &str = include_str!("../../../../deploy/mappings/milling-chatter.m
 
 pub(super) const TURNING: Set = Set {
     name: "turning-force",
-    what: "Turning of steel, three forces and a tacho at 10 kHz, 6.5 s: air, entry, cut, exit. By its authors' figures a stable cut.",
+    what: "Turning of steel, three forces and a tacho at 10 kHz, 6.5 s: air, entry, cut, exit. A stable cut according to its authors.",
     source: "github.com/mati-paredes/Turning-Cutting-Forces",
     given: "depth, feed and the authors' cutting coefficient, in the mapping; no model.",
     needs: &["f416_a100.csv"],
@@ -22,7 +22,7 @@ pub(super) const TURNING: Set = Set {
 
 pub(super) const MILLING: Set = Set {
     name: "milling-chatter",
-    what: "Milling, one accelerometer at 10 kHz, 8 s, 4 teeth at 5000 rev/min; the file carries the one label \"chatter\". Its largest line is an electrical tone at 150 Hz.",
+    what: "Milling, one accelerometer at 10 kHz, 8 s, 4 teeth at 5000 rev/min; the file has the single label \"chatter\". Its largest line is an electrical tone at 150 Hz.",
     source: "github.com/mhrahimi/Real-time-chatter-detection-using-AutoML-CNN, MIT licence",
     given: "the spindle's speed; no model.",
     needs: &["N255_S5000_accY.csv"],
@@ -47,7 +47,7 @@ fn turning(bench: &Bench) -> Result<Vec<Case>, String> {
     let answer = bench.ask("cut", &words)?;
     let (mut case, said) = Case::of(
         "phases and chatter",
-        "when the tool cuts; whether it chatters; what the sensor reads by itself",
+        "when the tool cuts; whether it chatters; the offset of the sensor",
         &words,
         &answer,
         "force",
@@ -55,8 +55,8 @@ fn turning(bench: &Bench) -> Result<Vec<Case>, String> {
     if let (Some(said), Answer::Done(folder)) = (said, &answer) {
         bench.offer(
             &folder.join("report.html"),
-            "How far the signal is",
-            "How far the signal is from where it is quiet: the phases of the cut.",
+            "Distance of the signal",
+            "Distance of the signal from its mean at rest: the phases of the cut.",
         );
         case.rms(&said, "N");
         case.reference = Some(Reference {
@@ -92,7 +92,7 @@ fn phases(said: &Said, case: &mut Case) {
     case.judged.push(Judged::new(
         "phases",
         states.join(", "),
-        "air, cut and exit told apart",
+        "air, cut and exit distinguished",
         apart,
     ));
     for one in all {

@@ -12,7 +12,7 @@ pub(super) const SET: Set = Set {
     name: "kuka-link-encoder",
     what: "A heavy KUKA arm with second encoders on the link side of axes 1 to 3, 250 Hz, two trajectories of 10 s, torque recorded.",
     source: "github.com/JonasWeigand/Robot_Identification, MIT licence",
-    given: "the preset `kuka-kr240` (geometry of the same series, estimated masses): rigid joints, no delay, no play. The set names no robot.",
+    given: "the preset `kuka-kr240` (geometry of the same series, estimated masses): rigid joints, no delay, no backlash. The set does not state the robot.",
     needs: &["traj_A.csv", "traj_B.csv"],
     cannot: None,
     run,
@@ -38,11 +38,11 @@ fn run(bench: &Bench) -> Result<Vec<Case>, String> {
         if let Answer::Done(folder) = &answer {
             bench.offer(
                 &folder.join("report.html"),
-                "What the readings are off by, before and after",
-                "Link-side minus predicted angle over time, as given and with what was found.",
+                "Errors of the readings, before and after",
+                "Link-side minus predicted angle over time, with the given model and with the findings.",
             );
         }
-        let concealed = "all that lies between the motor's encoder and the link";
+        let concealed = "all effects between motor encoder and link";
         let (mut case, said) = Case::of(name, concealed, &words, &answer, "position");
         if let Some(said) = said {
             case.rms(&said, "mrad");
@@ -61,12 +61,12 @@ fn judge(case: &mut Case, said: &Said) {
     let first = said.findings().next();
     let is_delay = first.as_ref().is_some_and(|one| one.effect() == "time_delay");
     let name = first.map_or("nothing".to_owned(), |one| one.name());
-    case.judged.push(Judged::new("named first", name, "time delay", is_delay));
+    case.judged.push(Judged::new("first finding", name, "time delay", is_delay));
     let delay = said.finding("time_delay", None).and_then(|one| one.parameter("delay_ms"));
     let (told, right) = delay.map_or(("not named".to_owned(), false), |(ms, _)| {
         (format!("{ms:.2} ms"), (2.5..=3.5).contains(&ms.abs()))
     });
-    case.judged.push(Judged::new("its size", told, "2.5 to 3.5 ms either way", right));
+    case.judged.push(Judged::new("its size", told, "2.5 to 3.5 ms, either sign", right));
     let soft = |joint: u64| {
         let names = ["joint_compliance", "gravity_compliance", "gravity_sag", "load_compliance"];
         names.iter().any(|name| said.finding(name, Some(joint)).is_some())

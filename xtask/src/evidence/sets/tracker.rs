@@ -21,9 +21,9 @@ const MM: f64 = 1e-3;
 
 pub(super) const IRB120: Set = Set {
     name: "irb120-tracker",
-    what: "ABB IRB 120, 1000 settled poses, three reflectors before a laser tracker.",
+    what: "ABB IRB 120, 1000 settled poses, three reflectors measured by a laser tracker.",
     source: "github.com/icelinker/Robot-Calibration-LaserTracker; no publication names a fit error",
-    given: "the preset `irb120`: the maker's geometry and no effect.",
+    given: "the preset `irb120`: the manufacturer's geometry, no effects.",
     needs: &["poses_1000.csv"],
     cannot: None,
     run: irb120,
@@ -31,7 +31,7 @@ pub(super) const IRB120: Set = Set {
 
 pub(super) const MOTOMAN: Set = Set {
     name: "motoman-leica",
-    what: "Motoman with two arms on a turning table, one reflector before a Leica tracker: a free grid of poses, and for the right arm poses that touch tables, a wall and the other arm.",
+    what: "Motoman with two arms on a rotary table, one reflector measured by a Leica tracker: a free grid of poses, and for the right arm poses that touch tables, a wall and the other arm.",
     source: "github.com/ctu-vras/multirobot-calibration (Stepanova et al., RCIM 73, 2022)",
     given: "the presets `motoman-right` and `motoman-left`: the nominal geometry, no masses, no effect.",
     needs: &["leica_poses_all.csv"],
@@ -41,7 +41,7 @@ pub(super) const MOTOMAN: Set = Set {
 
 pub(super) const SWEEPS: Set = Set {
     name: "kuka-3smr",
-    what: "A six-axis arm, 36 poses, one joint at a time, three reflectors. The set names no robot; its sweeps show a FANUC R-2000iB.",
+    what: "A six-axis arm, 36 poses, one joint at a time, three reflectors. The set does not state the robot; its sweeps match a FANUC R-2000iB.",
     source: "github.com/RABKKK/LaserTrackerPoseData4KinIdent (Boby, Klimchik)",
     given: "the preset `fanuc-r2000ib`: published geometry, no effect.",
     needs: &["poses_36.csv"],
@@ -51,10 +51,10 @@ pub(super) const SWEEPS: Set = Set {
 
 pub(super) const HILTI: Set = Set {
     name: "hilti",
-    what: "A construction robot, a lifting column that carries an arm, one prism before a total station, seven places, one of them at 9 °C. Of all places but `flat` the stationing points tell where it \
-           stands; their evaluation points are never seen.",
+    what: "A construction robot, a lifting column with an arm, one prism measured by a total station, seven places, one of them at 9 °C. For all places except `flat`, the stationing points locate the \
+           robot; their evaluation points are not used in selection or fit.",
     source: "github.com/Hilti-Research/construction_robot_stationing_datasets, CC BY-NC-SA 3.0 (Kindle et al., RA-L 10(1), 2025)",
-    given: "the set's own URDF: geometry, masses, no deflection, no play, no temperature.",
+    given: "the set's own URDF: geometry, masses, no deflection, no backlash, no temperature.",
     needs: &["all_measurements.csv", "trailblazer.urdf"],
     cannot: None,
     run: hilti,
@@ -99,9 +99,9 @@ impl Campaign<'_> {
         let (Some(said), Answer::Done(folder)) = (said, &answer) else { return Ok((case, None)) };
         bench.offer(
             &folder.join("report.html"),
-            "What the readings are off by, before and after",
+            "Errors of the readings, before and after",
             &format!(
-                "{}: measured minus model over time, as given and with what was found.",
+                "{}: measured minus model over time, with the given model and with the findings.",
                 self.name
             ),
         );
@@ -165,7 +165,7 @@ fn irb120(bench: &Bench) -> Result<Vec<Case>, String> {
         let campaign = Campaign {
             name,
             run,
-            concealed: "all but the maker's geometry",
+            concealed: "everything except the manufacturer's geometry",
             model: "irb120",
             mapping: IRB.to_owned(),
             sheet: sheet.clone(),
@@ -186,9 +186,9 @@ fn irb120(bench: &Bench) -> Result<Vec<Case>, String> {
         cases.push(case);
     }
     let read_back = Campaign {
-        name: "joints as read back instead of commanded",
+        name: "measured instead of commanded joint positions",
         run: "read-back",
-        concealed: "that these joints were read before the arm had settled",
+        concealed: "that these positions were read before the arm had settled",
         model: "irb120",
         mapping: IRB.replace("\"q*_deg\" = { from = \"cmd_q*_deg\" }\n", ""),
         sheet: sheet.clone(),
@@ -200,7 +200,7 @@ fn irb120(bench: &Bench) -> Result<Vec<Case>, String> {
     cases.push(feedback(read_back.case(bench)?));
     let words = ["diagnose", "--model", "ur10e", "--seed", "1", "--out", "OUT", "in-time.csv"];
     let answer = bench.ask("other-robot", &words)?;
-    let concealed = "that the recording is another robot's: the model is the UR10e's";
+    let concealed = "that the recording is of another robot: the model is of the UR10e";
     let (mut case, said) =
         Case::of("a model of another robot", concealed, &words, &answer, "position");
     if let Some(said) = said {
@@ -217,19 +217,24 @@ pub(super) fn no_single_name(said: &Said) -> Judged {
     let count = said.findings().count();
     let claims = matches!(said.verdict(), "missing_physics" | "consistent");
     let told = format!("{}, {count} named", said.verdict().replace('_', " "));
-    Judged::new("no single name", told, "no claim, or five names and more", !claims || count >= 5)
+    Judged::new(
+        "no single finding",
+        told,
+        "no missing physics, or five findings or more",
+        !claims || count >= 5,
+    )
 }
 
 fn feedback((mut case, said): (Case, Option<Said>)) -> Case {
     if let Some(said) = said {
-        let words = ["read back", "feedback", "settled"];
+        let words = ["measured joint positions", "feedback", "settled"];
         let notes = said.list("notes").iter().filter_map(|note| note.as_str());
         let all: Vec<&str> = notes.chain(said.unexplained()).collect();
         let told = all.iter().find(|text| words.iter().any(|word| text.contains(word)));
         case.said.extend(told.map(|text| super::super::case::sentence(text)));
         let answer = if told.is_some() { "said" } else { "not said" };
         case.judged.push(Judged::new(
-            "that the feedback is at fault",
+            "that the measured joint positions are wrong",
             answer,
             "said",
             told.is_some(),
@@ -254,7 +259,7 @@ fn motoman(bench: &Bench) -> Result<Vec<Case>, String> {
         let campaign = Campaign {
             name,
             run,
-            concealed: "all but the nominal geometry",
+            concealed: "everything except the nominal geometry",
             model: if run == "right" { "motoman-right" } else { "motoman-left" },
             mapping: mapping.to_owned(),
             sheet: sheet.with("station_of_row", |k| station[k].clone()),
@@ -294,7 +299,7 @@ fn sweeps(bench: &Bench) -> Result<Vec<Case>, String> {
     let campaign = Campaign {
         name: "one pose of each sweep held out",
         run: "sweeps",
-        concealed: "all but the published geometry",
+        concealed: "everything except the published geometry",
         model: "fanuc-r2000ib",
         mapping: SWEPT.to_owned(),
         sheet: sheet.clone(),
@@ -333,7 +338,7 @@ fn hilti(bench: &Bench) -> Result<Vec<Case>, String> {
     let campaign = Campaign {
         name: "evaluation points of all scenes but flat",
         run: "scenes",
-        concealed: "deflection, play, tilt, temperature",
+        concealed: "deflection, backlash, tilt, temperature",
         model: "hilti.toml",
         mapping: SCENES.to_owned(),
         sheet,

@@ -32,7 +32,7 @@ const WEIGHED: &str = "2.805 kg, weighed (the set's note)";
 
 pub(super) const SET: Set = Set {
     name: "ur10e",
-    what: "UR10e, joints and motor currents at about 95 Hz with uneven stamps: harmonic motions, point to point, single joints; one run carries 2.805 kg.",
+    what: "UR10e, joints and motor currents at about 95 Hz with uneven stamps: harmonic motions, point to point, single joints; one run with a payload of 2.805 kg.",
     source: "github.com/shamilmamedov/dynamic_calibration",
     given: "the preset `ur10e` without its masses: the published geometry, the drive gains that the authors identified (`torque_per_ampere`), no friction, no payload.",
     needs: &RUNS,
@@ -90,8 +90,8 @@ fn together(bench: &Bench) -> Result<Case, String> {
     if let Answer::Done(folder) = &answer {
         bench.offer(
             &folder.join("report.html"),
-            "What the torque is off by over time",
-            "What the torques are off by over time, four runs at once: recorded minus model, as given and with what was found.",
+            "Torque error over time",
+            "Torque errors over time, four runs at once: recorded minus model, with the given model and with the findings.",
         );
     }
     let (mut case, said) = Case::of(
@@ -107,7 +107,7 @@ fn together(bench: &Bench) -> Result<Case, String> {
     let named = payloads(&said);
     let only = named == [format!("{LOADED} alone")];
     let told = if named.is_empty() { "none".to_owned() } else { named.join("; ") };
-    case.judged.push(Judged::new("payload named in", told, format!("{LOADED} alone"), only));
+    case.judged.push(Judged::new("payload found in", told, format!("{LOADED} alone"), only));
     case.judged.push(Judged::holds("its mass, 95 %, kg", mass(&said), PAYLOAD_KG));
     load_shares(&said, &mut case);
     Ok(case)
@@ -154,14 +154,14 @@ fn alone(bench: &Bench) -> Result<Case, String> {
     if case.was_run {
         let told = if carried.is_empty() { "none".to_owned() } else { carried.join(", ") };
         case.judged.push(Judged::new(
-            "payload where none is carried",
+            "payload in runs without one",
             told,
             "none",
             carried.is_empty(),
         ));
     }
     if !silent.is_empty() {
-        case.short_of.push(format!("Of a payload nothing could be said in {} of {} runs by themselves: masses are unknown there too.", silent.len(), RUNS.len()));
+        case.short_of.push(format!("The payload was not testable in {} of {} single runs, since the masses are unknown there too.", silent.len(), RUNS.len()));
     }
     Ok(case)
 }
@@ -194,7 +194,8 @@ fn payload(bench: &Bench) -> Result<Case, String> {
     bench.write("loaded-halves.mapping.toml", mapping)?;
     let words = words("with-friction.toml", &[THIRTY, FIFTY, FREE, "loaded-halves.csv"]);
     let answer = bench.ask("payload", &words)?;
-    let concealed = "the payload and the masses; friction is what the program itself found on the three runs without it";
+    let concealed =
+        "the payload and the masses; friction is as identified on the three runs without it";
     let (mut case, said) = Case::of(name, concealed, &words, &answer, "torque");
     let Some(said) = said else { return Ok(case) };
     case.reference = Some(Reference { value: None, says: WEIGHED });
@@ -247,7 +248,7 @@ fn load_friction(bench: &Bench) -> Result<Case, String> {
     bench.write("without-load-friction.toml", kept.collect::<Vec<_>>().join("[[effect]]"))?;
     let words = words("without-load-friction.toml", &files);
     let answer = bench.ask("load-friction", &words)?;
-    let concealed = "masses and load friction; all other friction is what the program found on the 50 s run. Unseen: the runs of 30 s and of 14 harmonics";
+    let concealed = "masses and load friction; all other friction is as identified on the 50 s run. Held out: the runs of 30 s and of 14 harmonics";
     let (mut case, said) = Case::of(name, concealed, &words, &answer, "torque");
     let Some(said) = said else { return Ok(case) };
     let joint = |key: &str| said.joint(2).and_then(|one| one[key].as_f64()).unwrap_or(f64::NAN);
@@ -256,7 +257,7 @@ fn load_friction(bench: &Bench) -> Result<Case, String> {
         Some(Errors { before, after, unit: "Nm", of: "root mean square of joint 2, unseen runs" });
     case.reference = Some(Reference {
         value: Some(2.4),
-        says: "3.6 to 4.0 Nm without, 2.3 to 2.4 Nm with load friction (our own least squares on these runs, before the program existed)",
+        says: "3.6 to 4.0 Nm without, 2.3 to 2.4 Nm with load friction (our own least-squares fit of these runs)",
     });
     load_shares(&said, &mut case);
     case.judged.push(Judged::at_most("joint 2 on unseen runs", after, 2.4, "Nm"));
@@ -268,7 +269,7 @@ fn other(bench: &Bench) -> Result<Case, String> {
     let words = words("kuka-kr240", &[FIFTY]);
     let answer = bench.ask("other-robot", &words)?;
     let concealed =
-        "that the recording is another robot's: the model is the KUKA KR 240's, masses and all";
+        "that the recording is of another robot: the model is of the KUKA KR 240, with masses";
     let (mut case, said) =
         Case::of("a model of another robot", concealed, &words, &answer, "torque");
     if let Some(said) = said {

@@ -11,7 +11,7 @@ pub(super) const TAP: Set = Set {
     name: "tap-test",
     what: "A tool struck once by an instrumented hammer, force and acceleration at 51.2 kHz.",
     source: "github.com/leekunhwee/Vibration-Signal-Processing",
-    given: "which column is the force and which the response.",
+    given: "the columns of force and response.",
     needs: &["impact_time_Point1_Channel1_CH1.txt"],
     cannot: None,
     run: tap,
@@ -21,7 +21,7 @@ pub(super) const SURFACE: Set = Set {
     name: "surface-profile",
     what: "Stylus profiles of a milled and an eroded surface, 5.6 mm at 0.25 µm, with the parameters that the National Physical Laboratory computed of them.",
     source: "github.com/NavierPy/surface-roughness-profile-analyser (data: National Physical Laboratory, UK)",
-    given: "nothing but the profiles; a line is taken out as form.",
+    given: "only the profiles; a fitted line is subtracted as form.",
     needs: &["mill_profile.csv", "edm_profile.csv", "mill.xml", "edm.xml"],
     cannot: None,
     run: surface,
@@ -88,7 +88,7 @@ fn tap(bench: &Bench) -> Result<Vec<Case>, String> {
     }
     let doubtful = modes.iter().filter(|mode| !mode.2).count();
     if doubtful > 0 {
-        case.short_of.push(format!("Marked unverified by the program itself: {doubtful} of {} modes; one hit has no coherence.", modes.len()));
+        case.short_of.push(format!("Marked unverified by the program: {doubtful} of {} modes, since one hit gives no coherence.", modes.len()));
     }
     Ok(vec![case])
 }
@@ -126,7 +126,7 @@ fn surface(bench: &Bench) -> Result<Vec<Case>, String> {
             let known = tagged(&text, tag);
             let found = primary[key].as_f64().unwrap_or(f64::NAN);
             case.said.push(format!(
-                "{what} {} µm; theirs {} µm.",
+                "{what} {} µm; reference {} µm.",
                 report::significant(found, 5),
                 report::significant(known, 5)
             ));
