@@ -287,7 +287,7 @@ impl Desk<'_> {
             (true, None) => {
                 let words = "this cell is configured for shadow mode: set mode = \"limited\" or \"full\" \
                              in its configuration and restart the daemon, or mode_max, and ask for a mode; \
-                             an instrument that jumped is believed again all the same";
+                             an instrument whose readings jumped is used again in any case";
                 return (Answer::Refused, words.to_owned());
             }
         };

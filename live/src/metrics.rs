@@ -206,7 +206,7 @@ impl Metrics<'_, '_> {
     fn senses(&mut self, report: &Report) -> fmt::Result {
         let flag = |is: bool| f64::from(u8::from(is));
         let open = flag(report.force.wrench_gate == "open");
-        self.gauge("wrench_gate_open", "1 where the wrench is used in the correction", open)?;
+        self.gauge("wrench_gate_open", "1 if the wrench is used in the correction", open)?;
         let faults = report.force.faults.len() as f64;
         self.gauge("force_faults", "Faults of the force stream and its channels", faults)?;
         let line = flag(report.vibration.line.is_some());

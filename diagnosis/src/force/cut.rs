@@ -84,9 +84,9 @@ impl Silence {
     pub fn why(self) -> &'static str {
         match self {
             Self::NoCut => "the recording has no [cut]: teeth, depth and engagement are not known",
-            Self::NoCoefficient => "[cut] states no coefficient: there is no force to compare with",
+            Self::NoCoefficient => "[cut] states no coefficient, so no force can be predicted",
             Self::OneDirection => {
-                "[cut] states the specific cutting force alone: there is no model of the forces in the other directions"
+                "[cut] states only the specific cutting force, so forces in the other directions cannot be predicted"
             }
             Self::NoForce => "no force was recorded",
             Self::NoSpeed => "no column holds the spindle speed: give spindle_rpm, or tacho",

@@ -168,7 +168,7 @@ fn common(root: &Table<'_, '_>, schema: &str, robot: &Table<'_, '_>) -> Option<C
     root.require("cell", "the path of the cell's configuration");
     root.require(
         "absolute_accuracy",
-        "\"off\", or \"on\" where the controller compensates its robot itself: then nothing is corrected here",
+        "\"off\", or \"on\" if the controller compensates its robot itself; the bridge then does not correct",
     );
     root.choice("schema", &[(schema, ())]);
     let cell = root.text("cell").map(PathBuf::from);

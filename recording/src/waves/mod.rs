@@ -216,7 +216,7 @@ pub fn parse(path: &Path, bytes: Vec<u8>, options: &Options) -> Result<Waves, Fa
         Form::Table => table::waves(&name, bytes, options),
         Form::Foreign(what) => {
             let mut faults = Faults::of(&name);
-            let fault = Fault::new("", format!("is {what}, which is not read"));
+            let fault = Fault::new("", format!("is {what}, which is not supported"));
             faults.push(
                 fault
                     .expected("a table (CSV, text, LabVIEW .lvm), UFF 58 or WAV")

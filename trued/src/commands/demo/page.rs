@@ -36,8 +36,8 @@ pub(super) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&L
         .text(&format!("True effect, revealed afterwards: {}", report.told.truth))
         .section("Latency")
         .text(
-            "From sending the command to holding the corrected target, between two processes on this machine. A desktop or \
-             virtual machine's kernel is no real-time kernel: its tail says nothing about a controller's.",
+            "Time from sending the command to receiving the corrected target, between two processes on this computer. A desktop or \
+             virtual machine does not have a real-time kernel: its latency tail is not representative of a controller.",
         )
         .figure("Round trip over shared memory.", &latency(log).render())
         .section("Chatter")
