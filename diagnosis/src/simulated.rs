@@ -129,6 +129,19 @@ pub fn simulate(
 
 /// The positions of the arm on a recording, row by row.
 ///
+/// ```
+/// # use recording::model::RobotModel;
+/// # use recording::series::{Need, read_text};
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let model = RobotModel::read("irb120".as_ref())?;
+/// let text = "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,10,20,0,30,0\n";
+/// let commands = read_text("commands.csv", text, None, None, Need::Path)?;
+/// let seen = diagnosis::simulated::positions(&model, commands)?;
+/// println!("the tool is at {} m", seen[0].base_from_tool.origin);
+/// # Ok(())
+/// # }
+/// ```
+///
 /// # Errors
 /// See [`Unsimulated`].
 pub fn positions(model: &RobotModel, mut recording: Recording) -> Result<Vec<Seen>, Unsimulated> {
@@ -138,6 +151,18 @@ pub fn positions(model: &RobotModel, mut recording: Recording) -> Result<Vec<See
 
 /// The drive torques on a recording that moves as commanded, row by row, Nm or N.
 ///
+/// ```
+/// # use recording::model::RobotModel;
+/// # use recording::series::{Need, read_text};
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let model = RobotModel::read("irb120".as_ref())?;
+/// let text = "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,10,20,0,30,0\n";
+/// let commands = read_text("commands.csv", text, None, None, Need::Path)?;
+/// assert_eq!(diagnosis::simulated::torques(&model, commands)?.len(), 1);
+/// # Ok(())
+/// # }
+/// ```
+///
 /// # Errors
 /// See [`Unsimulated`].
 pub fn torques(model: &RobotModel, mut recording: Recording) -> Result<Vec<Joints>, Unsimulated> {
@@ -146,6 +171,18 @@ pub fn torques(model: &RobotModel, mut recording: Recording) -> Result<Vec<Joint
 }
 
 /// The sensor's readings of the recording's cut, row by row, N; none without a cut.
+///
+/// ```
+/// # use recording::model::RobotModel;
+/// # use recording::series::{Need, read_text};
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let model = RobotModel::read("irb120".as_ref())?;
+/// let text = "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,10,20,0,30,0\n";
+/// let commands = read_text("commands.csv", text, None, None, Need::Path)?;
+/// assert!(diagnosis::simulated::cut_forces(&model, &commands)?.is_empty());
+/// # Ok(())
+/// # }
+/// ```
 ///
 /// # Errors
 /// See [`Unsimulated`].

@@ -36,7 +36,6 @@ impl Recording {
     }
 
     /// Whether a measured column has a value in a row: where it had one when this was called, in all rows if it had none.
-    #[must_use]
     pub fn rows_with_values(&self, channel: Channel) -> impl Fn(usize) -> bool + use<> {
         let has_value: Vec<bool> =
             self.column(channel).unwrap_or_default().iter().map(|x| x.is_finite()).collect();

@@ -190,24 +190,24 @@ impl Plan {
             let along = self.directions()?.first().copied().unwrap_or(DVec3::NEG_Z);
             let plan = plans::iso_poses(robot, &settings, along, count(VISITS))?;
             let result = PlanResult { report: plan.report(), text: plan.text(width) };
-            return self.put(console, outputs, result, || plan.page(), || plan.files());
+            return self.put(console, outputs, &result, || plan.page(), || plan.files());
         }
         if self.check {
             let poses = count(CHECK_POSES);
             let plan =
                 plans::check_poses(robot, &settings, &self.terms(), self.criterion(), poses)?;
             let result = PlanResult { report: plan.report(), text: plan.text(width) };
-            return self.put(console, outputs, result, || plan.page(), || plan.files());
+            return self.put(console, outputs, &result, || plan.page(), || plan.files());
         }
         if self.next {
             let plan = plans::next_pose(robot, &settings, self.worth_mm)?;
             let result = PlanResult { report: plan.report(), text: plan.text() };
-            return self.put(console, outputs, result, || plan.page(), || plan.files());
+            return self.put(console, outputs, &result, || plan.page(), || plan.files());
         }
         let poses = count(CALIBRATION_POSES);
         let plan = plans::measuring_poses(robot, &settings, self.criterion(), poses)?;
         let result = PlanResult { report: plan.report(), text: plan.text(width) };
-        self.put(console, outputs, result, || plan.page(), || plan.files())
+        self.put(console, outputs, &result, || plan.page(), || plan.files())
     }
 
     fn judge(&self, robot: Robot<'_>, console: &mut Console, outputs: Outputs) -> Outcome {
@@ -266,7 +266,7 @@ impl Plan {
         &self,
         console: &mut Console,
         mut outputs: Outputs,
-        result: PlanResult<R>,
+        result: &PlanResult<R>,
         page: impl FnOnce() -> Page,
         files: impl FnOnce() -> Result<Vec<PlanFile>, Error>,
     ) -> Outcome {
