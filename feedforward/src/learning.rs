@@ -72,7 +72,7 @@ pub struct Commands {
 ///     table: &Recording,
 ///     run: &Recording,
 /// ) -> Result<Vec<Vec<f64>>, Box<dyn std::error::Error>> {
-///     let settings = Settings::default();
+///     let settings = Settings::with_limits(0.2, 1.0, 5e3)?;
 ///     let plants = Plants::of(model, settings.unstated);
 ///     let path = CommandedPath::of(table, &[JointKind::Revolute; 6], &plants, &settings)?;
 ///     let joints = (0..6).filter_map(|joint| path.recording.input(joint));

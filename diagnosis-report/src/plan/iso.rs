@@ -46,7 +46,7 @@ pub struct IsoPlan<'a> {
 /// Places the test's cube: in the box of the settings' zone, otherwise the largest one before the arm. `along_base`: direction of the tool's z axis, base
 /// frame, unit length; `cycles`: visits of each pose, 30 by the standard ([`diagnosis::plan::iso::VISITS`]).
 ///
-/// ```
+/// ```no_run
 /// use diagnosis_report::plan::{Robot, Settings, iso_poses};
 /// use glam::DVec3;
 /// use recording::model::RobotModel;
