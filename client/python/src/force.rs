@@ -43,9 +43,7 @@ impl ForceSource {
     ) -> PyResult<()> {
         // Column by column is contiguous too, and would mix channels and samples up.
         let crooked = || {
-            PyValueError::new_err(
-                "`samples` is not C-contiguous; use numpy.ascontiguousarray()",
-            )
+            PyValueError::new_err("`samples` is not C-contiguous; use numpy.ascontiguousarray()")
         };
         let (by_sample, channels) = match &samples {
             Block::Double(all) => (all.is_c_contiguous(), all.shape()[1]),

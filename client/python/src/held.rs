@@ -140,9 +140,7 @@ pub(crate) fn named<T: Copy>(
 /// An array as it lies in memory.
 pub(crate) fn slice<'a>(what: &str, numbers: &'a Numbers<'_>) -> PyResult<&'a [f64]> {
     let words = || {
-        PyValueError::new_err(format!(
-            "`{what}` is not contiguous; use numpy.ascontiguousarray()"
-        ))
+        PyValueError::new_err(format!("`{what}` is not contiguous; use numpy.ascontiguousarray()"))
     };
     numbers.as_slice().map_err(|_| words())
 }
