@@ -188,7 +188,7 @@ mod tests {
             "{last}"
         );
         assert!(
-            lines[0].contains("without it the held-out error would be 0.750 mm instead of 0.500"),
+            lines[0].contains("without it, the held-out error would be 0.750 mm instead of 0.500"),
             "{}",
             lines[0]
         );

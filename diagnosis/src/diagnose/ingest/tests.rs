@@ -75,7 +75,7 @@ fn a_channel_that_freezes_half_way_takes_no_part_from_there_on() {
     assert_eq!(left(&after, 1), 300);
     assert_eq!((left(&after, 0), left(&after, 2)), (ROWS, ROWS));
     let note = &said.notes[0];
-    assert!(note.contains("y_mm stands still") && note.contains("(300 rows)"), "{note}");
+    assert!(note.contains("y_mm is constant") && note.contains("(300 rows)"), "{note}");
     assert!(note.contains("between 3.000 s and 5.990 s"), "{note}");
 }
 
@@ -127,7 +127,7 @@ fn held_values_count_once_and_coarse_ones_are_said() {
     assert!(said.notes[0].contains("the sampling rate of the instrument is lower"), "{said:?}");
     assert_eq!(left(&after, 0), ROWS / 5);
     let (said, after) = looked(changed(2, |_, z| (z * 1e3).round() / 1e3));
-    assert!(said.notes[0].contains("z_mm comes in steps of 1.000e0"), "{said:?}");
+    assert!(said.notes[0].contains("z_mm has a resolution of 1.000e0"), "{said:?}");
     assert_eq!(left(&after, 2), ROWS);
 }
 
