@@ -157,7 +157,7 @@ mod tests {
         };
         assert_eq!(
             gear.to_string(),
-            "confirmed 40.1 Hz on my, 5.31 Nm, gear shaft 1 of joint 3, or chatter: look at the gear train of joint 3"
+            "confirmed 40.1 Hz on my, 5.31 Nm, gear shaft 1 of joint 3, or chatter: check the gear train of joint 3"
         );
         let over = Verdict { state: VibrationState::Over.code(), ..chatter() };
         assert_eq!(over.to_string(), "over 684 Hz on y");

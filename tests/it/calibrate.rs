@@ -377,7 +377,7 @@ fn gross_faults_are_reported_with_a_remedy_and_nothing_is_written() {
     // There is no remedy for noise of a decimetre, nor for rows of something else.
     refused(
         &|row| row.2[0] += 100.0 * DVec3::new(row.0[0].sin(), row.0[1].sin(), row.0[2].sin()),
-        "target 1 was seen",
+        "target 1 was measured",
     );
 }
 

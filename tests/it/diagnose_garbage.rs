@@ -209,7 +209,7 @@ fn readings_that_freeze_or_are_cut_off_or_break_off_are_left_out_and_nothing_is_
     let half = sheet.rows.len() / 2;
     let at = sheet.value("y_mm", half);
     let frozen = sheet.with(&["y_mm"], |k, y| if k < half { y } else { at });
-    assert_nothing_found(&place, "frozen", &frozen.text(), "y_mm stands still");
+    assert_nothing_found(&place, "frozen", &frozen.text(), "y_mm is constant");
     let most = (0..sheet.rows.len()).map(|k| sheet.value("x_mm", k)).fold(f64::MIN, f64::max);
     let cut = sheet.with(&["x_mm"], |_, x| x.min(most - 40.0));
     assert_nothing_found(&place, "cut-off", &cut.text(), "x_mm is clipped");

@@ -207,8 +207,9 @@ joint = 2
 time_constant_ms = 10.0
 ";
 
-/// A campaign against a daemon with this source of the wrench, and with these tables.
-fn campaign(wrench: &str, more: &str) {
+/// A campaign against a daemon with this source of the wrench, and with these tables. Afterwards valid commands get
+/// answers of these kinds alone.
+fn campaign(wrench: &str, more: &str, accepted: &[CorrectionStatus]) {
     let seed = number("TRUED_SEED").unwrap_or_else(monotonic_ns);
     println!("TRUED_SEED={seed}");
     let tables = format!(
@@ -234,19 +235,19 @@ fn campaign(wrench: &str, more: &str) {
         }
         assert!(daemon.is_running(), "message {number}: {:#?}", daemon.lines());
     }
-    goes_on(&mut cell);
+    goes_on(&mut cell, accepted);
     assert!(daemon.end().success(), "{:#?}", daemon.lines());
 }
 
 /// Afterwards valid commands are corrected as before.
-fn goes_on(cell: &mut Cell) {
+fn goes_on(cell: &mut Cell, accepted: &[CorrectionStatus]) {
     cell.sender.start_anew();
     let end = Instant::now() + LIMIT;
-    let corrected = (CorrectionStatus::Corrected, Reason::None);
     let mut in_a_row = 0;
     while in_a_row < 200 {
         assert!(Instant::now() < end, "not corrected again: {:?}", cell.last);
-        in_a_row = if named(&cell.good()) == corrected { in_a_row + 1 } else { 0 };
+        let is_accepted = accepted.contains(&named(&cell.good()).0);
+        in_a_row = if is_accepted { in_a_row + 1 } else { 0 };
     }
     let status = wait(LIMIT, || cell.statuses.take_newest()).unwrap();
     assert!(status.rejected > 0 && status.malformed > 0, "{status:?}");
@@ -258,15 +259,17 @@ fn goes_on(cell: &mut Cell) {
 
 #[test]
 fn no_target_breaks_an_invariant_whatever_is_commanded() {
-    campaign("force", "");
+    campaign("force", "", &[CorrectionStatus::Corrected]);
 }
 
 #[test]
 fn nor_where_the_command_brings_the_wrench() {
-    campaign("command", "");
+    campaign("command", "", &[CorrectionStatus::Corrected]);
 }
 
 #[test]
 fn nor_where_delay_and_lags_are_compensated_and_horizons_of_any_kind_are_stated() {
-    campaign("none", "[dynamic]\nmode = \"compensate\"\n");
+    // The lead of commands without a steady period changes faster than the limits of the correction allow.
+    let accepted = [CorrectionStatus::Corrected, CorrectionStatus::Ramping];
+    campaign("none", "[dynamic]\nmode = \"compensate\"\n", &accepted);
 }

@@ -174,7 +174,7 @@ fn a_sender_that_samples_slower_than_it_says_is_named() {
         late_ns += 400_000;
         block.t_ns += late_ns;
     });
-    names(&sensor.settled(), None, SensorFault::WrongRate, "force stream has another rate");
+    names(&sensor.settled(), None, SensorFault::WrongRate, "force stream has a different rate");
 }
 
 #[test]

@@ -110,7 +110,7 @@ fn hits_give_verified_modes_within_their_uncertainty_and_a_double_hit_is_named()
     place.file("run.csv", &four_hits());
     let done = place.succeed(&["tap", "run.csv", "--json", "tap.json", "--report", "tap.html"]);
     assert!(done.out.contains("5 hits found, 4 used"), "{}", done.out);
-    let double = "left out: run.csv at 5.300 s, struck twice: again with 20 %";
+    let double = "rejected: run.csv at 5.300 s, struck twice: again with 20 %";
     assert!(done.out.contains(double), "{}", done.out);
     let said = place.json("tap.json");
     assert_eq!((&said["schema"], &said["hits"]["used"]), (&"trued.tap/1".into(), &4.into()));
@@ -335,7 +335,7 @@ fn response_functions_of_a_universal_file_and_of_a_table_are_taken_as_they_are()
     ]);
     near("table.json");
     place.file("run.csv", &csv(&[(0.3, 200.0)], 2.0));
-    refused(&place.run(&["tap", "arm.uff", "run.csv"]), &["apart"]);
+    refused(&place.run(&["tap", "arm.uff", "run.csv"]), &["separately"]);
     refused(&place.run(&["tap", "--frf", "table.csv"]), &["--response-kind"]);
 }
 
