@@ -1,6 +1,6 @@
 //! Validation of a file: every error in it, a summary, and the first rows of a recording as they are understood (`trued.check/1`).
 //!
-//! [`file`] knows models, mappings, recordings with their descriptions, bridges and cuts. Files that are checked with more than this crate (a cell with the
+//! [`file()`] knows models, mappings, recordings with their descriptions, bridges and cuts. Files that are checked with more than this crate (a cell with the
 //! limits of the daemon, a manifest with its models) make their [`Findings`] elsewhere.
 
 mod columns;
