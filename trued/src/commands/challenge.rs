@@ -26,49 +26,49 @@ use crate::{interrupt, progress, wrap};
 
 /// Blind test of a diagnosis: sealed cases, a solver, a score
 ///
-/// Draws robots, motions, instruments and hidden effects from a generator that shares no physics with trued, writes for each case a model and a
-/// recording, and tells the hash of the truth. Then it runs the solver on each (`SOLVER --model M --out DIR --seed N RECORDING`, answering with
-/// `diagnosis.json` and `model.toml` in DIR), hashes the answers, opens the truth and counts: right effect and joint, false findings, wrong names,
-/// unknown and undetermined cases recognised, intervals that hold, the gain on a motion that nobody saw.
+/// Draws robots, motions, instruments and hidden effects from a generator that shares no physics with trued. Writes a model and a recording for each case, and prints
+/// the hash of the truth. Runs the solver on each case (`SOLVER --model M --out DIR --seed N RECORDING`, which writes `diagnosis.json` and `model.toml` to DIR), hashes the
+/// answers, reveals the truth and scores: correct effects and joints, false findings, wrong effects, recognition of unknown and undetermined cases, coverage of intervals, and the gain
+/// on a motion that was not recorded.
 #[derive(Debug, Args)]
 pub(crate) struct Challenge {
-    /// How many cases
+    /// Number of cases
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     cases: u32,
     #[command(flatten)]
     seed: Seed,
-    /// Where cases, answers, truth and report go; must not hold anything yet
+    /// Output folder for cases, answers, truth and report; must be empty or not exist
     #[arg(long, value_name = "DIR", default_value = "challenge")]
     out: PathBuf,
-    /// What is measured and diagnosed
+    /// Domain of the measurements
     #[arg(long, value_name = "DOMAIN", value_enum, default_value_t = Domain::Position)]
     domain: Domain,
-    /// Instead of cases: effects of torques added to these real recordings of the robot of --model
+    /// Instead of generated cases: torque effects added to these real recordings of the robot of --model
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     inject: Vec<PathBuf>,
     #[command(flatten)]
     reading: Reading,
-    /// One kind of case alone; if not given, a mixture
+    /// Kind of the cases; by default a mixture
     #[arg(long, value_name = "TIER", value_enum)]
     tier: Option<TierOption>,
-    /// Another program that answers; `trued diagnose` if not given
+    /// Command of another solver; by default `trued diagnose`
     #[arg(long, value_name = "CMD")]
     solver: Option<String>,
-    /// The longest that the solver may take for a case, s
+    /// Time limit of the solver for a case, s
     #[arg(long, value_name = "SECONDS", default_value_t = 120.0)]
     limit: f64,
     #[command(flatten)]
     threads: Threads,
 }
 
-/// What is measured.
+/// Domain of the measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Domain {
-    /// Where the tool goes
+    /// Positions of the tool
     Position,
-    /// What the motors feel
+    /// Torques of the motors
     Torque,
-    /// What a cutter exerts
+    /// Forces of a cutter
     Force,
 }
 
@@ -85,15 +85,15 @@ impl From<Domain> for challenge_report::Domain {
 /// [`Tier`] on the command line.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum TierOption {
-    /// Nothing is missing
+    /// No missing effect
     Null,
     /// One effect
     Single,
     /// Two or three effects
     Multiple,
-    /// Physics that no library has
+    /// Physics outside the library
     Outside,
-    /// Effects that the motion cannot part
+    /// Effects that the motion cannot distinguish
     Ambiguous,
     /// One effect near the limit of detection
     Limit,
@@ -112,7 +112,7 @@ impl From<TierOption> for Tier {
     }
 }
 
-/// The places of a challenge.
+/// Folders of a challenge.
 struct Folder(PathBuf);
 
 impl Folder {

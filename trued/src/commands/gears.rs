@@ -19,9 +19,9 @@ use crate::wrap;
 
 /// Gear shafts along a path: revolutions and teeth per millimetre, matched with lines
 ///
-/// The path is a recording with joint positions, or a straight cut from a pose. The model needs `gear_teeth`. Lines come
-/// from stylus profiles, from the columns of a recording over its path, or are given. A shaft that is eccentric writes as
-/// many cycles per mm as it turns, a mesh as many as teeth meet; what the reference thesis calls cycles per mm are degrees.
+/// The path is a recording with joint positions, or a straight cut from a pose. The model needs `gear_teeth`. Lines are taken
+/// from stylus profiles, from the columns of a recording over its path, or from `--lines`. An eccentric shaft causes as many
+/// cycles per mm as it has revolutions per mm, a mesh as many as teeth mesh; what the reference thesis calls cycles per mm are degrees per mm.
 #[derive(Debug, Args)]
 pub(crate) struct Gears {
     #[command(flatten)]
@@ -29,38 +29,38 @@ pub(crate) struct Gears {
     /// Only the gears of this joint, from 1; may be repeated
     #[arg(long, value_name = "JOINT", value_delimiter = ',')]
     wheels_of: Vec<u8>,
-    /// The pose where a straight cut begins, instead of a recording, deg (mm for joints that slide)
+    /// Pose at which a straight cut begins, instead of a recording, deg (mm for linear joints)
     #[arg(long, value_name = "Q1,Q2,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(requires = "cut", conflicts_with = "path")]
     from: Vec<f64>,
-    /// How far the cut goes from there, base frame, mm; the tool keeps its orientation
+    /// Displacement of the cut, base frame, mm; the tool keeps its orientation
     #[arg(long, value_name = "DX,DY,DZ", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(requires = "from")]
     cut: Vec<f64>,
-    /// Parts of the path that are told apart
+    /// Number of sections of the path that are listed separately
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=1000))]
     parts: u16,
-    /// A stylus profile whose lines are matched; may be repeated
+    /// Stylus profile whose lines are matched; may be repeated
     #[arg(long, value_name = "PROFILE")]
     profile: Vec<PathBuf>,
     #[command(flatten)]
     heights: Heights,
-    /// A recording whose lines over the path are matched: forces, or measured positions with `--signal x_mm,y_mm`
+    /// Recording whose lines over the path are matched: forces, or measured positions with `--signal x_mm,y_mm`
     #[arg(long, value_name = "RECORDING")]
     force: Option<PathBuf>,
-    /// The columns of that recording; if not given, all that are waveforms
+    /// Columns of that recording; by default all waveforms
     #[arg(long, value_name = "C,…", value_delimiter = ',', requires = "force")]
     signal: Vec<String>,
-    /// Lines to be matched, cycles per mm
+    /// Lines to match, cycles per mm
     #[arg(long, value_name = "L,…", value_delimiter = ',')]
     lines: Vec<f64>,
-    /// A wheel fits a line within so much of it, beside how well the line itself is known
+    /// Tolerance of a match, percent of the line, in addition to the uncertainty of the line itself
     #[arg(long, value_name = "PERCENT", default_value_t = 2.0)]
     tolerance: f64,
-    /// Write a page with tables and a plot
+    /// Write an HTML page with tables and a plot
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// A recording with the joints' positions along the path; if not given, that of --force
+    /// Recording with joint positions along the path; by default that of --force
     #[arg(value_name = "PATH")]
     path: Option<PathBuf>,
 }

@@ -42,52 +42,52 @@ const CHECK_POSES: usize = 10;
 /// Probability with which a check detects the minimum damage that it states.
 const CHECK_POWER: f64 = 0.9;
 
-/// Choose the poses to measure next: for a calibration, for a check after a collision, for ISO 9283
+/// Select the poses to measure: for a calibration, for a check after a collision, for ISO 9283
 ///
-/// Poses are drawn inside the joint limits, left out where a link meets base, floor or a box or the instrument does not see the target, and chosen by what they
-/// tell of the numbers that `trued calibrate` finds; the measuring frame and unknown targets are found along and count for nothing. With recordings the poses
-/// complement what was measured. `--next` names one pose and says when it is enough. `--check` chooses ten poses in which damage would show, and with a
-/// recording of them judges whether the model still holds (exit 1 where it does not). `--iso9283` plans or evaluates accuracy and repeatability. Not looked at:
-/// fixtures and cables that are not described, and the way between poses.
+/// Candidate poses are drawn within the joint limits. Poses where a link meets the base, the floor or a box, or where the instrument does not see the target, are
+/// discarded. The rest is selected by the information on the parameters that `trued calibrate` fits; measuring frame and unknown targets are estimated along. With
+/// recordings, the poses complement the existing measurements. `--next` proposes one pose and states when to stop. `--check` selects ten poses that reveal damage;
+/// with a recording of them, it judges whether the model still holds (exit 1 if it does not). `--iso9283` plans or evaluates the test of accuracy and repeatability.
+/// Not considered: fixtures and cables that are not described, and the motion between poses.
 #[derive(Debug, Args)]
 pub(crate) struct Plan {
     #[command(flatten)]
     reading: Reading,
-    /// Name the one pose to measure next, and say whether it is worth it
+    /// Propose the one pose to measure next, and state whether it is worth measuring
     #[arg(long, conflicts_with_all = ["check", "iso9283", "count", "criterion"])]
     next: bool,
-    /// Plan poses that show damage, or judge a recording of them
+    /// Plan poses that reveal damage, or judge a recording of them
     #[arg(long, conflicts_with = "iso9283")]
     check: bool,
     /// Plan the test of ISO 9283, or evaluate a recording of it
     #[arg(long)]
     iso9283: bool,
-    /// Write the experiment that a diagnosis asks for, as a path to be recorded: `DIR` is what `trued diagnose` wrote; experiment.csv and experiment.toml go there,
-    /// or to `--out`
+    /// Write the experiment that a diagnosis proposes, as a path to be recorded: experiment.csv and experiment.toml. `DIR` is the output folder of `trued diagnose`;
+    /// the files are written there, or to `--out`
     #[arg(long = "for", value_name = "DIR", conflicts_with_all = ["next", "check", "iso9283", "count", "criterion", "recordings"])]
     asked_by: Option<PathBuf>,
-    /// How many poses; 30, for a check 10; for ISO 9283 the cycles, 30
+    /// Number of poses, by default 30, for a check 10; with `--iso9283` the number of cycles, by default 30
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=500))]
     count: Option<u16>,
-    /// Best for what: all numbers together, each reading, or the tool in `--zone` (without one: in the workspace); or by chance, for validation
+    /// Optimality criterion: d: all parameters together; o1: information per reading; zone: the tool's error in `--zone` (by default in the workspace); random: random poses, for validation
     #[arg(long, value_name = "d|o1|zone|random", value_enum)]
     criterion: Option<Best>,
-    /// Where the tool's error counts, base frame, mm; for ISO 9283 the cube
+    /// Zone in which the tool's error is minimised, two corners of a box, base frame, mm; with `--iso9283` the cube
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", allow_hyphen_values = true)]
     zone: Option<Tuple<6>>,
-    /// Direction of the tool's z axis there, base frame; may be repeated
+    /// Direction of the tool's z axis in the zone, base frame; may be repeated
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, default_value = "0,0,-1")]
     direction: Vec<Tuple<3>>,
-    /// What ten more poses have to take off the tool's expected error to be worth measuring, mm
+    /// Minimum reduction of the tool's expected error by ten more poses for which measuring is still recommended, mm
     #[arg(long, value_name = "MM", default_value_t = 0.003, requires = "next")]
     worth_mm: f64,
-    /// Share of sound robots that a check calls damaged
+    /// False alarm rate: the share of undamaged robots that a check calls damaged, above 0 and below 0.5
     #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share)]
     alarm: f64,
-    /// Choose only from the poses of this recording, as those that are known to be free, instead of drawing them
+    /// Select from the poses of this recording, which are known to be free of collisions, instead of random candidates
     #[arg(long, value_name = "RECORDING")]
     among: Option<PathBuf>,
-    /// Poses that are drawn to choose from
+    /// Number of random candidate poses
     #[arg(long, value_name = "N", default_value_t = 600, value_parser = clap::value_parser!(u16).range(20..=5000))]
     candidates: u16,
     #[command(flatten)]
@@ -96,28 +96,28 @@ pub(crate) struct Plan {
     files: Files,
     #[command(flatten)]
     seed: Seed,
-    /// What was measured so far (with `--check`, `--iso9283`: what is judged)
+    /// Existing measurements (with `--check`, `--iso9283`: the measurements to evaluate)
     #[arg(value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
 }
 
-/// Where files go, and how the robot comes to each pose.
+/// Output folder, and the approach to each pose.
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Programs")]
 struct Files {
-    /// Write poses.csv (to be filled with measurements), poses.mod (ABB RAPID), poses.src and poses.dat (KUKA KRL) into this folder
+    /// Write poses.csv (to be filled with measurements), poses.mod (ABB RAPID), poses.src and poses.dat (KUKA KRL) to this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Come to each pose straight, or twice, all joints from below and from above, so that lost motion shows
+    /// Approach to each pose: direct, or both: twice, with all joints from below and from above, to reveal lost motion
     #[arg(long, value_name = "direct|both", value_enum, default_value = "both")]
     approach: Coming,
-    /// How far away a joint begins its approach, degrees (mm where it slides)
+    /// Distance at which a joint begins its approach, degrees (mm for a linear joint)
     #[arg(long, value_name = "DEG", default_value_t = 3.0)]
     approach_deg: f64,
-    /// How long the robot rests at each pose, s
+    /// Pause at each pose, s
     #[arg(long, value_name = "S", default_value_t = 3.0)]
     pause_s: f64,
-    /// Which axis of the controller each joint is, where it does not go without saying: E1,A1,A2,A3,A4,A5,A6
+    /// Controller axis of each joint, if the order differs: E1,A1,A2,A3,A4,A5,A6
     #[arg(long, value_name = "A,…", value_delimiter = ',')]
     axes: Vec<Axis>,
 }
@@ -136,7 +136,7 @@ enum Best {
     Random,
 }
 
-/// The robot and its measurements.
+/// The robot's model and its recordings.
 struct Input {
     model: RobotModel,
     recordings: Vec<Recording>,

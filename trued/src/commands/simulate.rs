@@ -18,32 +18,33 @@ use crate::input::{Input, Looked, Reading};
 use crate::options::Seed;
 use crate::output::Console;
 
-/// Run the model forward: where the tool goes on a recording's commands, as a recording
+/// Simulate the tool position and drive torques of a model for the commands of a recording
 ///
-/// Takes commanded joints, loads, temperatures and process state of INPUT and replaces what was measured: points, reflectors, orientations,
-/// joint positions of the motor and the link side, torques, in the rows in which they were measured. What INPUT states of its instruments (`sigma`) stays; else the noise is stated. All effects of positions and torques act,
-/// delays, lags and modes too. Where positions of the motors were measured beside torques, a plain controller (P around PI, with the commanded speed ahead)
-/// closes the loop, so that friction shows in the motion; else the motors go where they are sent. Where the TOML tells of a `[cut]`, forces are those of its cutter
-/// at the recorded spindle speed and feed, with the model's effects of cutter and sensor; such a recording needs no joints and no model. An unknown measuring frame is found from what was recorded; with nothing recorded the tool centre point is given in the base frame.
+/// Takes commanded joints, loads, temperatures and process state from INPUT, and replaces the measured values: points, reflectors, orientations, motor-side and link-side
+/// joint positions, torques, in the rows in which they were measured. The uncertainties (`sigma`) that INPUT states are kept; otherwise the noise is stated. All effects on
+/// positions and torques are simulated, including delays, lags and modes. If motor positions were measured together with torques, a controller (PI velocity loop in a P position
+/// loop, with velocity feedforward) closes the loop, so that friction affects the motion; otherwise the motors follow the commands exactly. If the TOML describes a `[cut]`, forces
+/// are simulated for its cutter at the recorded spindle speed and feed, with the effects of cutter and sensor in the model; such a recording needs neither joints nor a model.
+/// An unknown measuring frame is estimated from the measured values; without any, the tool centre point is given in the base frame.
 #[derive(Debug, Args)]
 pub(crate) struct Simulate {
     #[command(flatten)]
     reading: Reading,
-    /// Where the recording goes: NAME.csv and NAME.toml
+    /// Output recording: NAME.csv and NAME.toml
     #[arg(long, value_name = "NAME")]
     out: PathBuf,
-    /// Normal noise on every measured value, mm (mrad on angles); none if not given
+    /// Standard deviation of the normal noise of each measured value, mm (mrad for angles)
     #[arg(long, value_name = "SIGMA", default_value_t = 0.0, value_parser = not_negative)]
     noise: f64,
-    /// Normal noise on every torque, Nm (N of a slide); none if not given
+    /// Standard deviation of the normal noise of each torque, Nm (N for a linear joint)
     #[arg(long, value_name = "SIGMA", default_value_t = 0.0, value_parser = not_negative)]
     torque_noise: f64,
-    /// Normal noise on every force of a cut, N; none if not given
+    /// Standard deviation of the normal noise of each cutting force, N
     #[arg(long, value_name = "SIGMA", default_value_t = 0.0, value_parser = not_negative)]
     force_noise: f64,
     #[command(flatten)]
     seed: Seed,
-    /// The recording whose commands are followed
+    /// Recording with the commands to simulate
     #[arg(value_name = "INPUT")]
     input: PathBuf,
 }

@@ -12,60 +12,60 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::output::{Console, Paint};
 use crate::wrap;
 
-/// Look for vibration in a recording: what rings, when, why, and what to do
+/// Find vibrations in a recording, with time, cause and remedy
 ///
-/// Runs the daemon's vibration monitor over the samples, and gives spectra over time and over the tool's path. Reads
-/// recordings, CSV and other tables of numbers, .lvm, UFF 58 and WAV. Without a spindle speed forced vibration is
-/// not told from chatter; without a model no mode and no gear is known.
+/// Runs the daemon's vibration monitor over the samples, and computes spectra over time and over the tool's path. Reads
+/// recordings, CSV and other tables, .lvm, UFF 58 and WAV. Without a spindle speed, forced vibration cannot be
+/// distinguished from chatter; without a model, no natural frequencies and gears are known.
 #[derive(Debug, Args)]
 pub(crate) struct Spectrum {
-    /// A column to look at, by name or by number from 1; again for more; if not given, all that are waveforms
+    /// Column to analyse, by name or by number from 1; may be repeated; by default all waveforms
     #[arg(long = "column", value_name = "C", value_delimiter = ',')]
     columns: Vec<String>,
-    /// Samples per second, where the file does not tell; wins over what it tells
+    /// Sampling rate, Hz; overrides that of the file
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Spindle speed, rev/min; if not given, from the columns `spindle_rpm` or `tacho`
+    /// Spindle speed, rev/min; by default from the columns `spindle_rpm` or `tacho`
     #[arg(long, value_name = "N")]
     spindle_rpm: Option<f64>,
-    /// Teeth of the cutter; if not given, from `[cut]` of the TOML beside the recording
+    /// Number of teeth of the cutter; by default from `[cut]` in the accompanying TOML
     #[arg(long, value_name = "N")]
     teeth: Option<u32>,
-    /// Feed along the path, mm/s; if not given, from the columns `feed_mm_s`, `x_mm` … or `q1_deg` …
+    /// Feed along the path, mm/s; by default from the columns `feed_mm_s`, `x_mm` … or `q1_deg` …
     #[arg(long, value_name = "N")]
     feed_mm_s: Option<f64>,
-    /// The robot's model, for its modes and gears: a file or a preset; if not given, the one that the recording's TOML names
+    /// Model of the robot, for its modes and gears: a file or a preset; by default the one named in the recording's TOML
     #[arg(long, value_name = "MODEL")]
     model: Option<PathBuf>,
-    /// The cut as `trued stability` takes it: where it chatters, the nearest stable cuts are computed
+    /// Cut in the format of `trued stability`; if it chatters, the nearest stable cuts are computed
     #[arg(long, value_name = "CUT.toml")]
     cut: Option<PathBuf>,
-    /// Look for lines between these frequencies, Hz
+    /// Frequency range in which lines are reported, Hz
     #[arg(long, value_names = ["LOW", "HIGH"], num_args = 2, default_values_t = [10.0, 1000.0])]
     band: Vec<f64>,
-    /// Length of the windows that the spectrum of the whole is averaged over, s; if not given, by the recording's length
+    /// Window length of the averaged spectrum, s; by default chosen by the length of the recording
     #[arg(long, value_name = "S")]
     window: Option<f64>,
-    /// The watch reports no line below this amplitude, in the channels' unit; if not given, 0.1 N and 0.01 Nm as the
-    /// daemon, else 2 % of the signal's own rms
+    /// Smallest amplitude that the monitor reports, in the channels' unit; by default 0.1 N and 0.01 Nm, as in the
+    /// daemon, for other units 2 % of the RMS of the signal
     #[arg(long, value_name = "A")]
     least: Option<f64>,
-    /// How far a line must stand above the noise, 0.25 to 10: above 1 it takes more, below 1 weaker lines are found
+    /// Factor on the detection thresholds, 0.25 to 10: above 1 only stronger lines are reported, below 1 weaker ones too
     #[arg(long, value_name = "N", default_value_t = 1.0)]
     threshold: f64,
-    /// Mains frequency, Hz; if not given, 50 and 60 are both possible
+    /// Mains frequency, Hz; by default both 50 and 60 are considered
     #[arg(long, value_name = "HZ")]
     mains: Option<f64>,
-    /// What a WAV file's full scale stands for; 1 if not given
+    /// Value of a WAV file's full scale, in the channel's unit
     #[arg(long, value_name = "A")]
     scale: Option<f64>,
-    /// How another program's table becomes a recording; if not given, `NAME.mapping.toml` beside it
+    /// Mapping for another program's table; by default `NAME.mapping.toml` beside it
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
-    /// Write a page with plots
+    /// Write an HTML page with plots
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// The recording
+    /// Recording to analyse
     #[arg(value_name = "FILE")]
     file: PathBuf,
 }

@@ -15,14 +15,14 @@ use crate::output::Console;
 /// Predict chatter: stability lobes, the nearest stable cut, the best feed direction
 ///
 /// CUT.toml states the modes at the tip of the tool (by hand, or results of `trued tap`), the cutter, and the cut: spindle speed, depth, direction of
-/// feed (docs/stability.md). The limit of depth is computed over spindle speed by the zeroth order and by semi-discretisation, which decides, and over the
-/// direction of feed. Linear theory: whether vibration grows, not how large it becomes. Exit 1 where the cut is not stable.
+/// feed (docs/stability.md). The limiting depth is computed over spindle speed, by the zeroth order and by semi-discretisation, which decides, and over the
+/// direction of feed. The theory is linear: it predicts whether vibration grows, not its amplitude. Exit 1 if the cut is not stable.
 #[derive(Debug, Args)]
 pub(crate) struct Stability {
-    /// Write a page with the stability chart and the limit over the direction of feed
+    /// Write an HTML page with the stability chart and the limiting depth over the direction of feed
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// The cut
+    /// Cut to analyse
     #[arg(value_name = "CUT.toml")]
     cut: PathBuf,
 }

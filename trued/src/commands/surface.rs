@@ -18,33 +18,33 @@ use crate::wrap;
 
 /// Analyse stylus profiles: waviness, roughness, feed marks
 ///
-/// Takes the form out (a line), parts waviness from roughness by the Gaussian filter of ISO 16610-21, and gives W, R and
-/// P parameters over the whole and over segments, the spectrum over cycles per mm, and its lines. Several profiles
+/// Removes the form (a line), separates waviness from roughness by the Gaussian filter of ISO 16610-21, and computes W, R and
+/// P parameters over the whole profile and over segments, the spectrum in cycles per mm, and its lines. Several profiles
 /// are compared in one table. A profile is a table with columns such as `x_um` and `z_um`, or one of heights alone
 /// with --spacing-um.
 #[derive(Debug, Args)]
 pub(crate) struct Surface {
     #[command(flatten)]
     heights: Heights,
-    /// Where roughness ends and waviness begins, mm
+    /// Cut-off wavelength between roughness and waviness, mm
     #[arg(long, value_name = "MM", default_value_t = 0.8)]
     cut_off_mm: f64,
-    /// Take away what is shorter than this as noise of the instrument, µm
+    /// Cut-off wavelength below which the profile is treated as noise of the instrument, µm
     #[arg(long, value_name = "UM")]
     short_cut_off_um: Option<f64>,
-    /// Degree of the form that is taken out: 0 the mean, 1 a line, 2 an arc, …
+    /// Degree of the polynomial that is removed as form: 0 the mean, 1 a line, 2 a parabola, …
     #[arg(long, value_name = "DEGREE", default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=FORM_MAX as i64))]
     form: u8,
-    /// Lengths of the segments over which parameters are also given, mm
+    /// Length of the segments for which parameters are also computed, mm
     #[arg(long, value_name = "MM,…", value_delimiter = ',', default_values_t = [2.5, 0.25])]
     segment_mm: Vec<f64>,
-    /// Speed of the tool along the profile: gives each line its frequency in time, mm/s
+    /// Speed of the tool along the profile, mm/s: gives each line its frequency in time
     #[arg(long, value_name = "MM_S")]
     feed_mm_s: Option<f64>,
-    /// Spindle speed: names the lines of its turns and teeth; needs --feed-mm-s
+    /// Spindle speed, rev/min: identifies lines of its revolutions and teeth; needs --feed-mm-s
     #[arg(long, value_name = "RPM", requires = "feed_mm_s")]
     spindle_rpm: Option<f64>,
-    /// Teeth of the tool
+    /// Number of teeth of the tool
     #[arg(
         long,
         value_name = "N",
@@ -53,17 +53,17 @@ pub(crate) struct Surface {
         requires = "spindle_rpm"
     )]
     teeth: u32,
-    /// A robot's model: names the lines at its natural frequencies; needs --feed-mm-s
+    /// Model of the robot: identifies lines at its natural frequencies; needs --feed-mm-s
     #[arg(long, value_name = "MODEL", requires = "feed_mm_s")]
     model: Option<PathBuf>,
-    /// A gear shaft by its revolutions per mm along the profile (`trued gears` prints them), or `x` TEETH that mesh there by
-    /// their cycles per mm, e.g. 2:1x10=0.186; names its lines. May be repeated
+    /// Gear shaft by its revolutions per mm along the profile (printed by `trued gears`), or tooth mesh (`x` number of teeth)
+    /// by its cycles per mm, e.g. 2:1x10=0.186: identifies its lines. May be repeated
     #[arg(long, value_name = "JOINT:SHAFT[xTEETH]=CYCLES_PER_MM")]
     wheel: Vec<WheelArg>,
-    /// Write a page with the profiles, their spectra and tables
+    /// Write an HTML page with the profiles, their spectra and tables
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Profiles
+    /// Profiles to analyse
     #[arg(value_name = "PROFILE", required = true)]
     profiles: Vec<PathBuf>,
 }
@@ -71,13 +71,13 @@ pub(crate) struct Surface {
 /// How a profile's table is read.
 #[derive(Debug, Args)]
 pub(super) struct Heights {
-    /// The heights' column, by name or by number from 1; needed where there are several
+    /// Column of the heights, by name or by number from 1; required if there are several
     #[arg(long, value_name = "C")]
     column: Option<String>,
-    /// Distance between two points, where no column tells it, µm
+    /// Distance between two points, µm, if no column states it
     #[arg(long, value_name = "UM")]
     spacing_um: Option<f64>,
-    /// Unit of heights whose column names none
+    /// Unit of the heights, if the column's name does not state it
     #[arg(long, value_name = "um|mm|nm", value_enum, hide_possible_values = true)]
     unit: Option<HeightUnit>,
 }

@@ -34,7 +34,7 @@ impl<const N: usize> FromStr for Tuple<N> {
     }
 }
 
-/// A target: its position on the tool, and its viewing direction if stated.
+/// A target: its position on the tool, and the direction that it faces if stated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Target {
     place_mm: [f64; 3],
@@ -55,44 +55,44 @@ impl FromStr for Target {
     }
 }
 
-/// The measuring, and what bars a pose.
+/// Instruments and targets, and constraints on poses.
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "What measures, and what bars a pose")]
 pub(super) struct Setup {
-    /// Where the instrument stands, base frame, mm; without it no line of sight is asked for
+    /// Position of the instrument, base frame, mm; without it, the line of sight is not checked
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     instrument: Option<Tuple<3>>,
-    /// A target on the tool, tool frame, mm, and which way it looks (a reflector); may be repeated. Without one the TCP is measured
+    /// Position of a target on the tool, tool frame, mm, optionally with the direction that it faces (a reflector); may be repeated. By default the TCP is measured
     #[arg(long, value_name = "X,Y,Z[,A,B,C]", allow_hyphen_values = true)]
     target: Vec<Target>,
-    /// Targets that have to be seen at a pose, at least
+    /// Minimum number of targets visible at a pose
     #[arg(long, value_name = "N", default_value_t = 1)]
     least_targets: usize,
-    /// The targets' places are known, else they are found along
+    /// The positions of the targets are known; by default they are estimated along
     #[arg(long)]
     targets_known: bool,
-    /// The measuring frame is the robot's base, else it is found along
+    /// The measuring frame is the robot's base frame; by default it is estimated along
     #[arg(long)]
     frame_known: bool,
     /// Largest angle between a reflector's direction and the beam, degrees
     #[arg(long, value_name = "DEG", default_value_t = 25.0)]
     accept_deg: f64,
-    /// Nearest and farthest distance that the instrument measures at, mm
+    /// Smallest and largest distance that the instrument can measure, mm
     #[arg(long, value_name = "MIN,MAX", default_value = "300,30000")]
     range_mm: Tuple<2>,
-    /// Standard uncertainty of a length, mm; if not given, that of the recordings, else 0.05
+    /// Standard uncertainty of a measured length, mm; by default that of the recordings, else 0.05
     #[arg(long, value_name = "MM")]
     sigma_mm: Option<f64>,
-    /// The tool's orientation is measured too, with this standard uncertainty, mrad
+    /// Standard uncertainty of the measured tool orientation, mrad; by default the orientation is not measured
     #[arg(long, value_name = "MRAD")]
     orientation_sigma_mrad: Option<f64>,
-    /// A ballbar or cable: about where its fixed end is, base frame, mm
+    /// Approximate position of the fixed end of a ballbar or cable, base frame, mm
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, requires = "length_mm")]
     anchor: Option<Tuple<3>>,
-    /// Shortest and longest distance from there that it measures, mm
+    /// Shortest and longest length of the ballbar or cable, mm
     #[arg(long, value_name = "MIN,MAX", requires = "anchor")]
     length_mm: Option<Tuple<2>>,
-    /// A plane that a probe touches: a point of it, its direction outwards, how far it extends from the point; base frame, mm; may be repeated
+    /// Plane touched by a probe: a point, the outward normal, and the extent around the point; base frame, mm; may be repeated
     #[arg(
         long,
         value_name = "X,Y,Z,A,B,C,R",
@@ -100,22 +100,22 @@ pub(super) struct Setup {
         conflicts_with = "anchor"
     )]
     plane: Vec<Tuple<7>>,
-    /// A sphere that a probe touches: middle and radius, base frame, mm; may be repeated
+    /// Sphere touched by a probe: centre and radius, base frame, mm; may be repeated
     #[arg(long, value_name = "X,Y,Z,R", allow_hyphen_values = true, conflicts_with = "anchor")]
     sphere: Vec<Tuple<4>>,
-    /// Distance kept from the joint limits, degrees
+    /// Margin to the joint limits, degrees
     #[arg(long, value_name = "DEG", default_value_t = 5.0)]
     margin_deg: f64,
-    /// Radius about each link, mm; 8 % of the arm's length if not given
+    /// Radius around each link, mm; by default 8 % of the arm's length
     #[arg(long, value_name = "MM")]
     link_radius_mm: Option<f64>,
-    /// Radius about the base's column, mm; 16 % of the arm's length if not given
+    /// Radius around the column of the base, mm; by default 16 % of the arm's length
     #[arg(long, value_name = "MM")]
     base_radius_mm: Option<f64>,
-    /// Height of the floor, base frame, mm; `none`: there is none. If not given, the base's foot for an arm that stands
+    /// Height of the floor, base frame, mm; `none`: no floor. By default at the foot of a standing arm
     #[arg(long, value_name = "Z|none", allow_hyphen_values = true, value_parser = floor)]
     floor_mm: Option<Floor>,
-    /// A box that the arm stays out of: two corners, base frame, mm; may be repeated
+    /// Box that the arm must not enter: two corners, base frame, mm; may be repeated
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", allow_hyphen_values = true)]
     keep_out: Vec<Tuple<6>>,
 }
