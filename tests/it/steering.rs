@@ -45,7 +45,9 @@ fn a_bypass_that_a_program_left_behind_is_shown_with_who_asked_and_undone_from_t
     let shown = trued(&place, &["status", CELL]);
     let by = format!("process {}, user ", left.pid);
     let flat = shown.said.split_whitespace().collect::<Vec<_>>().join(" ");
-    for words in ["bypass ON", "`trued bypass off` ends the bypass", "bypassed since 2", by.as_str()] {
+    for words in
+        ["bypass ON", "`trued bypass off` ends the bypass", "bypassed since 2", by.as_str()]
+    {
         assert!(flat.contains(words), "{words}: {}", shown.said);
     }
     let config = place.file("cell.toml");

@@ -12,12 +12,15 @@ use bus::acceptance::AcceptanceError;
 use bus::fleet::{Question, ask};
 use bus::offer::{OfferError, Statement};
 use bus::offering::{self, OfferingError};
-use bus::sparkplug::session::NoBroker;
+use bus::sparkplug::session::{Credentials, NoBroker};
 use bus::zenoh_bus::BusError;
 use bus::{
     Acceptance, Bridge, BridgeError, Endpoints, FleetError, Keys, Settings, Sparkplug, text,
 };
 use clap::{Args, Parser, Subcommand};
+
+/// The environment variable of the password at the broker.
+const MQTT_PASSWORD: &str = "TRUED_MQTT_PASSWORD";
 
 /// Connect cells to the plant's message bus (Zenoh)
 ///
@@ -77,6 +80,9 @@ struct BridgeOf {
     /// MQTT broker to which the messages are also sent as Sparkplug B
     #[arg(long, value_name = "HOST:PORT")]
     mqtt: Option<String>,
+    /// User name at the broker; the password is read from the environment variable `TRUED_MQTT_PASSWORD`
+    #[arg(long, value_name = "NAME", requires = "mqtt")]
+    mqtt_user: Option<String>,
 }
 
 /// Print the statement to sign with an offered model: hash, robot, counter and expiry
@@ -148,6 +154,10 @@ enum Failure {
     Acceptance(#[from] AcceptanceError),
     #[error(transparent)]
     Broker(#[from] NoBroker),
+    #[error(
+        "--mqtt-user needs the password in the environment variable `{MQTT_PASSWORD}`, which is not set"
+    )]
+    NoPassword,
     #[error("{path}: {why}")]
     Model { path: String, why: OfferError },
     #[error("cannot read {path}: {why}")]
@@ -165,7 +175,11 @@ impl Failure {
         match self {
             Self::Bridge(why) => why.is_input(),
             Self::Fleet(FleetError::Name(_) | FleetError::Expected(_)) => true,
-            Self::Acceptance(_) | Self::Broker(_) | Self::Model { .. } | Self::Read { .. } => true,
+            Self::Acceptance(_)
+            | Self::Broker(_)
+            | Self::NoPassword
+            | Self::Model { .. }
+            | Self::Read { .. } => true,
             Self::Offering(
                 OfferingError::Name(_) | OfferingError::Cell(_) | OfferingError::Read { .. },
             ) => true,
@@ -206,6 +220,7 @@ fn bridge(options: BridgeOf) -> Result<u8, Failure> {
     let keys = Keys::new(&options.group, &options.cell).map_err(BridgeError::Name)?;
     let endpoints = Endpoints { connect: options.bus.connect, listen: options.listen };
     let acceptance = options.models.as_deref().map(Acceptance::read).transpose()?;
+    let credentials = options.mqtt_user.map(credentials).transpose()?;
     let mut bridge = Bridge::open(keys.clone(), &endpoints, &options.spool, settings)?;
     if let Some(acceptance) = acceptance {
         bridge = bridge.accepting(acceptance);
@@ -227,7 +242,11 @@ fn bridge(options: BridgeOf) -> Result<u8, Failure> {
     let node = options
         .mqtt
         .map(|broker| Sparkplug::new(&broker, keys, bridge.kept(), &options.spool, settings));
-    let delivery = node.transpose()?.map(|node| deliver(node, Arc::clone(&stop)));
+    let node = node.transpose()?.map(|node| match credentials {
+        Some(credentials) => node.signed_in(credentials),
+        None => node,
+    });
+    let delivery = node.map(|node| deliver(node, Arc::clone(&stop)));
     let ended = bridge.run(&stop, &mut out);
     stop.store(true, Ordering::Relaxed);
     if let Some(delivery) = delivery {
@@ -236,6 +255,12 @@ fn bridge(options: BridgeOf) -> Result<u8, Failure> {
     }
     ended?;
     Ok(0)
+}
+
+/// The user's password is in the environment: a command line can be read by everybody on the machine.
+fn credentials(user: String) -> Result<Credentials, Failure> {
+    let password = std::env::var(MQTT_PASSWORD).map_err(|_| Failure::NoPassword)?;
+    Ok(Credentials { user, password })
 }
 
 /// Delivers to the broker in a thread of its own, so that the bridge does not wait for it.

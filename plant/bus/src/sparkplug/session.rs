@@ -3,6 +3,7 @@
 //! Sparkplug sends data with quality of service 0, which a broker does not acknowledge. After each page of messages this sends an UNSUBSCRIBE of a topic that it never subscribed to: a broker handles the packets of a connection in order, so that its UNSUBACK
 //! says that it has received all before. Until then the place in the spool does not move, and after a loss the page is sent again: a historian may get a message twice (`number` tells), and misses none.
 
+use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -34,6 +35,21 @@ const REBIRTH: &str = "Node Control/Rebirth";
 #[error("broker `{0}`: expected HOST:PORT")]
 pub struct NoBroker(String);
 
+/// What a node signs in with at its broker. The connection is not encrypted.
+#[derive(Clone)]
+pub struct Credentials {
+    /// Name of the user.
+    pub user: String,
+    /// Its password; never shown.
+    pub password: String,
+}
+
+impl fmt::Debug for Credentials {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Credentials").field("user", &self.user).finish_non_exhaustive()
+    }
+}
+
 /// Why a connection ended.
 #[derive(Debug, thiserror::Error)]
 enum Ended {
@@ -52,6 +68,7 @@ enum Ended {
 pub struct Sparkplug {
     host: String,
     port: u16,
+    credentials: Option<Credentials>,
     keys: Keys,
     kept: Arc<Kept>,
     settings: Settings,
@@ -76,7 +93,13 @@ impl Sparkplug {
         let (host, port) = parts.ok_or_else(|| NoBroker(address.to_owned()))?;
         let stream = kept.spool().stream();
         let cursor = Cursor::read(folder, stream);
-        Ok(Self { host: host.to_owned(), port, keys, kept, settings, cursor })
+        Ok(Self { host: host.to_owned(), port, credentials: None, keys, kept, settings, cursor })
+    }
+
+    /// The same, signing in at the broker.
+    #[must_use]
+    pub fn signed_in(self, credentials: Credentials) -> Self {
+        Self { credentials: Some(credentials), ..self }
     }
 
     /// Delivers until `stop` is set; `tell` gets each change of the connection in words.
@@ -213,6 +236,9 @@ impl Connection {
             .set_keep_alive(node.settings.broker_keep_alive)
             .set_clean_session(true)
             .set_max_packet_size(PACKET_BYTES_MAX, PACKET_BYTES_MAX);
+        if let Some(Credentials { user, password }) = &node.credentials {
+            options.set_credentials(user, password);
+        }
         let (client, mut loop_) = Client::new(options, QUEUE);
         let (hand_over, packets) = channel();
         // It ends with the connection, or when this side is dropped.

@@ -33,6 +33,23 @@ impl Broker {
         Self { program, folder, port }
     }
 
+    /// The same for users with a password alone.
+    fn with_user(program: PathBuf, user: &str, password: &str) -> Self {
+        let broker = Self::new(program);
+        let users = broker.folder.0.join("users");
+        let mut passwd = Command::new("mosquitto_passwd");
+        let made = passwd.args(["-b", "-c"]).arg(&users).args([user, password]).status().unwrap();
+        assert!(made.success());
+        let port = broker.port;
+        // Started as root, the broker gives up its rights and could not read the file.
+        let config = format!(
+            "listener {port} 127.0.0.1\nallow_anonymous false\nuser root\npassword_file {}\n",
+            users.display()
+        );
+        std::fs::write(broker.folder.0.join("broker.conf"), config).unwrap();
+        broker
+    }
+
     fn start(&self) -> Process {
         let config = self.folder.0.join("broker.conf");
         let mut command = Command::new(&self.program);
@@ -134,6 +151,32 @@ fn bridge(folder: &Folder, listen: &str, broker: &str) -> Process {
     let broker = broker.strip_prefix("tcp/").unwrap();
     command.args(["--mqtt", broker, "--spool"]).arg(folder.0.join("spool"));
     Process::start(command.env("TRUED_RUNTIME_DIR", folder.0.join("run")), "mqtt: 127")
+}
+
+/// A bridge that signs in, until it prints a line with `ready`.
+fn signed_in(folder: &Folder, broker: &Broker, password: Option<&str>, ready: &str) -> Process {
+    let words = ["bridge", "cell", "--group", "line", "--listen", &endpoint()];
+    let mut command = plant(&words);
+    let port = broker.port;
+    command.args(["--mqtt", &format!("127.0.0.1:{port}"), "--mqtt-user", "line", "--spool"]);
+    command.arg(folder.0.join("spool")).env("TRUED_RUNTIME_DIR", folder.0.join("run"));
+    command.env_remove("TRUED_MQTT_PASSWORD");
+    if let Some(password) = password {
+        command.env("TRUED_MQTT_PASSWORD", password);
+    }
+    Process::start(&mut command, ready)
+}
+
+#[test]
+fn a_broker_for_users_alone_is_joined_with_the_right_password_and_no_other() {
+    let Some(mosquitto) = mosquitto() else {
+        return skipped("a password at the broker", "no program `mosquitto`");
+    };
+    let broker = Broker::with_user(mosquitto, "line", "a right one");
+    let (_running, folder) = (broker.start(), Folder::new());
+    signed_in(&folder, &broker, Some("a wrong one"), "refused").kill();
+    signed_in(&folder, &broker, Some("a right one"), "connected").kill();
+    signed_in(&folder, &broker, None, "TRUED_MQTT_PASSWORD").kill();
 }
 
 fn unix_ms() -> u64 {
