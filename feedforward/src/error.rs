@@ -23,6 +23,18 @@ pub enum FeedforwardError {
     /// Too few rows.
     #[error("{0} rows were given, expected 8 or more")]
     TooShort(usize),
+    /// A gap in time.
+    #[error(
+        "row {row}: {gap_s} s after the row before, expected at most {most_s:.3} s (ten times the median): the motion between is not known; correct the parts separately"
+    )]
+    Gap {
+        /// The row after the gap, from 1.
+        row: usize,
+        /// s.
+        gap_s: f64,
+        /// s.
+        most_s: f64,
+    },
     /// A row without commanded joints.
     #[error("row {row}: joint {joint} has no commanded position, expected one in each row")]
     NoCommand {

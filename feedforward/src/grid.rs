@@ -11,6 +11,8 @@ use world::forward::positions_at;
 pub const ROWS_LEAST: usize = 8;
 /// Time stamps that deviate by less than this share of a step count as even.
 const EVEN: f64 = 0.02;
+/// Longest time between two rows that is interpolated, in median steps: a curve over a longer gap invents motion.
+const GAP_STEPS_MAX: f64 = 10.0;
 
 /// A path on even time stamps.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,7 +43,7 @@ pub fn median_step_s(times_s: &[f64]) -> Result<f64, FeedforwardError> {
 /// The path of a recording, with a rest of `lead_s` before and after it.
 ///
 /// # Errors
-/// Poses instead of a path, several segments, too few rows, a row without a command.
+/// Poses instead of a path, several segments, too few rows, a gap in time, a row without a command.
 pub fn extended(
     recording: &Recording,
     kinds: &[JointKind],
@@ -114,6 +116,14 @@ fn even(recording: &Recording) -> Result<Even, FeedforwardError> {
     if recording.t_s.iter().enumerate().all(is_even) {
         let times_s = recording.t_s.clone();
         return Ok(Even { times_s, step_s: mean_s, is_resampled: false });
+    }
+    let is_gap = |t: &[f64]| t[1] - t[0] > GAP_STEPS_MAX * step_s;
+    if let Some(before) = recording.t_s.windows(2).position(is_gap) {
+        return Err(FeedforwardError::Gap {
+            row: before + 2,
+            gap_s: recording.t_s[before + 1] - recording.t_s[before],
+            most_s: GAP_STEPS_MAX * step_s,
+        });
     }
     // The last row is at or after the end of the path.
     let rows = ((last_s - first_s) / step_s).ceil() as usize;

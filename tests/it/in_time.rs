@@ -271,6 +271,15 @@ fn a_preview_leaves_a_fifth_of_the_path_error_and_learning_a_tenth() {
             ["correct", "--dynamic", "path.csv", "--out", "run1.csv", "--json", "correct.json"];
         let said = cell.place.succeed(&[&correct[..], &model].concat()).out;
         assert!(said.contains("the arm stands still for"), "{said}");
+        let json = cell.place.json("correct.json");
+        let deviation_mm =
+            json["dynamic"]["tool_with"]["from_path_mm"]["largest"].as_f64().unwrap();
+        for (part, code) in [(0.9, 1), (1.1, 0)] {
+            let tolerance_mm = format!("{:.6}", part * deviation_mm);
+            let allowed = ["--tolerance-mm", tolerance_mm.as_str()];
+            let judged = cell.place.run(&[&correct[..], &model, &allowed].concat());
+            assert_eq!(judged.code, Some(code), "{} of {deviation_mm}", judged.out);
+        }
         let preview = cell.run("run1.csv", "measured1.csv");
         println!(
             "largest from the path: {:.3} mm uncompensated, {:.3} mm with preview",

@@ -2,6 +2,7 @@
 //! daemon runs, is bypassed, stalls and dies.
 
 use crate::TRUED;
+use crate::steering::trued;
 use rustix::process::Signal;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -206,6 +207,31 @@ fn the_robot_is_drawn_with_its_correction_while_its_file_is_the_model_in_use() {
     let end = Instant::now() + LIMIT;
     while !is_left(drawing(&mut lines)) {
         assert!(Instant::now() < end, "the former model is still drawn");
+    }
+}
+
+#[test]
+fn a_metrics_file_replaces_no_other_file() {
+    let place = Place::new("full", "");
+    let _daemon = Process::ready_daemon(TRUED, &place);
+    for name in ["cell.toml", "model.toml"] {
+        let file = place.file(name);
+        let before = std::fs::read(&file).expect("a file");
+        let done = trued(&place, &["live", CELL, "--textfile", file.to_str().expect("a path")]);
+        assert_eq!(done.code, Some(2), "{}", done.said);
+        assert!(done.said.contains("not a metrics file of trued"), "{}", done.said);
+        assert_eq!(std::fs::read(&file).expect("a file"), before);
+    }
+    let file = place.file("trued.prom");
+    let text = file.to_str().expect("a path");
+    for _ in 0..2 {
+        // The second finds the file of one that was killed.
+        let mut live = Process::start(TRUED, &["live", CELL, "--textfile", text], &place);
+        let is_up = || std::fs::read_to_string(&file).is_ok_and(|text| text.contains("trued_up"));
+        let _ = within(is_up);
+        let metrics = std::fs::read_to_string(&file).expect("metrics");
+        assert!(metrics.lines().any(|line| line.starts_with("trued_up") && line.ends_with(" 1.0")));
+        live.kill();
     }
 }
 

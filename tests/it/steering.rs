@@ -16,13 +16,13 @@ const LIMIT: Duration = Duration::from_secs(10);
 const LIMITED_RAD: f64 = 2e-3;
 
 /// How a command ended.
-struct Done {
-    code: Option<i32>,
-    said: String,
+pub(crate) struct Done {
+    pub(crate) code: Option<i32>,
+    pub(crate) said: String,
     pid: u32,
 }
 
-fn trued(place: &Place, arguments: &[&str]) -> Done {
+pub(crate) fn trued(place: &Place, arguments: &[&str]) -> Done {
     let mut command = Command::new(TRUED);
     command.args(arguments).env(shm_schema::RUNTIME_DIR_ENV, place.root());
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();

@@ -18,7 +18,9 @@ pub(crate) struct Guarded(Child);
 impl Guarded {
     /// Starts it, without standard input.
     pub(crate) fn spawn(command: &mut Command) -> Result<Self, Failure> {
-        command.stdin(Stdio::null()).spawn().map(Self).map_err(Failure::system)
+        let started = command.stdin(Stdio::null()).spawn();
+        let program = command.get_program().display();
+        started.map(Self).map_err(|why| Failure::system(format!("cannot start {program}: {why}")))
     }
 
     /// Starts it with a standard input that [`Guarded::tell`] writes to.

@@ -295,11 +295,22 @@ impl Figures {
 }
 
 impl Tolerance {
+    /// The same with the largest deviation from the path in motion, mm.
+    pub(crate) fn and(self, deviation_mm: f64) -> Self {
+        let largest_mm = self.largest_mm.map(|largest_mm| largest_mm.max(deviation_mm));
+        Self { largest_mm, met: self.met && deviation_mm <= self.tolerance_mm, ..self }
+    }
+
     /// The verdict.
     pub(crate) fn told(&self) -> String {
         let Self { tolerance_mm, rows_beyond, met, .. } = self;
         if *met {
             return format!("tolerance           {tolerance_mm} mm met in every row");
+        }
+        if let (0, Some(largest_mm)) = (rows_beyond, self.largest_mm) {
+            return format!(
+                "tolerance           {tolerance_mm} mm not met: path deviation of {largest_mm:.3} mm in motion"
+            );
         }
         let rows = count(*rows_beyond, "row");
         format!(

@@ -143,7 +143,12 @@ impl Judged<'_> {
 
     fn undamaged(&self, sum: String, width_max: Option<usize>) -> Vec<TextLine> {
         let found = &self.found;
-        let mut lines = vec![TextLine::with_head(Tone::Good, "the model still holds", sum)];
+        let head = if found.is_informative() {
+            TextLine::with_head(Tone::Good, "the model still holds", sum)
+        } else {
+            TextLine::with_head(Tone::Caution, "not judged: these poses reveal no damage", sum)
+        };
+        let mut lines = vec![head];
         let unseen = unseen(&found.detectable);
         if !unseen.is_empty() {
             let rest = format!(

@@ -107,6 +107,14 @@ pub struct Judgement {
     pub detectable: Vec<Detectable>,
 }
 
+impl Judgement {
+    /// Whether damage of any kind would have been detected; else nothing is known of the robot.
+    #[must_use]
+    pub fn is_informative(&self) -> bool {
+        self.detectable.iter().any(|found| found.least.is_some())
+    }
+}
+
 impl Damage {
     /// What it is called, for users.
     #[must_use]

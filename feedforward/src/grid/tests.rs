@@ -38,6 +38,21 @@ fn uneven_rows_are_resampled_and_this_is_reported() {
 }
 
 #[test]
+fn a_gap_is_refused_with_its_row_and_no_motion_is_invented() {
+    let mut times_s: Vec<f64> = (0..200).map(|k| f64::from(k) * 4e-3).collect();
+    times_s[150..].iter_mut().for_each(|t_s| *t_s += 60.0);
+    let path = recording(&times_s, |t_s| (3.0 * t_s).sin());
+    let refused = extended(&path, &[JointKind::Revolute], 0.0).expect_err("a gap");
+    let FeedforwardError::Gap { row, gap_s, .. } = refused else { panic!("{refused}") };
+    assert_eq!(row, 151);
+    assert!((gap_s - 60.004).abs() < 1e-9, "{gap_s}");
+    // A last time stamp far away must not take memory.
+    times_s.iter_mut().for_each(|t_s| *t_s = t_s.min(1.0));
+    times_s[199] = 1e15;
+    assert!(extended(&recording(&times_s, |_| 0.0), &[JointKind::Revolute], 0.0).is_err());
+}
+
+#[test]
 fn anything_but_a_single_path_is_refused() {
     let times_s: Vec<f64> = (0..50).map(|k| f64::from(k) * 4e-3).collect();
     let kinds = [JointKind::Revolute];

@@ -58,6 +58,12 @@ impl PreviewReport {
         self.joints.iter().map(|joint| joint.limited_rows).sum()
     }
 
+    /// Largest distance of the compensated tool from the path by the model, mm.
+    #[must_use]
+    pub fn path_deviation_mm(&self) -> f64 {
+        self.tool_with.from_path_mm.largest
+    }
+
     /// The result in lines of text.
     #[must_use]
     pub fn text(&self) -> String {

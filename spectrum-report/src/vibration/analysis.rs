@@ -69,8 +69,9 @@ impl Analysis {
     /// # Errors
     /// As [`stability::nearest_stable`].
     pub fn add_nearest_stable(&mut self, cut: &Path) -> Result<(), Error> {
+        let found = stability::nearest_stable(cut)?;
         if self.chatters() {
-            self.nearest_stable = stability::nearest_stable(cut)?;
+            self.nearest_stable = found;
         }
         Ok(())
     }

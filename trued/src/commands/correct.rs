@@ -101,7 +101,9 @@ impl Correct {
         let figures = corrections.figures(&csv);
         let corrections_file = out.display().to_string();
         outputs.put(&out, csv.as_slice());
-        let tolerance = self.tolerance_mm.map(|allowed_mm| corrections.within(allowed_mm));
+        let deviation_mm = dynamic.as_ref().map_or(0.0, PreviewReport::path_deviation_mm);
+        let tolerance =
+            self.tolerance_mm.map(|allowed_mm| corrections.within(allowed_mm).and(deviation_mm));
         let report =
             Report { figures: &figures, corrections: corrections_file, tolerance, dynamic };
         console.write(outputs, "trued.correct/1", &report)?;

@@ -14,6 +14,10 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 use crate::output::Console;
 
+/// How the file for node_exporter begins.
+const METRICS_HEAD: &[u8] = b"# HELP trued_";
+/// How long the first status may take.
+const FIRST_STATUS_WITHIN: Duration = Duration::from_secs(2);
 /// How often the file for node_exporter is written: its usual scrape interval is 15 s.
 const TEXT_EVERY: Duration = Duration::from_secs(5);
 /// Maximum sleep between checks for an interruption.
@@ -80,6 +84,16 @@ impl LiveOf {
 
 fn write_metrics(console: &mut Console, cell: &str, mut monitor: Monitor, file: &Path) -> Outcome {
     let stop = interrupt::flag()?;
+    if !may_be_replaced(file) {
+        return Err(Failure::input(format!(
+            "{} exists and is not a metrics file of trued; choose another name",
+            file.display()
+        )));
+    }
+    let begun = Instant::now();
+    while monitor.status().is_none() && begun.elapsed() < FIRST_STATUS_WITHIN {
+        std::thread::sleep(NAP);
+    }
     console.say(format!("cell `{cell}`: metrics in {} every 5 s", file.display()))?;
     while interrupt::check(&stop).is_ok() {
         let begun = Instant::now();
@@ -99,6 +113,17 @@ fn write_metrics(console: &mut Console, cell: &str, mut monitor: Monitor, file: 
     // Stale metrics would look like current ones.
     let _ = std::fs::remove_file(file);
     Ok(Answer::Done)
+}
+
+/// Whether there is no such file, or one that this command wrote.
+fn may_be_replaced(file: &Path) -> bool {
+    match std::fs::symlink_metadata(file) {
+        Ok(found) if found.is_file() => {
+            std::fs::read(file).is_ok_and(|text| text.starts_with(METRICS_HEAD))
+        }
+        Ok(_) => false,
+        Err(_) => true,
+    }
 }
 
 /// A reader sees the old text or the new one, never half of one.

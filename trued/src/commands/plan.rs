@@ -157,6 +157,11 @@ impl Plan {
             return self.experiment(diagnosed, console);
         }
         let is_judged = (self.check || self.iso9283) && !self.recordings.is_empty();
+        if is_judged && (self.files.out.is_some() || self.count.is_some()) {
+            return Err(Failure::input(
+                "a recording is judged, no poses are planned: leave out --out and --count, or the recording",
+            ));
+        }
         let mut outputs = if is_judged { console.outputs() } else { self.files.outputs(console) };
         outputs.check(self.recordings.iter().chain(&self.among).chain(self.reading.files()))?;
         let input = self.input()?;
@@ -216,7 +221,8 @@ impl Plan {
         judged.warnings.iter().for_each(|warning| warn!("{warning}"));
         console.write(outputs, "trued.plan/1", &judged.report())?;
         console.say_lines(&judged.text(wrap::columns_of_stdout()))?;
-        Ok(if judged.found.holds { Answer::Done } else { Answer::No })
+        let is_sound = judged.found.holds && judged.found.is_informative();
+        Ok(if is_sound { Answer::Done } else { Answer::No })
     }
 
     fn evaluate(&self, robot: Robot<'_>, console: &mut Console, outputs: Outputs) -> Outcome {
