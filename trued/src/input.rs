@@ -170,7 +170,7 @@ impl Input {
             warn!("{}: {note}", recording.file.display());
         }
         for effect in model.not_compensated_names() {
-            info!(effect, "not compensated");
+            info!(effect, "not compensated by the static correction");
         }
         let step_s = median_step_s(recording);
         let corrects = need == Need::Path && recording.about.kind == Kind::Path;
