@@ -6,6 +6,8 @@
 use std::ops::Bound;
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
+
 use crate::faults::Faults;
 use crate::files::{FileError, read_text};
 use crate::series::{Cut, read_cut};
@@ -16,6 +18,8 @@ pub const SCHEMA: &str = "trued.cut/1";
 
 /// Least and largest spindle speed, rev/min.
 const SPINDLE_RPM: (Bound<f64>, Bound<f64>) = (Bound::Included(1.0), Bound::Included(1e6));
+/// Least sine of the angle between feed and up; the same as in the equations.
+const ACROSS_LEAST: f64 = 1e-6;
 /// Default range of speeds in the chart, relative to the present one.
 const CHART: [f64; 2] = [0.5, 1.5];
 /// Default of the largest depth evaluated, as a multiple of the present one.
@@ -93,6 +97,12 @@ fn cut_file(root: &Table<'_, '_>) -> Option<CutFile> {
     root.choice("schema", &[(SCHEMA, ())]);
     let feed = direction(root, "feed", [1.0, 0.0, 0.0]);
     let up = direction(root, "up", [0.0, 0.0, 1.0]);
+    if let Some((feed, up)) = feed.zip(up) {
+        let across = DVec3::from(feed).normalize().cross(DVec3::from(up).normalize());
+        if across.length() < ACROSS_LEAST {
+            root.fault("feed", "is parallel to up", "a direction across `up` (0, 0, 1 by default)");
+        }
+    }
     let spindle_rpm = root.number("spindle_rpm", SPINDLE_RPM);
     let margin = root.number("margin", 0.0..=1.0).unwrap_or(0.1);
     let taps = root.texts("taps").unwrap_or_default();
@@ -219,6 +229,12 @@ direction = [0.0, 2.0, 0.0]
         }
         faults.assert_say("`chart.spindle_to_rpm`: is 8000");
         faults.assert_say("`chart.depth_max_mm`: is 0.1 mm");
+    }
+
+    #[test]
+    fn a_feed_along_the_spindle_is_refused() {
+        let text = SHORT.replace("[cut]", "feed = [0.0, 0.0, 2.0]\n[cut]");
+        CutFile::parse("cut.toml", &text).unwrap_err().assert_say("is parallel to up");
     }
 
     #[test]

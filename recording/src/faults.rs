@@ -256,14 +256,18 @@ impl std::error::Error for Faults {}
 pub fn nearest<'k>(name: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
     let near = |k: &'k str| (distance(name, k), k);
     let (steps, found) = known.into_iter().map(near).min_by_key(|(steps, _)| *steps)?;
-    let length = name.chars().count().max(found.chars().count());
+    // No more of a name is compared: a long text is near to nothing.
+    let length = name.chars().count().max(found.chars().count()).min(COMPARED);
     (steps > 0 && steps * 3 <= length.max(3)).then_some(found)
 }
 
+/// Number of characters of a name that are compared.
+const COMPARED: usize = 64;
+
 /// Number of single-character edits (insert, delete, replace, swap of neighbours).
 fn distance(a: &str, b: &str) -> usize {
-    let a: Vec<char> = a.chars().take(64).collect();
-    let b: Vec<char> = b.chars().take(64).collect();
+    let a: Vec<char> = a.chars().take(COMPARED).collect();
+    let b: Vec<char> = b.chars().take(COMPARED).collect();
     let mut rows = vec![vec![0_usize; b.len() + 1]; a.len() + 1];
     for i in 0..=a.len() {
         for j in 0..=b.len() {

@@ -272,7 +272,8 @@ impl<'t, 's> Builder<'t, 's> {
                 self.cell_fault(row, from, fault);
             } else if before.is_some_and(|before| before >= *t) {
                 let before = before.unwrap_or_default();
-                let message = format!("decreases: {t} after {before}");
+                let verb = if before == *t { "repeats" } else { "decreases" };
+                let message = format!("{verb}: {t} after {before}");
                 let fault = Fault::new("t_s", message)
                     .expected("strictly increasing times within a segment");
                 self.cell_fault(row, from, fault);

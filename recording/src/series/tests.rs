@@ -48,7 +48,7 @@ fn every_fault_of_a_table_is_reported_with_row_and_column() {
         3 | 1,0,one,2,1,0,0,0,0,1
           |     ^^^ expected a number
 
-        error: `t_s`: decreases: 1 after 1
+        error: `t_s`: repeats: 1 after 1
          --> run.csv:4:1
           |
         4 | 1,0,1,inf,1,0,0,0,0,2
