@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use super::Settings;
-use super::input::Source;
+use super::input::{Channel, Source};
 use super::monitor::{self, Episode, Monitored};
 use super::path::{self, PathSpectra, Wheels};
-use super::spectra::{self, ChannelSpectrum};
+use super::spectra::{self, ChannelSpectrum, ClassifiedLine};
 use crate::error::Error;
 use crate::stability;
 
@@ -74,6 +74,14 @@ impl Analysis {
             self.nearest_stable = found;
         }
         Ok(())
+    }
+
+    /// The lines of the whole recording, each with its channel.
+    pub(crate) fn lines(&self) -> impl Iterator<Item = (&Channel, &ClassifiedLine)> {
+        self.spectra.iter().flat_map(move |one| {
+            let channel = &self.source.channels[one.channel];
+            one.lines.iter().map(move |line| (channel, line))
+        })
     }
 
     /// Whether the monitor had enough data for a result.
