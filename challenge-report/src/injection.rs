@@ -54,7 +54,7 @@ pub enum NoInjection {
     #[error("effects are added to arms of up to seven revolute joints, or to one slide")]
     Robot,
     /// The recording is too short.
-    #[error("{0}: no stretch of positions and torques of every joint is long enough")]
+    #[error("{0}: no section with positions and torques of every joint is long enough")]
     TooShort(String),
     /// The written model does not load.
     #[error(transparent)]

@@ -15,10 +15,10 @@ impl Scored {
         let figures = &self.figures;
         let mut page = first_screen(figures);
         page = page.section("All figures").table(&all(figures)).section("By strength");
-        page = page.table(&ranges(figures)).section("By effect").figure(
-            "First answer right, single effects that count towards a bar.",
-            &by_effect(figures),
-        );
+        page = page
+            .table(&ranges(figures))
+            .section("By effect")
+            .figure("Correct first answers, single effects.", &by_effect(figures));
         page = page.table(&confused(figures));
         let counted = self.outcomes.iter().filter(|outcome| outcome.counts());
         let shares: Vec<f64> = counted.filter_map(|outcome| outcome.errors?.share()).collect();
@@ -26,8 +26,8 @@ impl Scored {
             let held = shares.iter().map(|share| share.clamp(-1.0, 1.2));
             let plot = Histogram::new("Gain", Axis::new("Share of the oracle's gain", "1"))
                 .values("cases", held);
-            page = page.section("Gain on a motion that nobody saw").figure(
-                "Error taken away by the written model, as a share of what the true form with fitted numbers takes away; held within −1 and 1.2.",
+            page = page.section("Gain on a motion that was not recorded").figure(
+                "Error reduction by the written model, relative to that by the true form with fitted parameters; limited to −1 and 1.2.",
                 &plot.render(),
             );
         }
@@ -46,7 +46,7 @@ fn first_screen(figures: &Figures) -> Page {
             Tone::Plain,
             "blind cases scored",
             &format!(
-                "{} cases of seed {}; the truth was sealed before anyone answered. First answer right: {}; false findings: {} of {}.",
+                "{} cases of seed {}; the truth was sealed before the answers. Correct first answers: {}; false findings: {} of {}.",
                 figures.cases,
                 figures.seed,
                 share(figures.first_right),

@@ -134,12 +134,14 @@ impl Simulation {
         let mut warnings = Vec::new();
         if !understated.is_empty() {
             let columns = understated.join(", ");
-            warnings.push(format!("the noise is more than `sigma` of the recording states, which stays as it is: {columns}"));
+            warnings.push(format!(
+                "the noise exceeds the `sigma` of the recording, which is kept: {columns}"
+            ));
         }
         if *rows_beyond > 0 {
             let rows = count(*rows_beyond, "row");
             warnings.push(format!(
-                "in {rows} a joint is loaded beyond what its stiffness_hardening holds for"
+                "in {rows} a joint is loaded beyond the range of its stiffness_hardening"
             ));
         }
         if !left_out.is_empty() {

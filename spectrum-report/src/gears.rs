@@ -3,7 +3,7 @@
 //! [`straight`] and [`recorded`] give the rotation of each joint along a path; [`analyse`] gives the shafts and meshes of the model's gear trains along it, and
 //! [`Analysis::match_lines`] assigns lines to them: given ones, those of stylus profiles ([`crate::surface`]), and those of recordings over their path
 //! ([`crate::vibration`]). Revolutions, teeth and degrees per mm have separate columns (decision 0010); every wheel that fits a line is listed, with the
-//! probability of a match by chance; a wheel whose speed varies too much to produce a line is not matched. Modules in the order in which to read them: `path`,
+//! probability of a random match; a wheel whose speed varies too much to produce a line is not matched. Modules in the order in which to read them: `path`,
 //! `trains`, `lines`, `matching`, `analysis`, `result`, `text`, `page`.
 //!
 //! ```no_run

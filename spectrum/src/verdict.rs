@@ -171,13 +171,13 @@ impl fmt::Display for Advice {
             ),
             Self::ReduceDepth => f.write_str("reduce the depth of cut"),
             Self::SampleFaster => f.write_str(
-                "sample faster, or filter before sampling: the line may be a folded multiple of the spindle speed",
+                "sample faster, or filter before sampling: the line may be an aliased harmonic of the spindle speed",
             ),
-            Self::CheckGear { joint: 0, .. } => f.write_str("look at the gear trains: the line follows the feed"),
+            Self::CheckGear { joint: 0, .. } => f.write_str("check the gear trains: the line follows the feed"),
             Self::CheckGear { joint, shaft } => {
-                write!(f, "look at joint {joint}, gear shaft {shaft}: the line follows the feed")
+                write!(f, "check joint {joint}, gear shaft {shaft}: the line follows the feed")
             }
-            Self::CheckWiring => f.write_str("look at cables, shields and grounding: a mains line"),
+            Self::CheckWiring => f.write_str("check cables, shields and grounding: a mains line"),
         }
     }
 }

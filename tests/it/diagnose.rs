@@ -401,7 +401,7 @@ fn the_proposed_experiment_identifies_what_a_poor_motion_cannot() {
     let expected = said["experiment"]["expected_separation"].as_f64().expect("a number");
     assert!(expected > 5.0, "{:#}", said["experiment"]);
     let plan = place.succeed(&["plan", "--for", "said", "--json", "plan.json"]);
-    assert!(plan.out.contains("not looked at"), "{}", plan.out);
+    assert!(plan.out.contains("not checked"), "{}", plan.out);
     assert_eq!(place.json("plan.json")["does"], "experiment");
     see(&place, "said/experiment.csv", "carried_out");
     let both = ["seen.csv", "carried_out.csv"];

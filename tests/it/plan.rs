@@ -244,7 +244,7 @@ fn a_check_without_known_targets_says_that_a_bent_tool_does_not_show_and_that_th
     ]);
     let said = place.json("j.json");
     assert!(said["unseen"].to_string().contains("the tool was shifted"), "{said:#}");
-    assert!(judged.out.contains("not seen by this check"), "{}", judged.out);
+    assert!(judged.out.contains("not detectable by this check"), "{}", judged.out);
     let scatter = number(&said, "scatter");
     assert!(
         (0.1..1.0).contains(&scatter),

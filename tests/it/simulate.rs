@@ -101,7 +101,7 @@ fn what_is_stated_of_an_instrument_stays_and_noise_beyond_it_is_reported() {
     let made = read(&place.path("made.csv"), None, Need::Measurement).expect("a recording");
     let sigma = [0, 1, 2].map(|axis| made.sigma(Channel::Position(axis)));
     assert_eq!(sigma, [Some(1.5e-4), Some(1e-5), Some(4e-5)]);
-    assert!(said.contains("stays as it is: y\n"), "{said}");
+    assert!(said.contains("which is kept: y\n"), "{said}");
 }
 
 #[test]

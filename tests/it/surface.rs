@@ -108,7 +108,7 @@ fn anything_but_a_profile_is_refused_with_a_remedy() {
     refused(&place.run(&["surface", "--unit", "um", "alone.txt"]), &["alone.txt"]);
     refused(
         &place.run(&["surface", "--spacing-um", "1", "alone.txt"]),
-        &["names no unit", "--unit"],
+        &["states no unit", "--unit"],
     );
     place.file("force.csv", &good.replace("z_um", "z_N"));
     refused(&place.run(&["surface", "force.csv"]), &["`N`", "expected heights"]);

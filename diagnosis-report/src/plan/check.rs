@@ -108,7 +108,7 @@ impl CheckPlan<'_> {
         lines.push(table.render(width_max).into());
         let (detected, false_alarms) = self.rates();
         lines.push(
-            format!("seen in {detected} of 100 cases where it is at least this large, {false_alarms} false alarms in 1000 sound robots:")
+            format!("detected in {detected} of 100 cases if at least this large, with {false_alarms} false alarms in 1000 undamaged robots:")
                 .into(),
         );
         lines.push(detectable_table(model, &found.detectable, width_max).into());
@@ -123,7 +123,7 @@ impl CheckPlan<'_> {
     pub fn page(&self) -> Page {
         let Self { robot, settings, start, found, .. } = self;
         let heads = ["Damage", "Minimum detectable change"];
-        let start_table = Table::new("What the poses can show", heads);
+        let start_table = Table::new("Detectable damage", heads);
         let detectable = found.detectable.iter().fold(start_table, |table, one| {
             table
                 .row([one.damage.says().into(), least_detectable(&robot.model.physics, one).into()])
@@ -133,14 +133,14 @@ impl CheckPlan<'_> {
         let content = PageContent {
             verdict: format!("{} for a check", count(found.poses.len(), "pose")),
             sentence: format!(
-                "Damage of the size in the table is seen in {detected} of 100 cases, with {false_alarms} false alarms in 1000 sound robots."
+                "Damage of the size in the table is detected in {detected} of 100 cases, with {false_alarms} false alarms in 1000 undamaged robots."
             ),
             numbers: vec![Number::text("Poses", found.poses.len().to_string())],
             poses: numbered(&found.poses),
             details: vec![detectable],
             open: not_checked.iter().map(|open| format!("not checked: {open}")).collect(),
             next: (
-                "Load the program and run it slowly first; measure, fill the readings into poses.csv, and have them judged.",
+                "Load the program and run it slowly first; measure, enter the readings in poses.csv, and evaluate them.",
                 settings.measured_by("plan --check", ""),
             ),
         };

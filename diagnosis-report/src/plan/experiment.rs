@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 /// Names of the files: the path with columns for the measurements, and its description.
 pub const FILES: [&str; 2] = ["experiment.csv", "experiment.toml"];
 /// What is not checked.
-const NOT_CHECKED: &str = "what stands around the robot, and whether the tool meets floor, base or cables: run it slowly first, with a hand on the stop";
+const NOT_CHECKED: &str = "obstacles around the robot, and collisions of the tool with floor, base or cables: run it slowly first, with a hand on the emergency stop";
 
 /// An experiment: `trued.plan/1` (docs/reference/results.md).
 #[derive(Serialize)]
@@ -135,7 +135,7 @@ impl Experiment<'_> {
         vec![
             self.request.says.as_str().into(),
             format!("{rows} rows over {takes_s} s, written to {list} and {about}").into(),
-            format!("not looked at: {NOT_CHECKED}").into(),
+            format!("not checked: {NOT_CHECKED}").into(),
             "record it, fill the empty columns, and give it to trued diagnose beside the first recording".into(),
         ]
     }

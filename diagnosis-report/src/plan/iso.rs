@@ -83,7 +83,7 @@ pub fn iso_poses<'a>(
         }
     };
     let found = found.ok_or_else(|| {
-        Error::input("the arm cannot stand at all five poses with the tool in this direction: give another cube (--zone) or --direction")
+        Error::input("the arm cannot reach all five poses with the tool in this direction: state another cube (--zone) or --direction")
     })?;
     Ok(IsoPlan { robot, settings, start, cycles, found })
 }
@@ -117,7 +117,7 @@ impl IsoPlan<'_> {
                 table.row([format!("P{}", place + 1), shown(&robot.model.physics.arm, q)])
             });
         lines.push(table.render(width_max).into());
-        lines.push("the standard asks for rated load, rated speed, a warm robot: set them on the controller".into());
+        lines.push("the standard requires rated load, rated speed and a warm robot: set them on the controller".into());
         lines.extend(settings.closing(&settings.not_checked(&start.task.sees)));
         lines
     }

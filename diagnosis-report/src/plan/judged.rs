@@ -87,7 +87,7 @@ pub fn judge<'a>(
     let mut warnings = assumptions(robot);
     if campaign.surroundings.targets.iter().any(|target| target.free) {
         warnings.push(
-            "a target's place on the tool is fitted, so that a bent tool does not show: say where it was before (`target1_mm` in the recording's TOML, or --target with --targets-known)".to_owned(),
+            "the position of a target on the tool is fitted, so that a bent tool cannot be detected: state its previous position (`target1_mm` in the recording's TOML, or --target with --targets-known)".to_owned(),
         );
     }
     let found = check::judge(&campaign, &model.physics, &model.sigma, terms);
@@ -155,13 +155,13 @@ impl Judged<'_> {
                 ": {} (absorbed by the fitted targets or measuring frame)",
                 unseen.join("; ")
             );
-            lines.push(TextLine::with_head(Tone::Caution, "not seen by this check", rest));
+            lines.push(TextLine::with_head(Tone::Caution, "not detectable by this check", rest));
         }
         if let Some(scatter) = found.scatter {
             let rest = format!(": {}", overstated(scatter));
             lines.push(TextLine::with_head(Tone::Caution, "noise overstated", rest));
         }
-        lines.push("damage that these poses would have shown:".into());
+        lines.push("damage that these poses would have revealed:".into());
         let model = &self.robot.model.physics;
         lines.push(detectable_table(model, &found.detectable, width_max).into());
         lines
@@ -171,7 +171,7 @@ impl Judged<'_> {
         let found = &self.found;
         let mut lines = vec![TextLine::with_head(Tone::Bad, "the model does not hold", sum)];
         if found.suspects.is_empty() {
-            lines.push("no single joint or tool explains it: calibrate anew".into());
+            lines.push("no single joint or tool explains it: calibrate again".into());
         }
         for (place, suspect) in found.suspects.iter().enumerate() {
             let size = suspect.size.iter().map(|size| size * size).sum::<f64>().sqrt();
@@ -186,7 +186,7 @@ impl Judged<'_> {
             lines.push(line.into());
         }
         if !found.suspects.is_empty() && !found.is_explained {
-            lines.push("that does not explain all of it: there is more than one thing".into());
+            lines.push("this does not explain all of it: there is more than one cause".into());
         }
         lines
     }

@@ -105,9 +105,9 @@ impl NextPlan<'_> {
         let [before_m, after_m] = found.pose.tool_m;
         let mut lines = vec![
             first,
-            format!("next: {q}  (joints, deg; mm where one slides)").into(),
+            format!("next: {q}  (joints, deg; mm for a linear joint)").into(),
             format!(
-                "why: the tool goes from {} to {} mm with it; {}",
+                "why: it reduces the tool's expected error from {} to {} mm; {}",
                 mm(before_m),
                 mm(after_m),
                 self.improved_parameters().join("; ")
@@ -129,7 +129,7 @@ impl NextPlan<'_> {
         let open = improved.chain(not_checked.iter().map(|open| format!("not checked: {open}")));
         let [before_m, after_m] = found.pose.tool_m;
         let content = PageContent {
-            verdict: if found.enough { "enough measured" } else { "go on with this pose" }
+            verdict: if found.enough { "enough measured" } else { "continue with this pose" }
                 .to_owned(),
             sentence: format!("{}.", self.improvement()),
             numbers: vec![
@@ -159,7 +159,7 @@ impl NextPlan<'_> {
     fn improvement(&self) -> String {
         let [now_m, later_m] = self.found.tool_m;
         format!(
-            "{} measured; the tool is known to {} mm {}; {AHEAD} more poses would bring {} mm",
+            "{} measured; expected error of the tool {} mm {}; {AHEAD} more poses would reduce it by {} mm",
             count(self.start.measured_poses(), "pose"),
             mm(now_m),
             self.settings.whereabouts(),

@@ -60,7 +60,7 @@ pub(super) fn render(model: &RobotModel, content: &PageContent<'_>) -> Page {
     }
     page = page.section("Joint positions").table(&positions(model, content));
     page = content.details.iter().fold(page, Page::table);
-    page.section("What stays open, and what was not looked at").list(&content.open)
+    page.section("Not identifiable, and not checked").list(&content.open)
 }
 
 fn positions(model: &RobotModel, content: &PageContent<'_>) -> Table {

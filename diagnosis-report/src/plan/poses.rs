@@ -227,7 +227,7 @@ impl PosesPlan<'_> {
             numbers: vec![
                 Number::text("Poses", found.poses.len().to_string()),
                 Number::new("Expected error now", before, "mm").note(whereabouts),
-                Number::new("Expected error then", after, "mm").note(whereabouts),
+                Number::new("Expected error afterwards", after, "mm").note(whereabouts),
             ],
             poses: numbered(&self.stops()),
             details: vec![self.table_of_uncertainties()],
@@ -252,9 +252,9 @@ impl PosesPlan<'_> {
     }
 
     fn table_of_uncertainties(&self) -> Table {
-        let heads = ["Number", "Unit", "Uncertain by now", "Then"];
+        let heads = ["Parameter", "Unit", "Uncertainty now", "Afterwards"];
         self.found.numbers.iter().map(FallsReport::of).fold(
-            Table::new("Standard uncertainty of what becomes known", heads),
+            Table::new("Standard uncertainty of the identified parameters", heads),
             |table, falls| {
                 let unit = falls.unit.replace("_per_", "/");
                 table.row([
@@ -286,9 +286,9 @@ impl PosesPlan<'_> {
 
     fn best_for(&self) -> String {
         match self.criterion {
-            Criterion::D => "best for all numbers together (D)".to_owned(),
-            Criterion::O1 => "best for what each reading brings (O1)".to_owned(),
-            Criterion::Random => "drawn by chance".to_owned(),
+            Criterion::D => "best for all parameters together (D)".to_owned(),
+            Criterion::O1 => "best by information per reading (O1)".to_owned(),
+            Criterion::Random => "random".to_owned(),
             Criterion::Zone => format!("best for the tool {}", self.settings.whereabouts()),
         }
     }

@@ -28,7 +28,7 @@ pub struct Reach {
 
 impl Reach {
     /// What holds for an arm where nothing is said: radii of 8 % and 16 % of its length, 5 degrees and 10 mm from the limits, a floor at the foot of
-    /// an arm that stands upright.
+    /// an upright arm.
     #[must_use]
     pub fn of(arm: &Arm) -> Self {
         let length: f64 = (0..arm.count())

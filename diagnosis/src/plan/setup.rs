@@ -63,7 +63,7 @@ pub struct MeasuringSetup {
     pub link_radius_m: Option<f64>,
     /// Radius about the base's column, m; above 0. Default: none, so that it is that of [`Reach::of`].
     pub base_radius_m: Option<f64>,
-    /// The floor. Default: the base's foot for an arm that stands upright.
+    /// The floor. Default: the base's foot for an upright arm.
     pub floor: Floor,
     /// Boxes that links stay out of: least and largest corner, m. Default: none.
     pub keep_out: Vec<[DVec3; 2]>,
@@ -112,7 +112,7 @@ pub struct TouchedSphere {
 /// The floor beneath an arm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Floor {
-    /// At the base's foot for an arm that stands upright, else none.
+    /// At the base's foot for an upright arm, else none.
     #[default]
     OfArm,
     /// There is none.

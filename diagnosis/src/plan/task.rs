@@ -73,7 +73,7 @@ pub struct Task {
     pub reach: Reach,
     /// Whether each pose is measured twice, all joints from below and from above.
     pub both_ways: bool,
-    /// Poses to choose from, as those that are known to be free; empty: drawn by chance.
+    /// Poses to choose from, as those that are known to be free; empty: random poses.
     pub among: Vec<Joints>,
     /// Joint positions at which the tool's error counts.
     pub asked: Vec<Joints>,

@@ -47,7 +47,7 @@ impl Lines {
         let found = lines_of(profile)?;
         let source = profile.file.display().to_string();
         if found.lines.is_empty() {
-            self.notes.push(format!("{source}: no line stands over its surroundings"));
+            self.notes.push(format!("{source}: no line exceeds the floor of its spectrum"));
         }
         self.lines.extend(found.lines.iter().map(|line| Line {
             source: source.clone(),
@@ -66,10 +66,11 @@ impl Lines {
         let file = recording.file.display().to_string();
         let lines = lines_over_path(recording)?;
         if lines.is_empty() {
-            self.notes.push(format!("{file}: no line over the path stands over its surroundings"));
+            self.notes
+                .push(format!("{file}: no line over the path exceeds the floor of its spectrum"));
         } else if lines.iter().any(|line| line.one_feed) {
             self.notes.push(format!(
-                "{file}: at one feed alone a line over the path may as well be a line in time"
+                "{file}: at a single feed, a line over the path cannot be distinguished from a line in time"
             ));
         }
         self.lines.extend(lines.into_iter().map(|found| Line {

@@ -1,4 +1,4 @@
-//! Assignment of lines to wheels, and the probability of a match by chance.
+//! Assignment of lines to wheels, and the probability of a random match.
 
 use spectrum::Wheel;
 use spectrum::spatial::{MULTIPLES, match_wheels};

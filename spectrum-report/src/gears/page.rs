@@ -28,7 +28,7 @@ fn render(analysis: &Analysis) -> Page {
         .robot(analysis.model.file.identity().to_string())
         .verdict(tone, word, &sentence);
     if let Some(bars) = teeth(analysis) {
-        page = page.figure("Tooth contacts per mm of path of every shaft that drives a stage: where a line of a surface or of a force may come from.", &bars);
+        page = page.figure("Tooth contacts per mm of path of every shaft that drives a stage: possible causes of lines in a surface or a force.", &bars);
     }
     page = page
         .next(
@@ -41,18 +41,18 @@ fn render(analysis: &Analysis) -> Page {
         .list(remarks(analysis));
     if travelled.parts.len() > 1 && !analysis.trains.is_empty() {
         page = page.figure(
-            "The motor shaft of each joint along the path: where a curve is level, its wheels write sharp lines.",
+            "The motor shaft of each joint along the path: where a curve is level, its wheels cause sharp lines.",
             &along(analysis),
         );
         let mut rows = by_parts(analysis).into_iter();
-        let caption = "Shaft 1 of each joint, part by part: mean (least to most)";
+        let caption = "Shaft 1 of each joint, by section: mean (minimum to maximum)";
         let table = Table::new(caption, rows.next().unwrap_or_default());
         page =
             page.table(&rows.fold(table, |table, row| table.row(row.into_iter().map(Cell::from))));
     }
     if !analysis.lines.is_empty() {
         page = page.section("Lines").table(&lines(&analysis.lines)).text(
-            "By chance: the part of the octave around a line in which any line would fit some wheel. Where it is large, a match says little.",
+            "Random match: the share of the octave around a line in which any line would match a wheel. If it is large, a match is not significant.",
         );
     }
     page
@@ -66,7 +66,7 @@ fn verdict(analysis: &Analysis) -> (Tone, &'static str, String) {
         0 => (
             Tone::Plain,
             "gears along this path",
-            format!("{path}; no lines were given to compare with."),
+            format!("{path}; no lines to compare were given."),
         ),
         all => (
             Tone::Plain,
@@ -130,8 +130,8 @@ fn along(analysis: &Analysis) -> Svg {
 }
 
 fn lines(lines: &[MatchedLine]) -> Table {
-    let heads = ["Cycles per mm", "From", "Amplitude", "Fits", "By chance (%)"];
-    lines.iter().fold(Table::new("Lines and what they fit", heads), |table, matched| {
+    let heads = ["Cycles per mm", "From", "Amplitude", "Fits", "Random match (%)"];
+    lines.iter().fold(Table::new("Lines and matching wheels", heads), |table, matched| {
         let amplitude = matched.line.amplitude.as_ref();
         table.row([
             matched.line.cycles_per_mm.into(),

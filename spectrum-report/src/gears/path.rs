@@ -18,7 +18,7 @@ const SHORTEST_MM: f64 = 1.0;
 /// A path that cannot be used.
 #[derive(Debug, thiserror::Error)]
 enum Unfit {
-    #[error("{0}: holds poses at rest, expected a path (kind = \"path\")")]
+    #[error("{0}: contains poses at rest, expected a path (kind = \"path\")")]
     Poses(String),
     #[error("{0}: the tool moves by less than {SHORTEST_MM} mm in every segment, expected a path")]
     TooShort(String),

@@ -76,7 +76,7 @@ struct LineReport<'a> {
     #[serde(rename = "match")]
     best: Option<FitReport>,
     rivals: Vec<FitReport>,
-    /// Probability that a line near this one matches a wheel by chance.
+    /// Probability that a random line near this one matches a wheel.
     by_chance: f64,
 }
 

@@ -27,9 +27,9 @@ fn drifts(train: &Train, travelled: &TravelledPath, drift_max: f64) -> Option<St
     let parts = train.parts.iter().zip(&travelled.parts);
     let (_, most) = parts.max_by(|a, b| spread(a.0).total_cmp(&spread(b.0)))?;
     let end = if drift > drift_max {
-        "too uneven to write lines: not matched"
+        "too uneven to cause lines: not matched"
     } else {
-        "its lines smear as much"
+        "its lines are broadened as much"
     };
     Some(format!(
         "joint {} drifts by {} % along the path, most from {}: {end}",
@@ -64,13 +64,13 @@ pub(super) fn by_parts(analysis: &Analysis) -> Vec<Vec<String>> {
 
 /// A line with its matches, as text; the nearest `rivals` alternatives are named.
 pub(super) fn fitting(matched: &MatchedLine, rivals: usize) -> String {
-    let Some(best) = matched.fits.first() else { return "fits no wheel".to_owned() };
+    let Some(best) = matched.fits.first() else { return "matches no wheel".to_owned() };
     let others: Vec<String> = matched.fits.iter().skip(1).take(rivals).map(Fit::text).collect();
     let left = matched.fits.len().saturating_sub(1 + rivals);
     let more = if left > 0 { format!(" or {left} more") } else { String::new() };
     let others = others.iter().map(|other| format!(" or {other}")).collect::<String>();
     let chance = fixed(100.0 * matched.by_chance, 0);
-    format!("{}{others}{more}; any line near it fits something with {chance} %", best.text())
+    format!("{}{others}{more}; a random line near it would match with {chance} %", best.text())
 }
 
 /// Remarks beside the tables.
@@ -103,7 +103,7 @@ impl Analysis {
         if self.trains.iter().any(|train| train.drift() >= DRIFT_LEAST) && parts <= PARTS_MAX {
             let mut rows = by_parts(self).into_iter();
             let table = TextTable::new(rows.next().unwrap_or_default());
-            text += "\nshaft 1 of each joint: mean (least to most)\n";
+            text += "\nshaft 1 of each joint: mean (minimum to maximum)\n";
             text += &rows.fold(table, TextTable::row).render(width_max);
             text.push('\n');
         }

@@ -99,7 +99,7 @@ fn modes(path: &Path, file: &CutFile) -> Result<Modes, Error> {
         modes.add(&tap, &text).map_err(unfit)?;
     }
     if modes.all.is_empty() {
-        return Err(Error::input(format!("{}: its tap tests hold no mode", path.display())));
+        return Err(Error::input(format!("{}: its tap tests contain no mode", path.display())));
     }
     modes.note_twins();
     Ok(modes)
@@ -146,7 +146,7 @@ impl Modes {
                 let apart = (a.mode.frequency_hz - b.mode.frequency_hz).abs();
                 if apart < SAME_SIGMAS * a.sigma_hz.hypot(b.sigma_hz) {
                     warnings.push(format!(
-                        "the modes at {} and {} Hz of two tap tests may be one that moves obliquely; taken as two. Tap along its motion",
+                        "the modes at {} and {} Hz of two tap tests may be one mode with an oblique direction; treated as two. Tap along its direction",
                         fixed(a.mode.frequency_hz, 1),
                         fixed(b.mode.frequency_hz, 1)
                     ));

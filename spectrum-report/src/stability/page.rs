@@ -30,11 +30,11 @@ fn page(analysis: &Analysis) -> Page {
             &speeds(analysis).render(),
         );
     page = match analysis.nearest.is_present {
-        true => page.next("Record the forces of the cut and see whether it is as quiet as predicted.", Some("trued spectrum FORCES.csv --cut CUT.toml --report SPECTRUM.html")),
+        true => page.next("Record the forces of the cut and compare them with the prediction.", Some("trued spectrum FORCES.csv --cut CUT.toml --report SPECTRUM.html")),
         false => page.next("Take one of the nearest stable cuts below, or measure modes and coefficients anew where they are uncertain.", None),
     };
     if let Some((first, others)) = analysis.cut.warnings.split_first() {
-        page = page.note(Tone::Caution, "To be looked at", first);
+        page = page.note(Tone::Caution, "Check", first);
         if !others.is_empty() {
             page = page.list(others);
         }

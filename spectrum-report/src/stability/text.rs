@@ -50,7 +50,7 @@ pub fn nearest_stable(path: impl AsRef<Path>) -> Result<Vec<String>, Error> {
     let nearest = nearest(&analysis).into_iter().skip(1);
     let nearest = nearest.map(|(_, text)| text.trim_start_matches("- ").to_owned());
     let verdict = format!("predicted {}", verdict(&analysis));
-    let margin = format!("stable with {} % of depth in hand", 100.0 * analysis.cut.file.margin);
+    let margin = format!("stable with a margin of {} % in depth", 100.0 * analysis.cut.file.margin);
     Ok([verdict, margin].into_iter().chain(nearest).collect())
 }
 
@@ -111,16 +111,16 @@ pub(super) fn nearest(analysis: &Analysis) -> Vec<(&'static str, String)> {
         Some(rpm) => format!("{} rpm at this depth", fixed(rpm, 0)),
         None => {
             let [from, to] = file.chart.spindle_rpm.map(|rpm| fixed(rpm, 0));
-            format!("no speed from {from} to {to} rpm bears this depth")
+            format!("no speed from {from} to {to} rpm is stable at this depth")
         }
     };
     let depth = format!("{} mm deep at this speed", significant(1e3 * nearest.depth_m, 3));
     let turn = match nearest.turned {
         Some(one) => format!("feed turned by {}", turn(analysis, &one)),
-        None => "no direction of feed bears this depth at this speed".to_owned(),
+        None => "no direction of feed is stable at this depth and speed".to_owned(),
     };
     vec![
-        ("nearest cut", format!("stable with {margin} % of depth in hand, one of:")),
+        ("nearest cut", format!("stable with a margin of {margin} % in depth, one of:")),
         ("", format!("- {speed}")),
         ("", format!("- {depth}")),
         ("", format!("- {turn}")),
@@ -140,15 +140,18 @@ pub(super) fn best_direction(analysis: &Analysis) -> String {
             turn(analysis, &best),
             limit_text(analysis, best.limit)
         ),
-        None => "no direction was looked at".to_owned(),
+        None => "no direction was evaluated".to_owned(),
     }
 }
 
 pub(super) fn mode_coupling(analysis: &Analysis) -> String {
-    let without = "where teeth meet a surface that vibration did not mark";
+    let without = "without regeneration (a surface without chatter marks)";
     match analysis.mode_coupling {
         Some(limit) if limit.frequency_hz == 0.0 => {
-            format!("{without}, the tool dives in from {} on", limit_text(analysis, Some(limit)))
+            format!(
+                "{without}, the tool is pulled into the cut from {} on",
+                limit_text(analysis, Some(limit))
+            )
         }
         Some(limit) => format!(
             "{without}, from {} on, at {} Hz, at any speed",

@@ -61,7 +61,7 @@ pub fn read(path: impl AsRef<Path>, format: &Format) -> Result<Profile, Error> {
         records => {
             let pieces = records.len();
             return Err(unfit(format!(
-                "holds {pieces} pieces with gaps between them; expected one even profile, cut it or fill the gaps"
+                "consists of {pieces} pieces with gaps; expected one evenly spaced profile: cut it, or fill the gaps"
             )));
         }
     };
@@ -84,7 +84,7 @@ fn heights(format: &Format, record: &Record) -> Result<(String, Vec<f64>), Strin
     let names = || record.channels.iter().map(|wave| wave.name.as_str()).collect::<Vec<_>>();
     let [wave] = record.channels.as_slice() else {
         return Err(format!(
-            "several columns may be the heights: {}; say which with --column",
+            "several columns may be the heights: {}; choose one with --column",
             names().join(", ")
         ));
     };
@@ -96,7 +96,7 @@ fn heights(format: &Format, record: &Record) -> Result<(String, Vec<f64>), Strin
         (_, Some(unit_um)) if wave.unit == "1" => unit_um,
         (None, None) if wave.unit == "1" => {
             return Err(format!(
-                "column `{name}` names no unit; name it {name}_um or {name}_mm, or give --unit um"
+                "column `{name}` states no unit; name it {name}_um or {name}_mm, or give --unit um"
             ));
         }
         _ => {

@@ -11,7 +11,7 @@ use super::result::OF_SEGMENT;
 /// Segments that a table shows; more are drawn.
 const ROWS_MAX: usize = 16;
 /// Of a profile's drawing.
-const PROFILE: &str = "The profile without its form and its waviness; below, the roughness. Dotted: where the evaluated length begins and ends.";
+const PROFILE: &str = "The profile without its form, and its waviness; below, the roughness. Dotted: the ends of the evaluation length.";
 /// Lines marked in the spectrum.
 const MARKS: usize = 5;
 
@@ -30,8 +30,7 @@ fn render(settings: &Settings, profiles: &[ProfileAnalysis]) -> Page {
     };
     let form = ["the mean", "a line", "an arc of degree 2"];
     let form = form.get(usize::from(settings.form_degree)).copied().unwrap_or("a polynomial");
-    let short =
-        settings.short_cut_off_um.map(|um| format!(", without what is shorter than {um} µm"));
+    let short = settings.short_cut_off_um.map(|um| format!(", without wavelengths below {um} µm"));
     let how = format!(
         "With {form} taken out{}, the Gaussian filter of ISO 16610-21 parts waviness from roughness at {} mm. \
          Parameters are those of ISO 21920-2.",
@@ -55,7 +54,7 @@ fn render(settings: &Settings, profiles: &[ProfileAnalysis]) -> Page {
             .figure("Root mean square of waviness and roughness.", &bars(profiles).render()),
     };
     let mut page = page.next(
-        "Compare with the forces of the same cut: what stands in both has one cause.",
+        "Compare with the forces of the same cut: lines in both have one cause.",
         Some("trued spectrum FORCES.csv --report spectrum.html"),
     );
     if profiles.len() > 1 {
@@ -69,7 +68,7 @@ fn render(settings: &Settings, profiles: &[ProfileAnalysis]) -> Page {
 
 fn sentence(one: &ProfileAnalysis) -> String {
     let rz = one.rz_um.map_or("–".to_owned(), |(rz, _)| significant(rz, 3));
-    let line = one.lines.first().map_or("no line stands out of its spectrum".to_owned(), |line| {
+    let line = one.lines.first().map_or("no line exceeds the floor of its spectrum".to_owned(), |line| {
         format!(
             "the strongest line of its spectrum has a wavelength of {} µm and an amplitude of {} µm",
             significant(line.wavelength_um(), 3),
@@ -195,7 +194,7 @@ fn profile_plot(profile: &ProfileAnalysis) -> Multiples {
         heights.iter().enumerate().map(|(i, z)| (i as f64 * spacing_mm, *z)).collect::<Vec<_>>()
     };
     let plot = |title: &str| {
-        let plot = Plot::new(title, Axis::new("Place", "mm"), Axis::new("Height", "µm"));
+        let plot = Plot::new(title, Axis::new("Position", "mm"), Axis::new("Height", "µm"));
         let (from, to) = (profile.start_mm(), profile.start_mm() + profile.surface.evaluated_mm());
         if profile.surface.ends_kept() { plot } else { plot.mark_x(from, "").mark_x(to, "") }
     };
@@ -256,7 +255,7 @@ fn lines(profile: &ProfileAnalysis) -> Table {
     if fitting {
         heads.push(Column::new("Fits"));
     }
-    let table = Table::new("Lines that stand out of the spectrum, strongest first", heads);
+    let table = Table::new("Lines of the spectrum, strongest first", heads);
     profile.lines.iter().fold(table, |table, line| {
         let numbers = [
             line.wavelength_um(),
@@ -314,7 +313,7 @@ fn over_segments(profile: &ProfileAnalysis, segments: &Segments) -> Plot {
     let line = |value: fn(&ProfileAnalysis, usize, &Segments) -> f64| {
         (0..segments.each.len()).map(move |k| (place(k), value(profile, k, segments)))
     };
-    Plot::new("Segments", Axis::new("Place", "mm"), Axis::new("Root mean square", "µm"))
+    Plot::new("Segments", Axis::new("Position", "mm"), Axis::new("Root mean square", "µm"))
         .series(Series::line("Wq", line(|_, k, s| s.each[k].0.rms)))
         .series(Series::line("Rq", line(|_, k, s| s.each[k].1.rms)))
         .height(220.0)

@@ -49,17 +49,17 @@ fn remarks(profile: &ProfileAnalysis) -> Vec<String> {
     let mut lines = Vec::new();
     if profile.surface.ends_kept() {
         lines.push(
-            "too short to leave its ends out: the filter lacks part of its kernel there".to_owned(),
+            "too short to exclude its ends, where the filter lacks part of its kernel".to_owned(),
         );
     }
     if let Some((_, lengths)) = profile.rz_um.filter(|(_, lengths)| *lengths < 5) {
-        lines.push(format!("Rz over {lengths} sampling lengths only, the standard wants 5"));
+        lines.push(format!("Rz over {lengths} sampling lengths only, the standard requires 5"));
     }
     for segments in &profile.segments {
         lines.push(segments_text(segments));
     }
     if profile.lines.is_empty() {
-        lines.push("no line stands out of the spectrum".to_owned());
+        lines.push("no line exceeds the floor of the spectrum".to_owned());
     }
     for line in profile.lines.iter().take(LINES_MAX) {
         lines.push(line_text(line, &profile.lines));

@@ -136,7 +136,9 @@ impl Source {
     /// One record whose samples remain in the file.
     fn stored(file: &Path, inputs: &Inputs, mut stored: Stored) -> Result<Self, Error> {
         let Grid::Time { rate_hz, start_s } = stored.grid else {
-            return Err(Error::input("samples over a length have no spectrum over time"));
+            return Err(Error::input(
+                "the samples are over a length: there is no spectrum over time",
+            ));
         };
         let model = inputs.model.as_deref().map(model_at).transpose()?;
         let mut notes = std::mem::take(&mut stored.notes);
@@ -226,7 +228,7 @@ fn alike(file: &Path, waves: Waves, notes: &mut Vec<String>) -> Result<(f64, Vec
     let all = waves.records.len();
     let Some((rate_hz, first)) = waves.records.iter().find_map(|r| Some((rate(r)?, r))) else {
         let fault = if all > 0 {
-            Fault::new("", "its samples stand over a length, not over time")
+            Fault::new("", "its samples are over a length, not over time")
                 .help("`trued surface` reads profiles")
         } else {
             Fault::new("", "holds response functions, no samples over time")
@@ -242,7 +244,7 @@ fn alike(file: &Path, waves: Waves, notes: &mut Vec<String>) -> Result<(f64, Vec
     let fits = |record: &Record| rate(record) == Some(rate_hz) && names(record) == expected;
     for other in waves.records.iter().filter(|record| !fits(record)) {
         notes.push(format!(
-            "left out: {} at {}; looked at are {} at {rate_hz} Hz (--column asks for others)",
+            "not analysed: {} at {}; analysed: {} at {rate_hz} Hz (choose others with --column)",
             names(other).join(", "),
             rate(other).map_or("steps of length".to_owned(), |rate_hz| format!("{rate_hz} Hz")),
             expected.join(", "),
@@ -276,7 +278,7 @@ fn refuse_empty(file: &Path, channels: &[Channel], pieces: &[Piece]) -> Result<(
     let samples: usize = pieces.iter().map(Piece::len).sum();
     let mut faults = Faults::of(file.display().to_string());
     for channel in channels.iter().filter(|channel| channel.missing == samples) {
-        let fault = Fault::new(&channel.name, "holds no sample at all");
+        let fault = Fault::new(&channel.name, "contains no sample");
         faults.push(fault.expected("numbers").help("choose other columns: --column"));
     }
     if faults.is_empty() { Ok(()) } else { Err(FileError::Content(faults).into()) }

@@ -69,7 +69,7 @@ pub(super) fn monitor(
     if source.rate_hz < rate_least_hz {
         let rate_hz = source.rate_hz;
         notes.push(format!(
-            "the watch needs {rate_least_hz} Hz and more, this is {rate_hz:.1} Hz: spectra only"
+            "the monitor needs at least {rate_least_hz} Hz, the rate is {rate_hz:.1} Hz: spectra only"
         ));
         return Ok(Vec::new());
     }
@@ -79,14 +79,15 @@ pub(super) fn monitor(
     for Monitored { result, .. } in &all {
         if result.still_learning {
             let seconds = report::significant(source.seconds(), 3);
-            let note =
-                format!("{seconds} s are too short for the watch to learn the noise: spectra only");
+            let note = format!(
+                "{seconds} s are too short for the monitor to learn the noise: spectra only"
+            );
             if !notes.contains(&note) {
                 notes.push(note);
             }
         }
         if result.dropped > 0 {
-            notes.push(format!("verdicts that found no place: {}", result.dropped));
+            notes.push(format!("dropped verdicts: {}", result.dropped));
         }
     }
     Ok(all)

@@ -49,7 +49,7 @@ fn render(analysis: &Analysis) -> Result<Page, Error> {
     if let Some(map) = plots::waterfall(analysis, channel)? {
         page = page.figure(&format!("Amplitude of {name} over time and frequency."), &map);
     }
-    page = next(page, analysis).section(if rings { "When it rang" } else { "Over time" });
+    page = next(page, analysis).section(if rings { "Vibration over time" } else { "Over time" });
     let drawn = match plots::thinned(&analysis.source) {
         1 => format!("The samples of {name}."),
         group => format!("Samples of {name}: minimum and maximum of every {group} samples."),
@@ -63,13 +63,13 @@ fn render(analysis: &Analysis) -> Result<Page, Error> {
     page = match &analysis.path {
         Ok(spectra) => over_path(page, &analysis.source, spectra),
         Err(missing) => page.section("Over the tool's path").text(&format!(
-            "What a gear or the surface kinds has a constant number of cycles per mm whatever the feed. To see it: {missing}."
+            "Lines of gears and of the surface have a constant number of cycles per mm at any feed. To see them: {missing}."
         )),
     };
     let page = health(page, analysis)
-        .section("What was looked at")
+        .section("Analysed data")
         .facts(facts(analysis))
-        .footer("Amplitudes are half the way from crest to trough, in the channel's own unit.");
+        .footer("Amplitudes are half of peak to peak, in the channel's own unit.");
     Ok(page)
 }
 
@@ -83,7 +83,7 @@ fn next(page: Page, analysis: &Analysis) -> Page {
             "Record again with the spindle speed, so that forced vibration can be distinguished from chatter.",
             Some("trued spectrum --spindle-rpm RPM --teeth N RECORDING"),
         ),
-        None => page.next("Nothing to change. Let the daemon listen during the cut.", None),
+        None => page.next("No change needed. Monitor the cut with the daemon.", None),
     }
 }
 
@@ -115,7 +115,7 @@ fn numbers(analysis: &Analysis) -> Vec<Number> {
     let alarms = analysis.episodes.iter().filter(|e| e.is_alarm()).count();
     let tone = if alarms > 0 { Tone::Bad } else { Tone::Good };
     let mut numbers = vec![
-        Number::text("Lines that alarmed", alarms.to_string())
+        Number::text("Lines with an alarm", alarms.to_string())
             .tone(tone)
             .note(format!("of {}", count(analysis.episodes.len(), "line"))),
     ];
@@ -194,14 +194,14 @@ fn units(source: &Source) -> Vec<&str> {
 }
 
 fn spectra(mut page: Page, analysis: &Analysis) -> Page {
-    page = page.section("The spectrum of the whole").text(&format!(
+    page = page.section("Spectrum of the whole recording").text(&format!(
         "Averaged over windows of {} s (Hann, half overlapping). A line that is there for a part of the time reads lower here \
          than it was.",
         significant(analysis.window_s, 3)
     ));
     let nyquist_hz = 0.5 * analysis.source.rate_hz;
     for unit in units(&analysis.source) {
-        let caption = "Power density; dots below the curves stand where modes and the spindle's multiples are known.";
+        let caption = "Power density; dots below the curves mark known modes and multiples of the spindle speed.";
         page = page.figure(caption, &plots::density(analysis, unit, false));
         if nyquist_hz > 2.0 * plots::top_hz(analysis) {
             page = page.figure(
@@ -211,7 +211,7 @@ fn spectra(mut page: Page, analysis: &Analysis) -> Page {
         }
     }
     if analysis.spectra.iter().all(|one| one.lines.is_empty()) {
-        return page.text("No line stands over the noise.");
+        return page.text("No line exceeds the noise.");
     }
     page.table(&lines(analysis))
 }
@@ -225,13 +225,7 @@ fn lines(analysis: &Analysis) -> Table {
         Column::new("Class"),
         Column::new("Judged by"),
     ];
-    let mut all: Vec<_> = analysis
-        .spectra
-        .iter()
-        .flat_map(|one| {
-            one.lines.iter().map(move |line| (&analysis.source.channels[one.channel], line))
-        })
-        .collect();
+    let mut all: Vec<_> = analysis.lines().collect();
     all.sort_by(|a, b| a.1.line.frequency.total_cmp(&b.1.line.frequency));
     let table = Table::new("Lines of the whole recording, by frequency", heads);
     all.iter().take(ROWS).fold(table, |table, (channel, one)| {
@@ -241,7 +235,7 @@ fn lines(analysis: &Analysis) -> Table {
             (10.0 * one.line.ratio.log10()).into(),
             channel.name.as_str().into(),
             class_and_rivals(&one.verdict).into(),
-            if one.is_tracked { "the watch, over time" } else { "where it stands" }.into(),
+            if one.is_tracked { "the monitor, over time" } else { "its frequency" }.into(),
         ])
     })
 }
@@ -249,7 +243,7 @@ fn lines(analysis: &Analysis) -> Table {
 fn over_path(mut page: Page, source: &Source, spectra: &PathSpectra) -> Page {
     page = page.section("Over the tool's path").text(&format!("{}.", text::path(source, spectra)));
     for unit in units(source) {
-        let caption = "Power density over cycles per mm of path: what gears and waviness cause stays in place here whatever the feed.";
+        let caption = "Power density over cycles per mm of path: lines of gears and waviness do not move with the feed here.";
         page = page.figure(caption, &plots::path(source, spectra, unit));
     }
     if let Some(missing) = &spectra.wheels.missing {
@@ -258,7 +252,7 @@ fn over_path(mut page: Page, source: &Source, spectra: &PathSpectra) -> Page {
     if spectra.wheels.spread > 0.05 {
         let percent = fixed(100.0 * spectra.wheels.spread, 0);
         page = page.text(&format!(
-            "The joints' speeds per mm change by about {percent} % along this path: a gear's line smears by as much. Shorter straight cuts tell more."
+            "The joints' speeds per mm change by about {percent} % along this path: the line of a gear is broadened by as much. Shorter straight cuts give narrower lines."
         ));
     }
     if spectra.channels.iter().any(|one| !one.lines.is_empty()) {

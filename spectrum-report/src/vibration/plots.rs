@@ -271,7 +271,7 @@ fn marks(plot: Plot, source: &Source, top_hz: f64, low: f64) -> Plot {
     let rows = [
         ("the model's modes", modes),
         ("multiples of the spindle", harmonics),
-        ("folded multiples of the teeth", aliases),
+        ("aliased tooth harmonics", aliases),
     ];
     let mut level = low;
     rows.into_iter().filter(|(_, row)| !row.is_empty()).fold(plot, |plot, (name, row)| {

@@ -61,13 +61,13 @@ pub(super) fn title(analysis: &Analysis) -> String {
         return if analysis.is_monitored() {
             "Nothing alarmed"
         } else {
-            "A recording that could not be watched"
+            "A recording that could not be monitored"
         }
         .to_owned();
     };
     let f = hz(worst.frequency_hz);
     match worst.verdict.class {
-        _ if worst.verdict.suspect_alias => format!("A line at {f} that may not be there"),
+        _ if worst.verdict.suspect_alias => format!("A line at {f} that may be an alias"),
         Class::Chatter if worst.verdict.rivals.contains(Class::Forced) => {
             format!("It rings at {f}")
         }
@@ -109,7 +109,7 @@ fn when_and_what(source: &Source, episode: &Episode) -> String {
     let channel = &source.channels[episode.channel];
     let until = episode.to_s.map_or("the end".to_owned(), |t| format!("{}\u{a0}s", fixed(t, 2)));
     format!(
-        "From {}\u{a0}s to {until} a line at {} stood on {}, with an amplitude of up to {}.",
+        "From {}\u{a0}s to {until} there was a line at {} on {}, with an amplitude of up to {}.",
         fixed(episode.from_s, 2),
         hz(episode.frequency_hz),
         channel.name,
@@ -125,17 +125,17 @@ pub(super) fn why(source: &Source, verdict: &Verdict, frequency_hz: f64) -> Stri
         let true_hz = f64::from(alias.order)
             * verdict.harmonic.map_or(0.0, |h| h.frequency_hz / f64::from(h.order));
         reasons.push(format!(
-            "sampling at {} Hz folds the spindle's multiple {} ({}) onto {}, so that it may not exist at this frequency at all",
+            "sampling at {} Hz aliases spindle harmonic {} ({}) to {}, so the line may not exist at this frequency",
             significant(rate_hz, 4), alias.order, hz(true_hz), hz(alias.frequency_hz)
         ));
     } else if let Some(harmonic) = verdict.harmonic {
         let turn_hz = harmonic.frequency_hz / f64::from(harmonic.order.max(1));
         let orders = frequency_hz / turn_hz;
         reasons.push(if verdict.class == Class::Forced {
-            format!("it is {} times the spindle's {}", harmonic.order, hz(turn_hz))
+            format!("it is {} times the spindle frequency of {}", harmonic.order, hz(turn_hz))
         } else {
             format!(
-                "it stands between the spindle's multiples ({} × {})",
+                "it lies between multiples of the spindle frequency ({} × {})",
                 fixed(orders, 2),
                 hz(turn_hz)
             )
@@ -154,7 +154,7 @@ pub(super) fn why(source: &Source, verdict: &Verdict, frequency_hz: f64) -> Stri
     let but = if rivals.is_empty() {
         String::new()
     } else {
-        format!("; the recording cannot tell it from {}", rivals.join(" or "))
+        format!("; the recording cannot distinguish it from {}", rivals.join(" or "))
     };
     if reasons.is_empty() {
         format!("Most likely it is {called}{but}.")
@@ -184,7 +184,7 @@ fn calm(analysis: &Analysis) -> String {
     };
     let channel = &analysis.source.channels[channel];
     format!(
-        "{reported} In the spectrum of the whole the strongest line stands at {} on {}, with an amplitude of {}: {}.",
+        "{reported} In the spectrum of the whole recording, the strongest line is at {} on {}, with an amplitude of {}: {}.",
         hz(strongest.line.frequency),
         channel.name,
         quantity(strongest.line.amplitude, &channel.unit),
@@ -209,8 +209,7 @@ pub(super) fn health(analysis: &Analysis) -> Vec<String> {
         }
     }
     for channel in analysis.source.channels.iter().filter(|channel| channel.missing > 0) {
-        sentences
-            .push(format!("{}: samples that were not taken: {}", channel.name, channel.missing));
+        sentences.push(format!("{}: missing samples: {}", channel.name, channel.missing));
     }
     sentences
 }
@@ -334,13 +333,7 @@ fn episodes(analysis: &Analysis, width_max: Option<usize>) -> String {
 }
 
 fn lines(analysis: &Analysis, width_max: Option<usize>) -> String {
-    let mut all: Vec<_> = analysis
-        .spectra
-        .iter()
-        .flat_map(|one| {
-            one.lines.iter().map(move |line| (&analysis.source.channels[one.channel], line))
-        })
-        .collect();
+    let mut all: Vec<_> = analysis.lines().collect();
     all.sort_by(|a, b| b.1.line.amplitude.total_cmp(&a.1.line.amplitude));
     let heads = ["Hz", "amplitude", "channel", "class"];
     let table = all.iter().take(ROWS).fold(TextTable::new(heads), |table, (channel, one)| {
@@ -365,14 +358,16 @@ pub(super) fn path(source: &Source, spectra: &PathSpectra) -> String {
         .max_by(|a, b| a.1.line.amplitude.total_cmp(&b.1.line.amplitude));
     let known = format!("{} mm by {}", fixed(spectra.length_mm, 0), spectra.by);
     let Some((channel, found)) = strongest else {
-        return format!("{known}: no line of its own stands over the noise");
+        return format!("{known}: no line exceeds the noise");
     };
     let wheel = found.wheel.map_or(String::new(), |wheel| format!(", {}", wheel.text()));
     let doubt = match (spectra.one_feed, found.in_time_hz) {
         (true, Some(in_time_hz)) => {
-            format!("; at this one feed the same as {} in time", hz(in_time_hz))
+            format!("; at this single feed the same as {} in time", hz(in_time_hz))
         }
-        (true, None) => "; at one feed alone it may as well be a line in time".to_owned(),
+        (true, None) => {
+            "; at a single feed it cannot be distinguished from a line in time".to_owned()
+        }
         _ => String::new(),
     };
     format!(

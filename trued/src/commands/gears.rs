@@ -1,7 +1,7 @@
 //! `trued gears`: revolutions of gear shafts and tooth meshes per millimetre of path, and assignment of measured lines to them.
 //!
 //! Revolutions, teeth and degrees per mm have separate columns (decision 0010); every wheel that
-//! fits a line is listed, with the probability of a match by chance. A wheel whose speed varies too
+//! fits a line is listed, with the probability of a random match. A wheel whose speed varies too
 //! much to produce a line is not matched.
 
 use std::path::{Path, PathBuf};
