@@ -361,8 +361,12 @@ fn plan_onto(offset: Motion, target_rate: f64, limits: &Limits, pace: Pace) -> P
     Plan::to_zero(offset, (lowest, highest), if swings { most } else { planned })
 }
 
-/// The rate away from zero that remains once the acceleration is removed at `jerk`.
+/// The rate away from zero that is left where the fastest stop at `jerk` has removed the
+/// acceleration; zero if the stop first needs more of it.
 fn swing(offset: Motion, jerk: f64) -> f64 {
+    if offset.coasting_rate(jerk) * offset.acceleration <= 0.0 {
+        return 0.0;
+    }
     let coasting =
         offset.after(offset.acceleration.abs() / jerk, -jerk.copysign(offset.acceleration));
     (coasting.rate * coasting.value.signum()).max(0.0)

@@ -305,3 +305,18 @@ fn the_last_joint_on_its_way_goes_by_its_own_limits() {
         assert!(held_up_s < 0.45, "{held_up_s} s, seed {seed}");
     }
 }
+
+/// Its arrival makes the others plan anew while they decelerate, half way through their stop.
+#[test]
+fn joints_that_decelerate_stay_on_their_line_when_a_small_one_arrives() {
+    let from = [4.931e-3, -2.204e-5, 1.645e-3];
+    let (rates, jerks) = ([0.0487, 0.005, 0.01114], [13.5, 1.0, 16.36]);
+    let limits = |i: usize| Some(limits(0.01, rates[i], jerks[i]));
+    let mut arm = Limiters::from_motion(|i| (from[i], 0.0, 0.0));
+    for k in 0..400 {
+        let [first, _, last] = arm.step(&[0.0; 3], limits, Elapsed::exactly(DT_S));
+        assert!((first / from[0] - last / from[2]).abs() < 1e-6, "step {k}: {first:e}, {last:e}");
+        assert!(first > -2e-4 * from[0], "{first:e} beyond zero in step {k}");
+    }
+    assert_eq!(arm.values(), [0.0; 3]);
+}
