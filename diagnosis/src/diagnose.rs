@@ -1,11 +1,13 @@
 //! Diagnosis of positions: where model and recording differ, which effects explain it with which parameters, and the error on a test set.
 //!
 //! Steps and modules, in the order in which to read them: `ingest` (screening of recordings), `ready` (rows to use), `library` (candidate effects),
-//! `noise` (AR noise model), `selection` with `stepwise`, `starts` and `outer_iteration` (which effects, and their alternatives), `prove` (validation and test),
-//! `unknown` (structure that no effect explains), `judge` (verdict, posterior probabilities), `findings` (the result). The method with its mathematics:
-//! `docs/diagnosis.md`.
+//! `noise` (AR noise model), `selection` with `stepwise`, `starts` and `outer_iteration` (which effects, and their alternatives), `prove` (validation
+//! and test), `unknown` (structure that no effect explains), `judge` (verdict, posterior probabilities), `findings` (the result). The method with its
+//! mathematics: `docs/diagnosis.md`.
 //!
-//! The same input and seed give the same bits. Rows of the test set take part in no selection and no fit. Knows no files.
+//! Input: a campaign (poses with measurements, SI units) and a model. Output: a [`Diagnosis`]. The module opens no file.
+//!
+//! Invariants: the same input and seed give the same result, bit for bit; rows of the test set take no part in selection or fit.
 
 mod calibration;
 pub mod experiment;
@@ -69,98 +71,103 @@ pub use selection::Rival;
 pub use untested::Untested;
 pub use view::{Beside, Over, Spectra, Trace};
 
-/// The share of a number that stays open whatever the noise: scales, the geometry that levers are taken from, the form of a law.
+/// Relative standard uncertainty of a parameter that remains whatever the noise: scale of the instrument, nominal lever arms, simplified equation of
+/// the effect.
 const FLOOR: f64 = 5e-3;
 
-/// Standard uncertainties from the middle to the end of a 95 % interval.
+/// Half-width of a normal 95 % interval, in standard deviations.
 const QUANTILE: f64 = 1.96;
 
-/// Where more than this share of the rows lies far from the model with all that was found, nothing is claimed.
+/// Largest share of outlier rows (of the final fit) at which findings are claimed; 0 to 1.
 const FAR_MOST: f64 = 0.2;
-/// But where one law alone leaves less than this share of the error of unseen rows, these rows follow it.
+/// Exception to [`FAR_MOST`]: without findings, a smooth function that reduces the RMS error on the test set below this share explains the outlying
+/// rows.
 const FOLLOWS: f64 = 0.5;
 
-/// Something that is missing in the model, or wrong in it.
+/// An effect that the model lacks, or whose stated parameters are wrong.
 #[derive(Clone, Debug)]
 pub struct Finding {
-    /// The effect with its numbers, SI; for a change the effect as it should be.
+    /// The effect with its estimated parameters, SI; for a correction, the effect with the corrected parameters.
     pub effect: AnyEffect,
-    /// Its place among the effects of the fit's model.
+    /// Index among the effects of the model in [`Diagnosis::fit`].
     pub place: usize,
-    /// For a change: the numbers that the model had.
+    /// For a correction: the parameters that the model states, SI. `None` for an effect that the model lacks.
     pub had: Option<Vec<f64>>,
-    /// The standard uncertainty of each number, SI; none for one that was not fitted.
+    /// Standard uncertainty of each parameter, SI units; `None` if the parameter was not fitted.
     pub sigma: Vec<Option<f64>>,
-    /// Whether the data determine each number; the uncertainty of one that they do not is that of its prior.
+    /// Whether the data determine each parameter; otherwise its standard uncertainty is that of its prior.
     pub determined: Vec<bool>,
-    /// Settings of the effect, SI.
+    /// Parameters that were set rather than fitted: name and values, SI.
     pub settings: Vec<(&'static str, Vec<f64>)>,
-    /// The probability that the name is right.
+    /// Posterior probability of this effect beside its alternatives, 0 to 1.
     pub confidence: f64,
-    /// By how much log-likelihood is higher with it than without.
+    /// Gain in log-likelihood on the training rows by this effect.
     pub gain: f64,
-    /// Other names, with their probabilities.
+    /// Alternatives with their posterior probabilities.
     pub rivals: Vec<(Rival, f64)>,
-    /// Held-out root mean square without it (all before it in the list at work) and with it, m or rad.
+    /// RMS error on the test set without it (but with all findings before it in order of importance) and with it, m or rad.
     pub heldout: [f64; 2],
-    /// Held-out root mean square where it alone is left out and all else is fitted anew, m or rad.
+    /// RMS error on the test set when this effect is removed and all others are refitted, m or rad.
     pub heldout_without: f64,
-    /// What it alone does to the readings, frames and targets fitted to the rest; m or rad.
+    /// Change of the measured quantities by this effect alone, with frames and targets refitted; m or rad.
     pub size: Size,
-    /// Where it shows.
+    /// Where in the recording it is largest.
     pub seen: Seen,
-    /// Findings of one number here, from 1, are determined only together; none where it is determined by itself.
+    /// Findings with the same group number (from 1) have strongly correlated parameters and are determined only together; `None` if it correlates
+    /// with no other.
     pub group: Option<usize>,
 }
 
-/// Structure that no effect explains.
+/// Structure in the residual that no effect of the library explains, modelled as a smooth function of one or two covariates.
 #[derive(Clone, Debug)]
 pub struct Unexplained {
-    /// The contract's words for what it follows.
+    /// Names of the covariates, as in docs/reference/results.md.
     pub depends_on: Vec<String>,
-    /// The joint whose error it looks like, from 0.
+    /// Index of the joint to whose error the structure is attributed, from 0.
     pub joint: usize,
-    /// Root mean square held out without and with the smooth law, m or rad.
+    /// RMS error on the test set without and with the smooth function, m or rad.
     pub heldout: [f64; 2],
 }
 
-/// All that was found.
+/// Result of a diagnosis.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
     /// The verdict.
     pub verdict: Verdict,
-    /// What is claimed, most important first.
+    /// Claimed findings, most important first.
     pub findings: Vec<Finding>,
-    /// Less probable than that: no claims. The fit, the proof and the model hold them too.
+    /// Effects with too low a posterior probability to be claimed. `fit` and `proof` include them.
     pub candidates: Vec<Finding>,
-    /// Structure beyond them.
+    /// Structure that findings and candidates leave unexplained.
     pub unexplained: Option<Unexplained>,
-    /// Held-out errors.
+    /// Errors on the test set.
     pub proof: Proof,
-    /// The model as given, frames and targets fitted.
+    /// Fit of the model as given: only frames and targets are estimated.
     pub given: Fit,
-    /// With all that was found.
+    /// Fit with findings and candidates.
     pub fit: Fit,
-    /// Root mean square of the measured values about their means, m or rad.
+    /// RMS of the measured values about their means, m or rad.
     pub signal_rms: f64,
-    /// The motion or load that would tell rivals apart.
+    /// Proposed experiment that would distinguish indistinguishable alternatives.
     pub next_experiment: Option<Proposed>,
-    /// Where the model as given and the recording differ.
+    /// Map of the differences between the model as given and the recording.
     pub map: Vec<Cell>,
-    /// What could not have shown.
+    /// Effects that this recording cannot show.
     pub not_tested: Vec<Untested>,
-    /// What was done with the data, in words.
+    /// Messages for the user about the processing of the data.
     pub notes: Vec<String>,
-    /// That the joint positions were read before the arm stood; none where they were not.
+    /// Message if the joint positions appear to have been recorded before the arm had settled.
     early: Option<String>,
-    /// The campaign as it was used.
+    /// The campaign as it was used, after exclusion and subsampling of rows.
     pub campaign: Campaign,
-    /// Which poses trained.
+    /// Split into training and test poses.
     pub split: Split,
 }
 
-/// Diagnoses `model` by `campaign`. `sigma`: what the model states of its effects' uncertainty, one list per effect; `held_out`: what recordings keep for
-/// validation; none: chosen by `seed`.
+/// Diagnoses `model` by `campaign`.
+///
+/// - `sigma`: standard uncertainties that the model states of its effects' parameters, SI, one list per effect.
+/// - `held_out`: test poses that the recordings reserve; `None`: chosen in blocks by `seed`.
 #[must_use]
 pub fn diagnose(
     mut campaign: Campaign,
@@ -178,7 +185,7 @@ pub fn diagnose(
     of_chosen(campaign, notes, model, sigma, held_out, seed)
 }
 
-/// The same where rows are chosen already, and have their speeds.
+/// [`diagnose`] for a campaign whose rows are already subsampled and have their speeds.
 fn of_chosen(
     mut campaign: Campaign,
     mut notes: Vec<String>,
@@ -216,9 +223,8 @@ fn of_chosen(
     {
         Some((few, law)) => (few, Some(law)),
         None => {
-            // Without a look at rivals: enough to tell what is noise.
+            // The alternatives of each effect are not needed yet: this selection only serves to separate effects from noise.
             let first = search.until_stable(preselected, &also);
-            // What is named tells what is noise, and what is noise tells what can be named.
             let taken = (words.as_slice(), Taken::Validated);
             let again = whiten(&mut campaign, &known, &settings, &first.fit, taken);
             let (known, library, cache) = (&known, library.as_slice(), &cache);
@@ -238,7 +244,7 @@ fn of_chosen(
             }
         }
     };
-    // Names and laws stand; their numbers, and which rivals come near, are told by all that is not held out.
+    // The selection is complete; its parameters and alternatives are now estimated on all rows outside the test set.
     let around = selection.fit.surroundings.clone();
     let settings = Settings { used: &split.training, from: Some(&around), ..settings };
     let selection =
@@ -250,7 +256,8 @@ fn of_chosen(
     finish(campaign, model, selection, law, split, &words, (not_tested, notes))
 }
 
-/// Gives the campaign the noise that `seen` leaves, and the fit of what is known with it; none where it has it already.
+/// Sets the campaign's AR noise models to those of the residual of `seen` and refits the known model with them; `None` if the noise models are
+/// unchanged.
 fn whiten(
     campaign: &mut Campaign,
     known: &Hypothesis,
@@ -267,6 +274,7 @@ fn whiten(
     Some(fit(campaign, known, &Settings { from: Some(&around), ..*settings }))
 }
 
+/// Assembles the result: errors on the test set, verdict, findings, map and proposed experiment.
 fn finish(
     campaign: Campaign,
     model: &Model,
@@ -288,7 +296,7 @@ fn finish(
     let given = held.beside(&Hypothesis::fixed(*model), &last);
     let fitted = Fitted::new(&campaign, &last, &settings);
     let (before, after) = (held.rms(&given), held.rms(&last));
-    // A law that does not reduce the held-out error is not claimed.
+    // A smooth function that does not reduce the error on the test set is not reported.
     let rest = law.and_then(|law| {
         let [without, with] = law.on(&fitted, words, &held_out);
         (with < without).then(|| Unexplained {
@@ -337,21 +345,21 @@ fn finish(
     }
 }
 
-/// Rows that lie far from the model with all that was found, and all that were read.
+/// Number of outlier rows of the final fit, and number of measured rows.
 fn far(last: &Fit, campaign: &Campaign) -> (usize, usize) {
     let rows = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
     (last.outliers(campaign).len(), rows)
 }
 
 impl Diagnosis {
-    /// Why nothing of this may be claimed; none where it may.
+    /// Reason why no finding may be claimed; `None` if there is none.
     #[must_use]
     pub fn doubt(&self) -> Option<String> {
         if self.early.is_some() {
             return self.early.clone();
         }
         let (far, rows) = far(&self.fit, &self.campaign);
-        // What one law brings near the model belongs to it.
+        // Rows that a single smooth function explains are not outliers of a mixed recording.
         let [without, with] = self.unexplained.as_ref().map_or([0.0; 2], |rest| rest.heldout);
         let follows = self.findings.is_empty() && with < FOLLOWS * without;
         (far as f64 > FAR_MOST * rows as f64 && !follows).then(|| {
@@ -362,7 +370,7 @@ impl Diagnosis {
     }
 }
 
-/// Root mean square of what was read about the mean of each axis or joint.
+/// RMS of the measured values about the mean of each channel: positions, m, if `lengths`, else joint positions, rad or m.
 fn signal_rms(campaign: &Campaign, lengths: bool) -> f64 {
     let mut streams: BTreeMap<usize, Vec<DVec3>> = BTreeMap::new();
     for reading in campaign.poses.iter().flat_map(|p| p.seen.iter().map(|seen| &seen.reading)) {

@@ -1,21 +1,21 @@
 //! Covariates of a pose, scaled to −1 to 1, by their names in docs/reference/results.md: `q1`, `v1`, `direction_1`, `tau1`, `temp_C`, `t_s` …
 //!
-//! Promises: constant covariates are omitted. Never: measurements of the tool.
+//! They are computed from the inputs and the nominal model, not from measurements of the tool. Constant covariates are omitted.
 
 use crate::campaign::Campaign;
 use crate::problem::follow;
 use physics::{Inputs, Model};
 
-/// One word over all poses.
+/// One covariate over all poses.
 #[derive(Clone, Debug)]
 pub(super) struct Word {
-    /// As in the contract.
+    /// Name as in docs/reference/results.md.
     pub(super) name: String,
-    /// Its joint, from 0; none for the whole robot.
+    /// Its joint, from 0; `None` for the whole robot.
     pub(super) joint: Option<usize>,
-    /// One per pose, −1 to 1.
+    /// Scaled value at each pose, −1 to 1.
     pub(super) values: Vec<f64>,
-    /// The number before scaling is `middle + half · value`.
+    /// The value before scaling, SI, is `middle + half · value`.
     pub(super) middle: f64,
     pub(super) half: f64,
 }
@@ -34,7 +34,7 @@ impl Word {
         Some(Self { name, joint, values, middle, half })
     }
 
-    /// Chebyshev's polynomials `T_1` to `T_count` at a pose.
+    /// Chebyshev polynomials `T_1` to `T_count` at a pose.
     pub(super) fn chebyshev(&self, pose: usize, count: usize) -> impl Iterator<Item = f64> {
         let x = self.values[pose].clamp(-1.0, 1.0);
         // T_{k+1} = 2 x T_k − T_{k−1}
@@ -43,7 +43,7 @@ impl Word {
     }
 }
 
-/// All words that change over the campaign.
+/// All covariates that vary over the campaign.
 pub(super) fn words(campaign: &Campaign, model: &Model) -> Vec<Word> {
     let joints = model.arm.count();
     let poses = &campaign.poses;

@@ -1,7 +1,7 @@
 //! The selected effects as findings: parameters with uncertainty, alternatives, size, and what each brings on the test set.
 //!
-//! They are ordered by how much they lower the error on the test set, as a mean over all orders in which they can be added (Shapley value): effects that partly
-//! explain the same share it equally, whichever was added first. Adds and removes no effect.
+//! They are ordered by how much they lower the error on the test set, as a mean over all orders in which they can be added (Shapley value): effects
+//! that partly explain the same share it equally, whichever was added first.
 
 use super::judge;
 use super::locate;
@@ -16,6 +16,8 @@ use physics::{AnyEffect, Model};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
+/// The findings for all selected effects, the one with the largest Shapley value first. `last`: the final fit, with the standard uncertainty of its
+/// columns; `given`: the fit of the model as given.
 pub(super) fn findings(
     held: &Held<'_>,
     model: &Model,
@@ -81,11 +83,11 @@ pub(super) fn findings(
     (0..order.len()).into_par_iter().filter_map(finding).collect()
 }
 
-/// What is left of held-out rows.
+/// Errors on the test set with some effects removed.
 struct Left {
-    /// As [`Held::energy`] has it, m² or rad².
+    /// By [`Held::energy`], m² or rad².
     energy: f64,
-    /// As [`Held::rms`] has it, m or rad.
+    /// By [`Held::rms`], m or rad.
     rms: f64,
 }
 
@@ -130,17 +132,17 @@ fn groups(count: usize, are_together: impl Fn(usize, usize) -> bool) -> Vec<Opti
     groups
 }
 
-/// The place of a fitted value among the free numbers of the hypothesis.
+/// Index of a fitted parameter among the free parameters of the hypothesis; `None` if it was held fixed.
 fn fitted(one: &Selected, value: usize, last: &Fit) -> Option<usize> {
     last.hypothesis.free.iter().position(|free| free.effect == one.effect && free.value == value)
 }
 
-/// The column of a free number among those that the data determine.
+/// Position of a free parameter among the fitted columns; `None` if the data do not determine it.
 fn column(k: usize, last: &Fit) -> Option<usize> {
     last.columns().iter().position(|column| *column == last.column_of(k))
 }
 
-/// The standard uncertainty of a value of what was named, SI; none for one that neither was fitted nor has variants.
+/// Standard uncertainty of a parameter, SI, including the spread of indistinguishable variants; `None` if it was neither fitted nor has variants.
 fn sigma(
     one: &Selected,
     effect: &AnyEffect,
@@ -148,7 +150,7 @@ fn sigma(
     (last, uncertainty): (&Fit, &[f64]),
 ) -> Option<f64> {
     let fitted = fitted(one, value, last).map(|k| {
-        // What the data do not determine has the uncertainty of its prior.
+        // The standard uncertainty of a parameter that the data do not determine is that of its prior.
         let prior = last.hypothesis.free[k].sigma;
         let sigma = column(k, last).map_or(prior, |place| uncertainty[place]);
         sigma.hypot(FLOOR * effect.values()[value])

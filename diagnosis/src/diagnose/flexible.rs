@@ -3,31 +3,31 @@
 //! Covariates are added one by one while this lowers the error on left-out blocks (Burman, Chow and
 //! Nolan 1994): a regression that fits autocorrelated noise would remove its autocorrelation.
 //!
-//! Promises: deterministic. Never: a covariate that improves only the fitted rows.
+//! Invariant: a covariate that improves only the fitted rows is not added.
 
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
-/// Stretches of a run, and folds that they are dealt to.
+/// Blocks of a run, and cross-validation folds to which they are assigned in turn.
 const STRETCHES: usize = 20;
 const FOLDS: usize = 5;
-/// A word joins where it lowers the error of what was left out by this share.
+/// Relative reduction of the cross-validation error for which a covariate is added.
 const JOINS: f64 = 0.01;
-/// Words that join, at most.
+/// Largest number of covariates that are added.
 const WORDS: usize = 16;
-/// Damping of the fit, as a share of a column's square.
+/// Ridge penalty, relative to the squared length of a column.
 const DAMPING: f64 = 1e-6;
 
-/// Which words join.
+/// Which covariates enter the regression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Taken {
-    /// All of them: where nothing is named yet, whatever may be a law is none of the noise's.
+    /// All: before any effect is selected, whatever a covariate explains may be a missing effect and must not be attributed to noise.
     All,
-    /// Those that other stretches bear out.
+    /// Those that reduce the cross-validation error.
     Validated,
 }
 
-/// Sums over the rows of one fold: columns with columns, columns with values, values with values.
+/// Normal equations of the rows of one fold: `XᵀX`, `Xᵀy` and `yᵀy`.
 #[derive(Clone)]
 struct Sums {
     columns: DMatrix<f64>,
@@ -54,7 +54,7 @@ impl Sums {
         self
     }
 
-    /// The law over these columns alone.
+    /// Least-squares coefficients of these columns alone.
     fn solved(&self, of: &[usize]) -> DVector<f64> {
         let mut cells = self.columns.select_rows(of).select_columns(of);
         for k in 0..of.len() {
@@ -64,7 +64,7 @@ impl Sums {
         cells.cholesky().map_or_else(|| DVector::zeros(of.len()), |c| c.solve(&pulls))
     }
 
-    /// The sum of squares that a law over these columns leaves.
+    /// Sum of squared residuals with these coefficients.
     fn left(&self, of: &[usize], law: &DVector<f64>) -> f64 {
         let cells = self.columns.select_rows(of).select_columns(of);
         let pulls = self.pulls.select_rows(of);
@@ -72,7 +72,7 @@ impl Sums {
     }
 }
 
-/// One number per column of `rows`, of which the first is always in and `groups` join as wholes; zero for those that did not.
+/// Coefficient of each column of `rows`. The first column is always included; `groups` of columns are added as a whole; excluded columns have zero.
 pub(super) fn law(
     rows: &[Vec<f64>],
     values: &[f64],
@@ -133,7 +133,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    /// Noise that remembers nine tenths of itself.
+    /// AR(1) noise with a coefficient of 0.9.
     fn slow(count: usize, seed: u64) -> Vec<f64> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut last = 0.0;

@@ -1,9 +1,8 @@
 //! Search for hysteresis: the one that best explains a joint in place of all effects selected there.
 //!
-//! Backlash and a spike at each reversal resemble hysteresis with a distance far from those of the library, and with precise instruments neighbouring distances
-//! fit much worse. The best ones are therefore fitted, including distances about the width of the backlash.
-//!
-//! Promises: compared with the weights and noise of the present fit. Never: a decision; see `selection`.
+//! Backlash and a spike at each reversal resemble hysteresis with a reversal distance far from those of the library, and with precise instruments
+//! even neighbouring distances fit much worse. The best candidates are therefore fitted, including distances near the width of the backlash. Fits are
+//! compared under the weights and noise of the present one. The result is a further candidate; `selection` decides.
 
 use super::selection::{Search, Selected, Selection, without};
 use crate::candidates::{Candidate, List, is_sound, put};
@@ -11,13 +10,13 @@ use crate::fit::compare;
 use crate::score::Fitted;
 use physics::AnyEffect;
 
-/// Distances that are tried beside the library's, as shares of a gap's width.
+/// Reversal distances that are tried besides those of the library, relative to the width of the backlash.
 const DISTANCES: [f64; 2] = [1.0, 4.0];
-/// So many of all are fitted, the best first.
+/// Number of candidates that are fitted, the best first.
 const FITTED: usize = 3;
 
 impl Search<'_> {
-    /// The best hysteresis of every joint whose play is named, in the stead of all that is named there.
+    /// The best hysteresis of every joint with selected backlash or hysteresis, in place of all effects selected there.
     pub(super) fn hystereses(&self, selection: &Selection) -> Vec<Candidate> {
         let model = &selection.fit.hypothesis.model;
         let new = selection.named.iter().filter(|one| one.stated.is_none());
@@ -36,7 +35,7 @@ impl Search<'_> {
                 && one.probes.iter().any(|p| matches!(p.effect, AnyEffect::Hysteresis(_)))
         };
         let mut all: Vec<Candidate> = self.library.iter().filter(is_asked).cloned().collect();
-        // What builds up over a distance shows only where most moves are small.
+        // The library has a hysteresis only where most moves are small: only these show how it builds up.
         all.first()?;
         let mut list = List::new(arm, self.campaign);
         for share in DISTANCES {

@@ -1,10 +1,10 @@
-//! Screening of recordings before anything is fitted: time stamps, rows without readings, stations of the instrument, channels that are frozen, saturated,
-//! repeated over several rows or coarsely quantised.
+//! Screening of recordings before anything is fitted: time stamps, rows without measurements, stations of the instrument, channels that are frozen,
+//! saturated, repeated over several rows or coarsely quantised.
 //!
-//! Read in this order: `stamps` (time), `straight` (what a channel should show, independent of the measuring frame), `channel` (what is wrong with one).
+//! Read in this order: `stamps` (time), `straight` (expected values of a channel, in any measuring frame), `channel` (faults of a channel).
 //!
-//! Readings that are frozen or saturated while the arm moves are excluded and reported with channel, time and number; a recording without usable readings is
-//! refused with the reason. Fits no physics, changes no value.
+//! Measurements that are frozen or saturated while the arm moves are excluded and reported with channel, time and number of rows; a recording without
+//! usable measurements is refused with the reason. No measured value is changed, and only the nominal kinematics is used.
 
 mod channel;
 mod stamps;
@@ -22,11 +22,11 @@ use channel::Looking;
 pub struct Ingested {
     /// Messages for the user, one sentence each.
     pub notes: Vec<String>,
-    /// Reasons against any statement; empty if usable readings remain.
+    /// Reasons why nothing can be concluded; empty if usable measurements remain.
     pub doubts: Vec<String>,
 }
 
-/// Screens recordings of the robot `arm` and excludes unusable readings.
+/// Screens recordings of the robot `arm` and excludes unusable measurements.
 pub fn ingest(arm: &Arm, recordings: &mut [Recording]) -> Ingested {
     let mut all = Ingested::default();
     let several = recordings.len() > 1;
@@ -34,7 +34,7 @@ pub fn ingest(arm: &Arm, recordings: &mut [Recording]) -> Ingested {
         let mut notes = stamps::notes(recording);
         notes.extend(without_readings(recording));
         notes.extend(Nests::of(recording).map(|nests| nests.note()));
-        // A recording that lacks a joint is refused where it is read.
+        // The conversion to poses, later, refuses a recording that lacks a joint, with a proper message.
         let Ok(q) = Positions::of(arm, recording) else { continue };
         let had = measured(recording);
         notes.extend(Looking::at(arm, recording, &q).look());
@@ -50,7 +50,7 @@ pub fn ingest(arm: &Arm, recordings: &mut [Recording]) -> Ingested {
     all
 }
 
-/// The groups that are read together, as far as the recording has them.
+/// Channels that form one measurement (the coordinates of a point, a quaternion, a link-side joint position), as far as the recording has them.
 fn groups(recording: &Recording) -> Vec<Vec<Channel>> {
     let mut groups = vec![(0..3).map(Channel::Position).collect::<Vec<_>>()];
     let on_links = &recording.about.targets_on_link;
@@ -67,7 +67,7 @@ fn finite(recording: &Recording, channel: Channel, row: usize) -> Option<f64> {
     recording.column(channel)?.get(row).copied().filter(|value| value.is_finite())
 }
 
-/// Whether anything was read, gauges of one length or a touch included.
+/// Whether the recording contains any measurement, including distances and touches.
 fn measured(recording: &Recording) -> bool {
     let whole = |group: &Vec<Channel>, row| {
         group.iter().all(|channel| finite(recording, *channel, row).is_some())
@@ -79,7 +79,7 @@ fn measured(recording: &Recording) -> bool {
     gauges || (0..recording.len()).any(|row| groups.iter().any(|group| whole(group, row)))
 }
 
-/// Rows in which a group was not read.
+/// Messages on groups that are missing in some rows.
 fn without_readings(recording: &Recording) -> Vec<String> {
     let mut notes = Vec::new();
     for group in groups(recording) {
@@ -93,13 +93,13 @@ fn without_readings(recording: &Recording) -> Vec<String> {
     notes
 }
 
-/// `x_mm, y_mm, z_mm`.
+/// Names of the columns of a group, as `x_mm, y_mm, z_mm`.
 fn named(recording: &Recording, group: &[Channel]) -> String {
     let name = |channel: &Channel| name(recording, *channel);
     group.iter().map(name).collect::<Vec<_>>().join(", ")
 }
 
-/// The column's name in the units of its file.
+/// Name of the column, with the units of its file.
 fn name(recording: &Recording, channel: Channel) -> String {
     let kind = recording.joint_kind(channel.joint().unwrap_or(0));
     channel.name(channel.unit_in(recording.units, kind))

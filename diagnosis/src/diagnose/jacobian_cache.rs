@@ -1,7 +1,8 @@
-//! Columns of the Jacobian for every candidate of the library, kept from one selection to the next.
+//! Cache of the Jacobian columns of every candidate of the library, from one selection to the next.
 //!
-//! Columns are taken on the nominal geometry. They depend on the fit only through effects that change the loads or the path, and those of load-dependent candidates
-//! through what is compliant; only then are they computed again. The cached columns are those that a new computation would give.
+//! Columns are computed on the nominal geometry. They depend on the fit only through effects that change the loads or the path, and those of
+//! load-dependent candidates also through the compliances; only if these change are they computed again. Invariant: cached columns equal newly
+//! computed ones.
 
 use crate::candidates::Candidate;
 use crate::rides::Moved;
@@ -10,7 +11,7 @@ use physics::AnyEffect;
 use physics::spec::ActsOn;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Columns of those that act upon the loads, and of all others.
+/// Columns of candidates that change the loads, of all others, and of flexible modes.
 #[derive(Default)]
 pub(super) struct JacobianCache {
     of_loads: Mutex<Kept>,
@@ -18,14 +19,14 @@ pub(super) struct JacobianCache {
     ringing: Mutex<Ringing>,
 }
 
-/// What modes move, and the effects that they feel.
+/// Columns of flexible modes, and the effects for which they are valid.
 #[derive(Default)]
 struct Ringing {
     context: Vec<AnyEffect>,
     columns: Option<Arc<Vec<Moved>>>,
 }
 
-/// Columns, and what they hold for.
+/// Columns, and the effects and poses for which they are valid.
 #[derive(Default)]
 struct Kept {
     context: Vec<AnyEffect>,
@@ -34,7 +35,7 @@ struct Kept {
 }
 
 impl JacobianCache {
-    /// The columns of every candidate of `library`, which is always the same, where a fit stands.
+    /// The columns of every candidate of `library`, which has to be the same in every call, at the present fit.
     pub(super) fn moves(&self, fitted: &Fitted<'_>, library: &[Candidate]) -> Vec<Arc<Moves>> {
         let (mut of_loads, mut others) = (held(&self.of_loads), held(&self.others));
         let whole = fitted.context();
@@ -50,7 +51,7 @@ impl JacobianCache {
 }
 
 impl JacobianCache {
-    /// What the modes that are asked first move, which are always the same ones; `columns` tells it where it is not known.
+    /// The columns of the coarse grid of modes, which is the same in every call; `columns` computes them if they are not cached or no longer valid.
     pub(super) fn ringing(
         &self,
         fitted: &Fitted<'_>,
@@ -65,12 +66,12 @@ impl JacobianCache {
     }
 }
 
-/// What is kept is whole whenever it is let go of: each part is replaced at once.
+/// A poisoned lock is usable: each part of the cache is replaced as a whole.
 fn held<T>(kept: &Mutex<T>) -> MutexGuard<'_, T> {
     kept.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Those of the effects that change the loads or the way.
+/// The effects that change the loads or the path.
 fn felt(whole: &[AnyEffect]) -> Vec<AnyEffect> {
     let changes_all = |effect: &&AnyEffect| on_loads(effect) || is_over_path(effect);
     whole.iter().filter(changes_all).copied().collect()
@@ -88,7 +89,7 @@ impl Kept {
             return;
         }
         let candidates: Vec<Candidate> = candidates.cloned().collect();
-        // What was kept goes first: it is large.
+        // The previous columns are released first, since they need much memory.
         self.moves.clear();
         self.moves = fitted.moves(&candidates).into_iter().map(Arc::new).collect();
         (self.context, self.used) = (context, used.clone());

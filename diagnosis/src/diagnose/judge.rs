@@ -9,24 +9,26 @@ use crate::engine::verdict::{Verdict, VerdictSettings, Weight, decide_verdict};
 use crate::result::Fit;
 use physics::AnyEffect;
 
-/// Two names that differ by less than this in log-likelihood are one and the same thing in this recording.
+/// Two effects that differ by less than this in log-likelihood describe the same error in this recording.
 const SAME: f64 = 1e-3;
-/// Two words for one law differ by less than is worth a mention (Kass and Raftery 1995: a Bayes factor below 3): the preferred one is said.
+/// Difference in log-likelihood from which a form of a law is reported instead of the preferred form (Kass and Raftery 1995: a Bayes factor below 3
+/// is not worth a mention).
 const WORD: f64 = 1.0;
-/// The same of a gap and of what builds up over a distance, which is one number more: half of a squared normal variate, 95 %.
+/// The same for backlash and hysteresis, which has one parameter more: half of the 95 % quantile of χ² with one degree of freedom.
 const DISTANCE: f64 = 1.92;
 
-/// A dearer name that is at least as probable as this keeps a cheaper one from being claimed.
+/// Posterior probability from which an alternative with more parameters makes an effect ambiguous.
 const LIKELY: f64 = 0.35;
 
-/// The verdict on names that explain the share `explained` of what stands above the noise on held-out rows; none: all of it.
+/// The verdict on the selected effects. `explained`: the share that they explain of the energy above the noise on the test set; `None`: all of it.
 pub(super) fn verdict(found: &[Selected], fit: &Fit, explained: Option<f64>) -> Verdict {
     let weight = |one: &Selected| Weight { gain: one.gain, is_ambiguous: is_ambiguous(one, fit) };
     let weights: Vec<Weight> = found.iter().map(weight).collect();
     decide_verdict(&weights, explained, &VerdictSettings::POSITION)
 }
 
-/// Whether another name, one that is not the same thing by another word, explains it as well; one of more numbers only where it is likely.
+/// Whether an alternative explains the error as well. Other forms of the same law do not count; alternatives with more parameters only from the
+/// probability [`LIKELY`].
 pub(super) fn is_ambiguous(one: &Selected, fit: &Fit) -> bool {
     let own = fit.hypothesis.model.effects().nth(one.effect);
     let (_, shares) = confidence(one, fit);
@@ -38,7 +40,7 @@ pub(super) fn is_ambiguous(one: &Selected, fit: &Fit) -> bool {
     one.rivals.iter().zip(shares).any(alike)
 }
 
-/// Whether a rival is the same thing in this recording, and the contract says which word to prefer.
+/// Whether an alternative describes the same error in this recording, so that docs/reference/effects.md decides which of the two is reported.
 fn is_same(own: &AnyEffect, rival: &Rival) -> bool {
     if of_one_law(own, &rival.effect) {
         return rival.behind.abs() < word(own);
@@ -48,13 +50,14 @@ fn is_same(own: &AnyEffect, rival: &Rival) -> bool {
     let shifts = |effect: &AnyEffect| matches!(effect, AnyEffect::AxisShift(_));
     let kin = |is: &dyn Fn(&AnyEffect) -> bool| is(own) && is(&rival.effect);
     let parallel = kin(&shifts);
-    // A tool that hangs along its own z grows as the link after the last joint does.
+    // If the tool axis is parallel to the last link, growth of spindle and link are the same.
     let one_way = kin(&|effect| grows(effect) || stretches(effect));
     let apart = own.joint() != rival.effect.joint() && !grows(own) && !grows(&rival.effect);
     rival.behind.abs() < SAME && (parallel || one_way && !apart)
 }
 
-/// Whether two names of a joint are two words for one law, that differ in what part of it they take.
+/// Whether two effects of a joint are forms of one law, of which one is a special case of the other: compliance under gravity, wrench or both;
+/// backlash and hysteresis.
 fn of_one_law(one: &AnyEffect, other: &AnyEffect) -> bool {
     let family = |effect: &AnyEffect| match effect {
         AnyEffect::JointCompliance(_)
@@ -67,15 +70,17 @@ fn of_one_law(one: &AnyEffect, other: &AnyEffect) -> bool {
     family(one) > 0 && family(one) == family(other) && one.joint() == other.joint()
 }
 
-/// The same of two candidates.
+/// Whether two candidates are forms of one law at one joint.
 pub(super) fn words(one: &Candidate, other: &Candidate) -> bool {
     let pair = one.probes.first().zip(other.probes.first());
     pair.is_some_and(|(one, other)| of_one_law(&one.effect, &other.effect))
 }
 
-/// What a rival that is another word for the same law pays, in log-likelihood, for its `numbers` and for not being the word that is preferred (docs/reference/effects.md)
-/// ; below zero: what it gains. One word is a case of the other, with as many numbers held: these are paid in full. Whether play builds up over a
-/// distance is one question, not one of hundreds, and costs no more than it takes to be told from chance.
+/// Penalty, in log-likelihood, of an alternative that is another form of the same law; `None` for any other. It consists of `numbers`, the penalty of
+/// its additional parameters, and of a bonus for the preferred form (docs/reference/effects.md); a negative value favours the alternative.
+///
+/// A form is a special case of the other with some parameters fixed, so the penalty of the parameters counts in full. Between backlash and hysteresis
+/// there is a single test, not one of hundreds, so that [`DISTANCE`] replaces it.
 pub(super) fn of_word(own: &AnyEffect, rival: &AnyEffect, numbers: f64) -> Option<f64> {
     let is_preferred = |effect: &AnyEffect| {
         matches!(effect, AnyEffect::JointCompliance(_) | AnyEffect::Backlash(_))
@@ -85,7 +90,7 @@ pub(super) fn of_word(own: &AnyEffect, rival: &AnyEffect, numbers: f64) -> Optio
     of_one_law(own, rival).then_some(numbers + word)
 }
 
-/// By how much two words of this one's law have to differ.
+/// Difference in log-likelihood that decides between two forms of this law.
 fn word(own: &AnyEffect) -> f64 {
     if is_play(own) { DISTANCE } else { WORD }
 }
@@ -94,8 +99,8 @@ fn is_play(effect: &AnyEffect) -> bool {
     matches!(effect, AnyEffect::Backlash(_) | AnyEffect::Hysteresis(_))
 }
 
-/// The probability that a name is right beside its rivals, by their likelihoods and the numbers that each takes, and that of each rival; together they are 1.
-/// Where another word is the same thing, either is right: its share is the name's own.
+/// Posterior probability of a selected effect, and of each alternative, from likelihoods and penalties; they sum to 1. Alternatives that describe the
+/// same error are counted with the selected effect.
 pub(super) fn confidence(one: &Selected, fit: &Fit) -> (f64, Vec<f64>) {
     let readings = fit.readings as f64 / fit.design_effect;
     let penalty = readings.max(2.0).ln();

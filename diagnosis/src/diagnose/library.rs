@@ -1,7 +1,8 @@
-//! The candidates: every effect that moves the tool, on every joint, as a new one; and a change of every effect that the model states.
+//! Candidate effects of a diagnosis: every effect that moves the tool, at every joint, as a missing effect; and a correction of every effect that the
+//! model states.
 //!
-//! The order is the order of preference among effects that explain the same (docs/reference/effects.md, "What may answer for what"). The candidates are those
-//! of the crate `physics`; residuals are not used.
+//! The order is the order of preference among effects that explain the same (docs/reference/effects.md, "What may answer for what"). The effects are
+//! those of the crate `physics`; residuals are not used.
 
 use crate::campaign::Campaign;
 use crate::candidates::{Candidate, List, candidates, couples, over_paths, wave_candidate};
@@ -10,16 +11,16 @@ use physics::spec::{ActsOn, Need};
 use physics::{Arm, JointKind, Model};
 use std::f64::consts::TAU;
 
-/// Shares of the longest segment that are tried as the time by which heat comes late.
+/// Thermal lags that are tried, as shares of the longest duration of a segment.
 const LAGS: [f64; 3] = [0.05, 0.15, 0.4];
 
-/// Waves per revolution of a joint that are asked where the search for waves does not begin yet: after once and twice, which are asked anyway, the
-/// orders of planets and of poles.
+/// Waves per revolution of a joint that are candidates if its range of motion is too small for the search for waves: the orders of planets and of
+/// poles. One and two waves per revolution are always candidates.
 const ORDERS: [f64; 2] = [3.0, 4.0];
-/// A joint that moves less, rad or m, shows no wave.
+/// Range of motion below which a joint shows no wave, rad or m.
 const STILL: f64 = 1e-3;
 
-/// All candidates for what `model` may lack or have wrong.
+/// All candidates of effects that `model` may lack or state wrongly.
 pub(super) fn library(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
     let moves = |acts_on: ActsOn| !matches!(acts_on, ActsOn::DriveTorque | ActsOn::ToolForce);
     let known = model.effects().enumerate().filter(|(_, e)| moves(e.spec().acts_on));
@@ -32,9 +33,9 @@ pub(super) fn library(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
     all.extend(slow_heat(&model.arm, campaign));
     all.extend(over_paths(&model.arm, campaign));
     all.extend(sensor(model, campaign));
-    // Springs are searched for, on every joint; see `name`.
+    // Counterbalance springs are searched for separately; see `springs`.
     all.retain(|candidate| !candidate.is_spring());
-    // Where gravity or the wrench alone shows a compliance, the contract prefers the word for both.
+    // Compliances under gravity alone or the wrench alone come last: among equals docs/reference/effects.md prefers the compliance under both.
     let halves = |c: &Candidate| {
         let kind = c.probes.first().map(|probe| probe.effect.spec().kind);
         matches!(kind, Some("load_compliance" | "gravity_compliance" | "gravity_sag"))
@@ -44,7 +45,7 @@ pub(super) fn library(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
     all
 }
 
-/// Where axes and tool may stand elsewhere than the model says.
+/// Errors of the nominal geometry: zero offsets, displaced and tilted axes, tool offset.
 fn geometry(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let mut list = List::new(arm, campaign);
     for joint in 0..arm.count() {
@@ -56,8 +57,8 @@ fn geometry(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     list.found
 }
 
-/// Waves too slow in a joint's range for the search (`waves`) and too quick for the list that every joint is asked for: several of that list together, with
-/// an offset, would stand for one of these.
+/// Waves that are too slow in a joint's range of motion for the search (`waves`) and too fast for the list of every joint. Without them, several
+/// waves of that list and an offset would be selected in place of one of these.
 fn slow_waves(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let mut all = Vec::new();
     for (joint, about) in arm.joints().iter().enumerate() {
@@ -72,7 +73,7 @@ fn slow_waves(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     all
 }
 
-/// Any joint driven along by any other.
+/// Coupling of any joint to any other.
 fn couplings(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let mut list = List::new(arm, campaign);
     for joint in 0..arm.count() {
@@ -85,7 +86,7 @@ fn couplings(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     list.found
 }
 
-/// A force sensor that is wrong: what gives way in the model shows it.
+/// Errors of a force sensor. They are visible only through the compliances that the model states.
 fn sensor(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
     let gives_way = |effect: &physics::AnyEffect| effect.spec().needs.contains(&Need::Wrench);
     let pushed = |pose: &crate::Pose| pose.inputs.wrench_base != physics::Wrench::ZERO;
@@ -98,7 +99,7 @@ fn sensor(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
     list.found
 }
 
-/// What follows a recorded temperature late.
+/// Thermal drifts that follow a recorded temperature or spindle speed with a lag.
 fn slow_heat(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let longest_s = campaign.poses.iter().map(|pose| pose.inputs.time_s).fold(0.0, f64::max);
     let warms = campaign.poses.iter().any(|pose| pose.inputs.celsius(0).is_finite());
@@ -134,7 +135,7 @@ mod tests {
         for (k, pose) in campaign.poses.iter_mut().enumerate() {
             let share = k as f64 / 199.0;
             pose.inputs.q = Default::default();
-            // A third of a turn, nine tenths of one, and not at all.
+            // Ranges of motion: a third of a turn, nine tenths of a turn, none.
             (pose.inputs.q[0], pose.inputs.q[1]) = (2.1 * share, 5.6 * share);
         }
         let found = slow_waves(&made::nominal().arm, &campaign);

@@ -1,7 +1,7 @@
-//! Subsampling of long recordings: only the selected rows become poses.
+//! Subsampling of long recordings before the conversion to poses, to save memory: only the selected rows become poses.
 //!
-//! Promises: bit for bit the same diagnosis as with a campaign of all rows; gross errors are searched in evenly spread
-//! rows. Never: a changed reading.
+//! Gross errors are searched in rows that are evenly spread over the recording. Invariant: the diagnosis equals that of a campaign of all rows bit
+//! for bit.
 
 use super::thinning::{self, Rows, Stepwise};
 use super::{Diagnosis, diagnose, of_chosen, ready};
@@ -11,21 +11,21 @@ use crate::gross::{self, Suspicion};
 use physics::{Arm, Model};
 use recording::series::Recording;
 
-/// Recordings as they will be looked at.
+/// Recordings after subsampling.
 #[derive(Debug)]
 pub struct Thinned {
-    /// The rows that are looked at.
+    /// Poses of the selected rows.
     pub campaign: Campaign,
-    /// Rows in which anything was measured, of all recordings.
+    /// Number of rows with measurements, of all recordings.
     pub rows: usize,
     /// Whether any joint moves.
     pub moves: bool,
-    /// What was left out, and rows spread evenly over all; none where all are looked at.
+    /// Message on the subsampling, and a campaign of evenly spread rows; `None` if all rows are used.
     chosen: Option<(String, Campaign)>,
 }
 
 impl Thinned {
-    /// Chooses the rows of recordings of the robot `arm`.
+    /// Selects rows of recordings of the robot `arm`.
     ///
     /// # Errors
     /// The first recording that cannot be used.
@@ -55,14 +55,14 @@ impl Thinned {
         Ok(Self { campaign, rows, moves, chosen: Some((says, spread)) })
     }
 
-    /// What is grossly wrong, as far as `model` is the robot that was measured; see [`gross::faults`].
+    /// Gross errors of the recordings if `model` describes the measured robot; see [`gross::faults`].
     #[must_use]
     pub fn faults(&self, model: &Model) -> Vec<Suspicion> {
         let few = self.chosen.as_ref().map_or(&self.campaign, |(_, spread)| spread);
         gross::faults(few, model)
     }
 
-    /// See [`diagnose`]; `held_out` goes with the poses of [`Thinned::campaign`].
+    /// See [`diagnose`]; `held_out` has one entry per pose of [`Thinned::campaign`].
     #[must_use]
     pub fn diagnose(
         self,

@@ -1,9 +1,8 @@
 //! Search for flexible modes of joints and base with unknown frequency.
 //!
-//! The response of each joint to its own acceleration and load, at every frequency of a grid, is a column; the best frequency is refined.
-//! The improvement is computed from the same rows and whitening as for any candidate.
-//!
-//! Promises: frequencies below the sampling limit, of joints that move. Never: a decision; see `selection`.
+//! The response of each joint to its own acceleration and load, at every frequency of a grid, is a column; the grid is refined about the best
+//! frequency. The gain is computed from the same rows and whitening as for any candidate. Only frequencies below the Nyquist limit are searched. The
+//! best modes are further candidates; `selection` decides.
 
 use super::jacobian_cache::JacobianCache;
 use crate::campaign::Campaign;
@@ -14,26 +13,26 @@ use crate::score::{Asked, Fitted, Score};
 use physics::{AnyEffect, Arm, Chain, Contribution, Evaluation, Joints};
 use world::dynamics::Rings;
 
-/// From one frequency to the next.
+/// Ratio of neighbouring frequencies of the grid.
 const STEP: f64 = 1.12;
-/// Dampings of the first look: one wide enough to meet a mode between two frequencies, one that rings on.
+/// Damping ratios of the coarse grid: one with a resonance wide enough for the spacing of frequencies, one for lightly damped modes.
 const FIRST: [f64; 2] = [0.1, 0.02];
-/// Dampings and factors on the frequency of the second look.
+/// Damping ratios of the fine grid, and its frequencies relative to the best one.
 const DAMPINGS: [f64; 3] = [0.01, 0.03, 0.1];
 const BESIDE: [f64; 7] = [0.94, 0.96, 0.98, 1.0, 1.02, 1.04, 1.06];
-/// No robot rings slower, Hz.
+/// Lowest natural frequency of a robot, Hz.
 const LOWEST_HZ: f64 = 1.0;
-/// The highest frequency, as a share of the sampling rate; the lowest, in periods per path.
+/// Highest frequency relative to the sampling rate, and least number of periods per path.
 const HIGHEST: f64 = 0.45;
 const PERIODS: f64 = 10.0;
-/// Gains below this are not looked at closer.
+/// Gain in the sum of squares below which the grid is not refined.
 const WORTH_A_LOOK: f64 = 15.0;
-/// A mode is participation or compliance this large.
+/// Standard deviations of the priors of participation (no unit) and dynamic compliance.
 const SIGMA: [f64; 2] = [3.0, 2e-3];
-/// A load that changes less, Nm or N, drives nothing.
+/// Change of a load that excites no mode, N m or N.
 const STILL: f64 = 1e-6;
 
-/// What may ring, and under what.
+/// A joint or an axis of the base, and what excites it.
 #[derive(Clone, Copy, Debug)]
 struct Trial {
     joint: Option<usize>,
@@ -41,7 +40,7 @@ struct Trial {
     driven: Driven,
 }
 
-/// The best mode of every joint and of the base, where it is worth a look. `bank` keeps what the first list moves.
+/// The best mode of every joint and of the base, if its gain is large enough. `cache` keeps the columns of the coarse grid.
 pub(super) fn modes(fitted: &Fitted<'_>, cache: &JacobianCache) -> Vec<Candidate> {
     let Some((lowest, highest)) = band(fitted.campaign) else { return Vec::new() };
     let arm = &fitted.state.hypothesis.model.arm;
@@ -74,7 +73,7 @@ fn strongest<'a>(scored: &'a [(Candidate, f64)], trial: &Trial) -> Option<(&'a C
     of_trial.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(candidate, gain)| (candidate, *gain))
 }
 
-/// Lowest and highest frequency, Hz, that the paths show.
+/// Lowest and highest frequency, Hz, that can be identified from the paths.
 fn band(campaign: &Campaign) -> Option<(f64, f64)> {
     let times = |pose: usize| campaign.poses[pose].inputs.time_s;
     let longest = paths(campaign).max_by(|a, b| a.len().cmp(&b.len()))?;
@@ -83,7 +82,7 @@ fn band(campaign: &Campaign) -> Option<(f64, f64)> {
     (length_s > 0.0).then_some(((PERIODS / length_s).max(LOWEST_HZ), HIGHEST * rate_hz))
 }
 
-/// Joints that move, and joints and base that are loaded by what changes.
+/// Joints that move, and joints and base under a varying load.
 fn trials(arm: &Arm, campaign: &Campaign) -> Vec<Trial> {
     let first = campaign.poses.first().map(|pose| pose.inputs);
     let changes = |of: &dyn Fn(&physics::Inputs) -> f64, least: f64| {
@@ -123,7 +122,7 @@ fn is_of(candidate: &Candidate, trial: &Trial) -> bool {
     candidate.joint == trial.joint && same_axis && numbers == candidate.probes.len()
 }
 
-/// What each candidate moves, pose by pose.
+/// Displacement by each candidate's mode of unit size, pose by pose.
 fn columns(fitted: &Fitted<'_>, rides: &Rides, candidates: &[Candidate]) -> Vec<Moved> {
     let model = &fitted.state.hypothesis.model;
     let mut columns = Vec::new();
@@ -136,7 +135,7 @@ fn columns(fitted: &Fitted<'_>, rides: &Rides, candidates: &[Candidate]) -> Vec<
     columns
 }
 
-/// What each candidate would gain alone; `columns` as of [`columns`].
+/// Each candidate with the gain that it alone would bring; `columns` by [`columns()`].
 fn best(
     fitted: &Fitted<'_>,
     rides: &Rides,
@@ -167,11 +166,11 @@ fn best(
     sound.map(|score| (candidates[score.candidate].clone(), score.gain)).collect()
 }
 
-/// How the tool moves with one of each thing that rings.
+/// Tool displacement per unit deflection of each joint or axis that oscillates.
 struct Units<'a> {
     arm: &'a Arm,
     rings: Vec<Rings>,
-    /// Which of them each column is a multiple of.
+    /// Index in `rings` for each column.
     of_column: Vec<usize>,
 }
 
@@ -188,7 +187,7 @@ impl<'a> Units<'a> {
         Self { arm, rings, of_column }
     }
 
-    /// Where the controller has the joints.
+    /// Displacements at the joint positions `q`, rad or m.
     fn at(&self, q: &Joints) -> Vec<Motion> {
         let nominal = Chain::nominal(self.arm, q);
         let bare = Evaluation { nominal, real: nominal, ..Evaluation::default() };

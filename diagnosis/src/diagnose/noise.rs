@@ -1,7 +1,8 @@
 //! The AR noise model of each instrument, estimated from the residual of a flexible regression on the poses, so that a missing effect is not mistaken for noise.
 //!
-//! Each measured number is first fitted by smooth functions of positions, directions, speeds, loads, temperature and time; the autoregression is taken from the
-//! residual. Slow drifts, deflection and backlash are therefore not noise, nor are residuals far above a stated noise. Changes no reading.
+//! Each measured scalar is first fitted by smooth functions of positions, directions, speeds, loads, temperature and time; the autoregression is
+//! estimated from the residual. Slow drifts, deflection and backlash are therefore not attributed to noise, nor are residuals far above a stated
+//! noise. Inputs are residuals in units of the stated noise; the result is one AR model per instrument.
 
 use super::features::Word;
 use super::flexible::{self, Taken};
@@ -12,18 +13,18 @@ use crate::result::Fit;
 use crate::wide::dot;
 use std::collections::BTreeMap;
 
-/// Polynomials per word.
+/// Degree of the polynomials of a covariate.
 const DEGREE: usize = 4;
-/// Polynomials of time: slow drifts.
+/// Degree of the polynomials of time: slow drifts.
 const DEGREE_OF_TIME: usize = 10;
-/// Values per number of the flexible law, at least.
+/// Least number of values per coefficient of the regression.
 const SPARE: usize = 6;
-/// What no smooth law explains and is so many times the stated noise, root mean square, is something missing: its memory is not the noise's.
+/// If the RMS residual of the regression exceeds a stated noise by this factor, effects are missing and the noise is assumed to be white.
 const LOUD: f64 = 3.0;
-/// What lies further out counts as this, in units of the noise.
+/// Residuals are clipped to this, in standard deviations of the noise.
 const FAR: f64 = 4.0;
 
-/// The values of one number read, in the order of poses.
+/// The residuals of one measured scalar, in the order of poses.
 #[derive(Default)]
 struct Run {
     instrument: usize,
@@ -31,7 +32,7 @@ struct Run {
     values: Vec<f64>,
 }
 
-/// The colours of all instruments, from the poses `used`.
+/// AR noise models of all instruments, from the poses `used`.
 pub(super) fn colours(
     campaign: &Campaign,
     fit: &Fit,
@@ -57,6 +58,7 @@ fn size(pieces: &[Vec<f64>]) -> f64 {
     (pieces.iter().flatten().map(|x| x * x).sum::<f64>() / count as f64).sqrt()
 }
 
+/// Residuals of the fit in units of the noise, by instrument, channel and coordinate.
 fn runs(campaign: &Campaign, fit: &Fit, used: &[bool]) -> BTreeMap<(usize, usize, usize), Run> {
     let state =
         State { surroundings: fit.surroundings.clone(), hypothesis: fit.hypothesis.clone() };
@@ -84,7 +86,7 @@ fn runs(campaign: &Campaign, fit: &Fit, used: &[bool]) -> BTreeMap<(usize, usize
     runs
 }
 
-/// What the flexible law leaves of a run.
+/// Residual of the regression of a run on all covariates.
 fn flattened(run: &Run, words: &[Word], taken: Taken) -> Vec<f64> {
     let count = run.values.len();
     let mut rows: Vec<Vec<f64>> = vec![vec![1.0]; count];
@@ -98,7 +100,7 @@ fn flattened(run: &Run, words: &[Word], taken: Taken) -> Vec<f64> {
     };
     let degree = |word: &Word| if word.name == "t_s" { DEGREE_OF_TIME } else { DEGREE };
     let mut ordered: Vec<&Word> = words.iter().collect();
-    // Of few values there is no room for all: time and warmth come first then, since what drifts is what noise that remembers itself is taken for.
+    // If the values are too few for all covariates, temperature and time come first: drifts resemble autocorrelated noise most.
     if words.iter().map(degree).sum::<usize>() * SPARE >= count {
         ordered.sort_by_key(|word| word.joint.is_some());
     }
@@ -106,7 +108,7 @@ fn flattened(run: &Run, words: &[Word], taken: Taken) -> Vec<f64> {
         let degree = degree(word);
         add(degree, &|pose| word.chebyshev(pose, degree).collect());
     }
-    // Play and friction differ from place to place.
+    // Backlash and friction vary with the position of the joint.
     for direction in words.iter().filter(|word| word.name.starts_with("direction")) {
         let is_place = |word: &&Word| word.joint == direction.joint && word.name.starts_with('q');
         if let Some(place) = words.iter().find(is_place) {
@@ -120,7 +122,7 @@ fn flattened(run: &Run, words: &[Word], taken: Taken) -> Vec<f64> {
     left.map(|x| x.clamp(-FAR, FAR)).collect()
 }
 
-/// A run in pieces of which each pose follows the one before.
+/// The run in sections within which each pose follows the one before it in time.
 fn split(campaign: &Campaign, run: &Run, left: &[f64]) -> Vec<Vec<f64>> {
     let mut pieces: Vec<Vec<f64>> = Vec::new();
     for (k, value) in left.iter().enumerate() {

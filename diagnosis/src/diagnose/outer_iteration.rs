@@ -11,18 +11,18 @@ use super::stepwise::Stepwise;
 use crate::fit::{Effort, Settings, fit};
 use crate::result::Fit;
 
-/// Rounds of choosing and fitting.
+/// Largest number of rounds of selection and fit.
 const ROUNDS: usize = 40;
-/// By how much a round has to be better, in the sum of squares.
+/// Least reduction of the criterion for which a round is accepted, in the sum of squares.
 const BETTER: f64 = 1.0;
-/// What a number counts for that is so far off that it weighs nothing, in units of the noise, squared.
+/// Contribution of a scalar value whose measurement is rejected as an outlier (weight 0), in units of the noise variance.
 const OUTSIDE: f64 = 9.0;
 
-/// Residuals that are this many times what the noise makes, squared, are no noise of that colour: what is beyond counts by its logarithm, as noise whose size
-/// is fitted would. A colour that was told before anything was named may be that of what is missing, and its filter makes white noise loud.
+/// Ratio of the sum of squares to the number of scalar values beyond which the excess counts logarithmically, as if the noise level were estimated.
+/// An AR model that was estimated before any selection may describe missing effects, and its whitening filter then amplifies white noise.
 const LOUD: f64 = 2.0;
 
-/// How far a round goes from the names that stand.
+/// How far the stepwise selection of a round goes from the current selection.
 #[derive(Clone, Copy)]
 enum Way {
     AsFarAsSteps,
@@ -31,7 +31,7 @@ enum Way {
 }
 
 impl Search<'_> {
-    /// Chooses and fits, one after the other, until the names stand.
+    /// Alternates between selection and nonlinear fit until the selected effects no longer change.
     pub(super) fn until_stable(&self, start: Selection, also: &[Entry]) -> Selection {
         let mut best = start;
         for _ in 0..ROUNDS {
@@ -48,7 +48,7 @@ impl Search<'_> {
         best
     }
 
-    /// The same with two names of a joint as one, if that is better: alone, neither would leave for it.
+    /// Replaces two effects of one joint by a single one if that improves the criterion. Exchanging one effect at a time does not find this.
     pub(super) fn merged(&self, selection: Selection) -> Selection {
         let joints: Vec<usize> =
             selection.named.iter().filter_map(|one| one.candidate.joint).collect();
@@ -69,12 +69,13 @@ impl Search<'_> {
         }
     }
 
-    /// A better selection than `best`: as far as steps from there lead, else one step from there, else from any start; where all lead to the same names,
-    /// these with better numbers.
+    /// A better selection than `best`: by stepwise selection from there, else by one step from there, else by multistart. If none selects other
+    /// effects, `best` with refined parameters, if these improve the criterion; otherwise `None`.
     pub(super) fn next(&self, best: &Selection, also: &[Entry]) -> Option<Selection> {
         let named = &best.named;
         let ways: &[Way] = match named.is_empty() {
-            // What looks best where nothing is named may lead nowhere once it is fitted, where its first name alone leads on.
+            // From the empty selection, the result of many linearised steps may be worse once it is fitted, where a single step improves the
+            // criterion.
             true => &[Way::FromAnyStart, Way::OneStep],
             false => &[Way::AsFarAsSteps, Way::OneStep, Way::FromAnyStart],
         };
@@ -102,7 +103,7 @@ impl Search<'_> {
         same
     }
 
-    /// Whether one selection is better than another under the same noise, by log-likelihood less what numbers cost.
+    /// Whether `next` has a better extended Bayesian information criterion than `best`, both under the larger design effect of the two.
     pub(super) fn is_better(&self, next: &Selection, best: &Selection) -> bool {
         let together = next.fit.design_effect.max(best.fit.design_effect);
         let cost = |selection: &Selection| {
@@ -114,7 +115,7 @@ impl Search<'_> {
         cost(next) < cost(best) - BETTER
     }
 
-    /// Minus twice the log-likelihood.
+    /// Minus twice the log-likelihood, up to a constant.
     fn misfit(&self, fit: &Fit) -> f64 {
         let read = self.campaign.poses.iter().zip(self.settings.used);
         let read = read.flat_map(|(pose, used)| pose.seen.iter().map(move |seen| (seen, used)));

@@ -1,6 +1,6 @@
 //! Validation and test: removes effects that the validation set does not support; computes errors on the test set.
 //!
-//! Frames and targets are estimated on training rows. Outliers of the final model are excluded for all models. Changes no parameter.
+//! Frames and targets are estimated on training rows. Outliers of the final model are excluded from the errors of all models that are compared.
 
 use super::selection::{Selected, Selection, close_up, without};
 use crate::campaign::Campaign;
@@ -16,37 +16,39 @@ use physics::{AnyEffect, Model};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// A name is borne out where rows that chose nothing speak for it by this much in log-likelihood: what is not there loses there about what it promised.
+/// Least gain in log-likelihood on the validation set for which an effect is kept. An absent effect loses there about as much as it gained on the
+/// training set.
 const SPEAKS: f64 = 1.0;
-/// And where both looks together are as sure as this, in log-likelihood beyond what its numbers and the size of the library cost.
+/// Least sum of an effect's margin on the training set (gain less penalty) and its gain on the validation set, in log-likelihood.
 const SURE: f64 = 7.0;
-/// A validation set that gains or loses less than this, in log-likelihood, cannot show the effect: no reversal of that joint, no load on it. An effect with
-/// this margin by itself is kept then.
+/// A gain on the validation set below this, without sign and in log-likelihood, means that the set cannot show the effect: no reversal of that joint,
+/// no load on it. The effect is then kept if its margin on the training set exceeds [`SURE_ALONE`].
 const SILENT: f64 = 0.5;
+/// Margin on the training set, in log-likelihood, from which an effect needs no support by the validation set.
 const SURE_ALONE: f64 = 50.0;
-/// Names that are asked again once one has gone.
+/// Number of effects, those with the smallest margins, that are validated again after one was removed.
 const ASKED_AGAIN: usize = 6;
-/// Poses of a path between training and held-out stretches.
+/// Poses of a path before each boundary between sets that belong to neither.
 const APART: usize = 5;
-/// A reading further off than this many times the middle one is an outlier.
+/// A deviation larger than this many times the median is an outlier.
 const FAR: f64 = 8.0;
 
-/// Root mean squares over single numbers, held out.
+/// RMS errors of scalar values on the test set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proof {
-    /// What was held out, in words.
+    /// What the test set consists of, for users.
     pub says: String,
-    /// The model as given, only frames and targets fitted: m (rad where only joints were measured).
+    /// Error of the model as given, with frames and targets estimated: m (rad if only joint positions were measured).
     pub before: f64,
-    /// With all that was found.
+    /// Error with all findings and candidates.
     pub after: f64,
-    /// What the instrument cannot see below.
+    /// Weighted RMS residual of the training rows, corrected for the degrees of freedom: the noise level.
     pub noise: f64,
-    /// Whether they are lengths.
+    /// Whether the errors are lengths (m) or angles (rad).
     pub is_length: bool,
 }
 
-/// Takes the readings next to held-out stretches of a path out of the campaign, so that noise which remembers itself does not tell on both sides.
+/// Removes the measurements of a path just before each boundary between sets, so that autocorrelated noise does not correlate the sets.
 pub(super) fn set_apart(campaign: &mut Campaign, splits: [&Split; 2]) {
     let is_path = |k: usize| {
         let source = campaign.recordings.get(campaign.poses[k].recording);
@@ -60,7 +62,8 @@ pub(super) fn set_apart(campaign: &mut Campaign, splits: [&Split; 2]) {
     near.into_iter().for_each(|k| campaign.poses[k].seen.clear());
 }
 
-/// Above zero where the gain of the validation set supports an effect that was selected with `margin` above its penalty; both in log-likelihood.
+/// Margin of an effect after validation, in log-likelihood; above zero: supported. `margin`: gain less penalty on the training set; `gain`: on the
+/// validation set.
 pub(super) fn validation_margin(margin: f64, gain: f64) -> f64 {
     if gain.abs() < SILENT && margin > SURE_ALONE {
         return margin - SURE_ALONE;
@@ -75,7 +78,7 @@ pub(super) fn confirmed(
     (split, kept): (&Split, &[bool]),
     mut selection: Selection,
 ) -> Selection {
-    // Readings of one pose err together as much as with all names: what goes makes them seem to err together more.
+    // The design effect of the full selection is kept: without an effect, measurements of one pose would appear more correlated.
     let together = selection.fit.design_effect;
     let mut margins = vec![f64::NEG_INFINITY; selection.named.len()];
     while !selection.named.is_empty() && kept.contains(&true) {
@@ -84,7 +87,8 @@ pub(super) fn confirmed(
         let told = |one: &Selected| {
             let mut bare = without(&selection.fit, model, &[one]);
             if one.stated.is_some() {
-                // Left free within its doubt, a number that is far off would be fitted to where the data have it, and nothing would be missing.
+                // If the parameters stayed free within their stated uncertainty, they would be fitted to the corrected values and the gain would
+                // vanish.
                 let same = |effect: &AnyEffect| {
                     let candidate = &one.candidate;
                     let kind = candidate.probes.first().map(|probe| probe.effect.spec().kind);
@@ -95,7 +99,7 @@ pub(super) fn confirmed(
             let bare = held.beside(&bare, &selection.fit);
             validation_margin(one.margin, 0.5 * (held.whitened(&bare) - left) / together)
         };
-        // What stood by far stands: those that stood by least are asked again.
+        // Effects with large margins are supported whatever was removed; only the weakest are validated again.
         let mut order: Vec<usize> = (0..margins.len()).collect();
         order.sort_by(|a, b| margins[*a].total_cmp(&margins[*b]));
         let first = margins.iter().filter(|margin| **margin == f64::NEG_INFINITY).count();
@@ -113,17 +117,19 @@ pub(super) fn confirmed(
     selection
 }
 
-/// Readings that took no part in a fit, ready to be asked for any.
+/// Evaluates fits on poses that took no part in them.
 pub(super) struct Held<'a> {
     pub(super) campaign: &'a Campaign,
     pub(super) split: &'a Split,
+    /// Whether each pose is evaluated.
     asked: Vec<bool>,
+    /// Whether each measurement counts: of an evaluated pose, of the kind `is_length`, and no outlier.
     counts: Vec<bool>,
     pub(super) is_length: bool,
 }
 
 impl<'a> Held<'a> {
-    /// `split`: what trained; `asked`: the poses that are asked; `last`: the fit with everything, which says what is an outlier.
+    /// `split`: training poses; `asked`: poses to evaluate; `last`: the fit of the final model, which determines the outliers.
     pub(super) fn new(
         campaign: &'a Campaign,
         (split, asked): (&'a Split, &[bool]),
@@ -138,13 +144,13 @@ impl<'a> Held<'a> {
         Self { campaign, split, asked: asked.to_vec(), counts, is_length }
     }
 
-    /// The root mean square of single numbers.
+    /// RMS error of scalar values, m or rad.
     pub(super) fn rms(&self, fit: &Fit) -> f64 {
         let (sum, count) = self.sum(fit);
         (sum / count.max(1) as f64).sqrt()
     }
 
-    /// By how much two fits differ at the readings that are asked.
+    /// Difference of the predictions of two fits for the measurements that count.
     pub(super) fn size_between(&self, one: &Fit, other: &Fit) -> Size {
         let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
         let numbers: Vec<usize> = numbers.map(|seen| seen.reading.count()).collect();
@@ -156,7 +162,7 @@ impl<'a> Held<'a> {
         }))
     }
 
-    /// The sum of squares of single numbers, m² or rad², and how many they are.
+    /// Sum of squared errors of scalar values, m² or rad², and their number.
     fn sum(&self, fit: &Fit) -> (f64, usize) {
         let (mut sum, mut count) = (0.0, 0_usize);
         let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
@@ -168,7 +174,8 @@ impl<'a> Held<'a> {
         (sum, count)
     }
 
-    /// The mean square of single numbers. Of joints that encoders of their own read, what never changes is left out: an encoder's zero is where somebody put it.
+    /// Mean squared error of scalar values, m² or rad². For measured joint positions the mean of each encoder is subtracted first, since the zero of
+    /// an encoder is arbitrary.
     pub(super) fn energy(&self, fit: &Fit) -> f64 {
         if self.is_length {
             return self.rms(fit).powi(2);
@@ -185,7 +192,7 @@ impl<'a> Held<'a> {
         encoders.values().map(varies).sum::<f64>() / count.max(1.0)
     }
 
-    /// The sum of squares of single numbers in units of the noise, what it remembers of itself taken out.
+    /// Sum of squares of the whitened residuals: in units of the noise, autocorrelation removed.
     fn whitened(&self, fit: &Fit) -> f64 {
         let mut sum = 0.0;
         let surroundings = fit.surroundings.clone();
@@ -204,7 +211,7 @@ impl<'a> Held<'a> {
         sum
     }
 
-    /// The same for the training rows of a fit: what is left where everything was fitted.
+    /// Weighted RMS residual of the training rows, corrected for the number of fitted parameters.
     fn rms_in_training(&self, fit: &Fit) -> f64 {
         let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
         let numbers: Vec<usize> = numbers.map(|seen| seen.reading.count()).collect();
@@ -220,13 +227,13 @@ impl<'a> Held<'a> {
         (sum / freedom).sqrt()
     }
 
-    /// The proof with these errors, of the model as given and of `last`.
+    /// The errors on the test set, `before` with the model as given and `after` with `last`.
     pub(super) fn proof(&self, before: f64, after: f64, last: &Fit) -> Proof {
         let (says, noise) = (self.split.says.clone(), self.rms_in_training(last));
         Proof { says, before, after, noise, is_length: self.is_length }
     }
 
-    /// The fit of `hypothesis` beside `last`, with its weights.
+    /// The fit of `hypothesis` with the weights and noise of `last`, so that the sums of squares can be compared.
     pub(super) fn beside(&self, hypothesis: &Hypothesis, last: &Fit) -> Fit {
         compare(self.campaign, hypothesis, last, &self.split.training)
     }

@@ -1,4 +1,5 @@
-//! Preparation of a campaign and a model before the first fit: which rows are used, which parameters have a prior. What is left out is reported; no reading is changed.
+//! Preparation of a campaign and a model before the first fit: which rows are used, and which parameters have a prior. Excluded rows are reported; no
+//! measured value is changed.
 
 use super::thinning::{self, Rows, Stepwise};
 use crate::campaign::Campaign;
@@ -11,15 +12,16 @@ use glam::DVec3;
 use physics::Model;
 use std::ops::Range;
 
-/// Two starts of which the tool shows less than this are one, m.
+/// Difference in tool position below which two initial states of backlash or friction are equivalent, m.
 const TOLD_M: f64 = 1e-6;
-/// What a joint goes until hysteresis has forgotten where it began but for a hundredth, and play has been crossed: five times the shortest distance of a hysteresis
-/// that is asked, rad or m.
+/// Travel of a joint after which its initial state no longer matters, rad or m: hysteresis has decayed to a hundredth and backlash has been crossed.
+/// Five times the shortest reversal distance of the library.
 const FORGETS: f64 = 5.0 * REVERSALS[0];
-/// Share of a path within which that has to be: rows are worth more than what a slow joint remembers.
+/// Share of a path within which this travel must be reached; otherwise the rows are kept, since the loss of data would outweigh the unknown state of
+/// a slow joint.
 const SOON: f64 = 0.05;
 
-/// Speeds and accelerations along paths: an arm that moves is bent by its own inertia too.
+/// Sets velocities and accelerations along paths, from which inertial deflection is computed.
 pub(super) fn set_moving(campaign: &mut Campaign, joints: usize) {
     let paths: Vec<_> = paths(campaign).collect();
     for path in paths {
@@ -27,9 +29,9 @@ pub(super) fn set_moving(campaign: &mut Campaign, joints: usize) {
     }
 }
 
-/// Leaves out the readings that depend on how play and friction stood when a path began, which nobody recorded: those before each joint has gone far enough to
-/// forget it, where that is soon; and those before a start of what the model has from either side puts the tool in one place. Where it never does (a joint
-/// that is at rest) all stay.
+/// Excludes measurements at the beginning of paths that depend on the unknown initial state of backlash and friction: until each joint has travelled
+/// far enough (see [`FORGETS`]), and until the model's own memory effects predict the same tool position from either initial state. If the
+/// predictions never agree (a joint at rest), the rows are kept.
 pub(super) fn set_begun(campaign: &mut Campaign, model: &Model, notes: &mut Vec<String>) {
     let paths: Vec<Range<usize>> = paths(campaign).collect();
     let mut firsts: Vec<usize> =
@@ -52,7 +54,7 @@ pub(super) fn set_begun(campaign: &mut Campaign, model: &Model, notes: &mut Vec<
     }
 }
 
-/// The first row of a path at which every joint has gone [`FORGETS`], but those that have not gone so far within [`SOON`] of the path.
+/// The first row of a path at which every joint has travelled [`FORGETS`]; joints that do not within the share [`SOON`] of the path are ignored.
 fn forgotten(campaign: &Campaign, path: &Range<usize>, joints: usize) -> usize {
     let soon = path.start + (SOON * path.len() as f64) as usize;
     let gone = |joint: usize| {
@@ -66,7 +68,7 @@ fn forgotten(campaign: &Campaign, path: &Range<usize>, joints: usize) -> usize {
     (0..joints).filter_map(gone).max().unwrap_or(path.start)
 }
 
-/// The first row of each path at which the model's starts from either side have met.
+/// The first row of each path at which the model predicts the same tool position from either initial state.
 fn met(campaign: &mut Campaign, model: &Model, paths: &[Range<usize>]) -> Vec<usize> {
     let told: Vec<_> =
         paths.iter().map(|path| campaign.poses[path.start].inputs.direction).collect();
@@ -88,7 +90,7 @@ fn met(campaign: &mut Campaign, model: &Model, paths: &[Range<usize>]) -> Vec<us
     starts.collect()
 }
 
-/// The model with what it says of its own uncertainty free so far.
+/// The model as a hypothesis in which the parameters with a stated standard uncertainty are free.
 pub(super) fn known(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     let mut known = Hypothesis::fixed(*model);
     for (effect, sigma) in sigma.iter().enumerate().filter(|(_, s)| s.iter().any(|s| *s > 0.0)) {
@@ -104,7 +106,7 @@ pub(super) fn known(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     known
 }
 
-/// Leaves of very many poses those that are looked at; gives which. See [`thinning::choose`].
+/// Subsamples a campaign of very many poses; returns which poses are kept. See [`thinning::choose`].
 pub(super) fn thin(campaign: &mut Campaign, joints: usize, notes: &mut Vec<String>) -> Vec<bool> {
     let count = campaign.poses.len();
     let Some(Stepwise { kept, read, says }) = thinning::choose(&outline(campaign, joints)) else {
@@ -120,7 +122,7 @@ pub(super) fn thin(campaign: &mut Campaign, joints: usize, notes: &mut Vec<Strin
     kept
 }
 
-/// What of a campaign tells which poses are looked at.
+/// The properties of the rows by which they are selected.
 fn outline(campaign: &Campaign, joints: usize) -> Rows<'_> {
     let poses = &campaign.poses;
     let turns = |k: usize| k > 0 && poses[k].inputs.direction != poses[k - 1].inputs.direction;
@@ -133,7 +135,7 @@ fn outline(campaign: &Campaign, joints: usize) -> Rows<'_> {
     }
 }
 
-/// Poses that were not neighbours follow one another: each from the one before it that is left.
+/// Updates each pose's previous position and time step after poses between were removed.
 pub(super) fn join(campaign: &mut Campaign) {
     for run in runs(campaign) {
         for k in run.skip(1) {
@@ -152,7 +154,7 @@ mod tests {
     use crate::campaign::Arrival;
     use crate::made;
 
-    /// A path at 100 Hz whose first joint swings; it is jerked about in the third minute.
+    /// A path at 100 Hz on which the first joint oscillates, with high accelerations during one second.
     fn long_path(rows: usize) -> Campaign {
         let mut campaign = made::empty(0, 1);
         let first = campaign.poses[0].clone();
@@ -227,7 +229,7 @@ mod tests {
         let unread =
             |campaign: &Campaign| campaign.poses.iter().filter(|pose| pose.seen.is_empty()).count();
         set_begun(&mut campaign, &made::nominal(), &mut notes);
-        // sin(0.7 t) reaches 10 mrad at t = 0.014 s: what the model lacks may remember as well.
+        // sin(0.7 t) reaches 10 mrad at t = 0.014 s: effects that the model lacks may have a memory, too.
         assert_eq!(unread(&campaign), 2, "{notes:?}");
         campaign = whole.clone();
         let mut model = made::nominal();
@@ -236,7 +238,7 @@ mod tests {
             physics::AnyEffect::build("backlash", &model.arm, Some(0), physics::Given(width));
         model.push(play.expect("sound")).expect("room");
         set_begun(&mut campaign, &model, &mut notes);
-        // sin(0.7 t) reaches 0.035, the whole gap, at t = 0.05 s.
+        // sin(0.7 t) reaches 0.035 rad, the full width of the backlash, at t = 0.05 s.
         assert_eq!(unread(&campaign), 6, "{notes:?}");
         assert!(campaign.poses[..6].iter().all(|pose| pose.seen.is_empty()) && notes.len() == 2);
         let start = |campaign: &Campaign| campaign.poses[0].inputs.direction;

@@ -1,10 +1,10 @@
 //! Which effects are missing or wrong: selection, replacement by better alternatives, and the alternatives of each selected effect.
 //!
-//! An effect is judged by its gain in log-likelihood less the penalty of its parameters, by the extended Bayesian information criterion;
-//! one effect at a time, and each may be exchanged for every other. Nonlinear parameters are fitted after each selection, and the selection is repeated
-//! with them.
+//! Stepwise selection by the extended Bayesian information criterion: gain in log-likelihood less the penalty of the parameters and of the number of
+//! candidates; effects are added, removed and exchanged one at a time. Nonlinear parameters are fitted after each selection, and the selection is
+//! repeated with them.
 //!
-//! Alternatives are compared with the same weights and the same noise. Uses training rows only.
+//! Alternatives are compared with the same weights and the same noise model. Uses training rows only.
 
 use super::gram::Entry;
 use super::jacobian_cache::JacobianCache;
@@ -21,75 +21,75 @@ use crate::score::Fitted;
 use physics::{AnyEffect, Model};
 use rayon::prelude::*;
 
-/// Rounds of the preselection.
+/// Largest number of rounds of the preselection.
 const PRESELECTION_ROUNDS: usize = 3;
-/// A rival within this many units of log-likelihood cannot be distinguished (docs/diagnosis.md).
+/// An alternative within this difference in log-likelihood is indistinguishable (docs/diagnosis.md).
 pub(super) const ALIKE: f64 = 5.0;
 
-/// Another name for what a finding explains.
+/// An alternative to a selected effect: another effect that explains the same error.
 #[derive(Clone, Debug)]
 pub struct Rival {
-    /// The effect, with the numbers that it would take.
+    /// The alternative effect, with the parameters that were estimated in place of the selected effect, SI.
     pub effect: AnyEffect,
-    /// Whether it is a change of what the model has.
+    /// Whether it corrects an effect that the model states.
     pub changes: bool,
-    /// By how much log-likelihood is lower with it; below zero: higher.
+    /// Loss in log-likelihood with it in place of the selected effect; negative if it fits better.
     pub behind: f64,
-    /// Numbers that it takes.
+    /// Number of its parameters.
     pub numbers: usize,
-    /// Whether the recording, all of it, could not tell it from the name that it stands beside.
+    /// Whether the whole recording cannot distinguish it from the selected effect.
     pub alike: bool,
-    /// Where it came from, at the numbers that it would take.
+    /// The candidate it came from, linearised at the estimated parameters.
     pub(super) candidate: Candidate,
-    /// The numbers of its probes.
+    /// Estimated values of the candidate's linear parameters, SI.
     pub(super) found: Vec<f64>,
-    /// Entries that a fit of it keeps.
+    /// Stems of parameters that a fit of it holds fixed.
     pub(super) kept: &'static [&'static str],
 }
 
-/// A name with its rivals.
+/// A selected effect with its alternatives.
 #[derive(Clone, Debug)]
 pub(super) struct Selected {
     pub(super) candidate: Candidate,
-    /// Its place among the effects of the fit's model.
+    /// Index among the effects of the fit's model.
     pub(super) effect: usize,
-    /// For a change of what the model has: what was believed of its numbers.
+    /// For a correction of an effect that the model states: the priors of its parameters before the correction.
     pub(super) stated: Option<Vec<Free>>,
-    /// Entries that no fit changes.
+    /// Stems of parameters that are held fixed in every fit.
     pub(super) kept: &'static [&'static str],
-    /// What its numbers need not pay, as in [`Entry`].
+    /// Part of the penalty that is waived, in the sum of squares; as in [`Entry`].
     pub(super) spared: f64,
-    /// By how much log-likelihood is higher with it than without.
+    /// Gain in log-likelihood by this effect beside the others.
     pub(super) gain: f64,
-    /// The same less what its numbers and the size of the library cost.
+    /// Gain less the penalty of its parameters and of the number of candidates, in log-likelihood.
     pub(super) margin: f64,
-    /// Numbers that it takes.
+    /// Number of its parameters.
     pub(super) numbers: usize,
-    /// The share of what was read that its rivals were weighed on.
+    /// Share of the measured poses that the comparison with its alternatives used, 0 to 1.
     pub(super) share: f64,
     pub(super) rivals: Vec<Rival>,
-    /// The same name with other settings, which the recording does not tell from these.
+    /// The same effect with other values of the fixed parameters, indistinguishable in this recording.
     pub(super) variants: Vec<AnyEffect>,
 }
 
-/// Everything that was named, and the fit with all of it.
+/// The selected effects, and the fit with all of them.
 pub(super) struct Selection {
     pub(super) fit: Fit,
     pub(super) named: Vec<Selected>,
 }
 
 impl Selection {
-    /// Nothing is named yet.
+    /// The empty selection, with a fit of the known model.
     pub(super) fn none(fit: &Fit) -> Self {
         Self { fit: fit.clone(), named: Vec::new() }
     }
 
-    /// The names but those that are `gone`, with the fit of these.
+    /// The selection without the effects `gone`, with the fit of the others.
     pub(super) fn without(&self, gone: &[&Selected], fit: Fit) -> Self {
         let is_gone = |one: &Selected| gone.iter().any(|gone| std::ptr::eq(*gone, one));
         let mut named: Vec<Selected> =
             self.named.iter().filter(|one| !is_gone(one)).cloned().collect();
-        // From the last place down, so that those before keep theirs.
+        // In descending order, so that the indices of the remaining ones stay valid.
         let mut gone: Vec<&&Selected> = gone.iter().collect();
         gone.sort_by_key(|one| std::cmp::Reverse(one.effect));
         gone.into_iter().for_each(|one| close_up(&mut named, one));
@@ -100,15 +100,16 @@ impl Selection {
 /// Inputs of a selection run.
 pub(super) struct Search<'a> {
     pub(super) campaign: &'a Campaign,
-    /// The model as given, with what it says of its own doubt free.
+    /// The model as given; parameters with a stated standard uncertainty are free.
     pub(super) known: &'a Hypothesis,
     pub(super) settings: Settings<'a>,
     pub(super) library: &'a [Candidate],
-    /// How the tool moves with each candidate of the library.
+    /// Cached tool displacements by each candidate of the library.
     pub(super) cache: &'a JacobianCache,
 }
 
-/// Names after the first rounds of choosing and fitting from where nothing is named, until they are `many` or stand; and what was asked besides the library.
+/// A preselection from the empty selection: a few rounds of selection and fit, which end early at `many` effects or if the effects no longer change.
+/// Also returns the candidates that were searched for outside the library.
 pub(super) fn preselected(search: &Search<'_>, base: &Fit, many: usize) -> (Selection, Vec<Entry>) {
     let mut selection = Selection::none(base);
     let also = search.searched(&selection);
@@ -123,7 +124,7 @@ pub(super) fn preselected(search: &Search<'_>, base: &Fit, many: usize) -> (Sele
     (selection, also)
 }
 
-/// The same; rivals that are better once they are fitted take a name's place.
+/// Selection until no alternative of a selected effect is better once it is fitted; starts from `start`.
 pub(super) fn select(search: &Search<'_>, start: Selection) -> Selection {
     let mut selection = start;
     for _ in 0..SUBSTITUTION_ROUNDS {
@@ -137,8 +138,9 @@ pub(super) fn select(search: &Search<'_>, start: Selection) -> Selection {
     selection
 }
 
-/// Names under noise that is told otherwise than when `first` was named: from nothing, which a `bare` model leaves, and from there. Noise that remembers itself
-/// hides from single steps what an arm with many things amiss lacks first, while names that stand are taken out again where they are worth nothing.
+/// Repeats the selection after the noise model was estimated again, from the empty selection (with the fit `bare`) and from `first`; returns the
+/// better one. Under autocorrelated noise single steps from the empty selection can miss the effects of an arm with many errors, whereas steps from
+/// `first` also remove effects that are no longer significant.
 pub(super) fn restarted(search: &Search<'_>, bare: &Fit, first: Selection) -> Selection {
     let fresh = select(search, Selection::none(bare));
     if titles(&fresh.named) == titles(&first.named) {
@@ -152,9 +154,12 @@ pub(super) fn restarted(search: &Search<'_>, bare: &Fit, first: Selection) -> Se
 }
 
 impl Selected {
-    /// What a rival pays, in log-likelihood, for the numbers that it takes beyond these and for its word: the fewest win, unless the evidence differs by
-    /// more than [`ALIKE`] (docs/reference/effects.md), of which the rows that were asked hold their share, beyond what as many numbers gain by chance.
-    /// `penalty`: of a number, in the sum of squares.
+    /// Penalty of an alternative relative to this effect, in log-likelihood, for its additional parameters and for not being the preferred form of
+    /// the same law ([`of_word`]). Unless it is another form of the same law, the penalty is at most [`ALIKE`] (times the share of the poses that
+    /// were compared) plus ½ per additional parameter, which is the expected gain of a parameter without effect: the effect with fewest parameters is
+    /// selected unless the evidence differs by more (docs/reference/effects.md).
+    ///
+    /// `penalty`: per parameter, in the sum of squares.
     pub(super) fn dearer(&self, rival: &Rival, penalty: f64) -> f64 {
         let more = rival.numbers as f64 - self.numbers as f64;
         let most = ALIKE * self.share + 0.5 * more.abs();
@@ -165,16 +170,17 @@ impl Selected {
     }
 }
 
-/// The places of effects once `gone` has left the model; a change leaves none.
+/// Updates the indices of effects after `gone` was removed from the model. A correction leaves the number of effects unchanged.
 pub(super) fn close_up(named: &mut [Selected], gone: &Selected) {
     if gone.stated.is_none() {
         named.iter_mut().filter(|one| one.effect > gone.effect).for_each(|one| one.effect -= 1);
     }
 }
 
+/// Kind and joint of an effect, and whether it is a correction of a stated effect.
 pub(super) type Title = (&'static str, Option<usize>, bool);
 
-/// Kind, joint, and whether it changes what is there.
+/// [`Title`] of a candidate; `None` without parameters.
 pub(super) fn title(candidate: &Candidate) -> Option<Title> {
     let effect = candidate.probes.first()?.effect;
     Some((effect.spec().kind, effect.joint(), candidate.changes().is_some()))
@@ -187,7 +193,7 @@ pub(super) fn titles(named: &[Selected]) -> Vec<Option<Title>> {
 }
 
 impl Search<'_> {
-    /// The share of what was read that is used.
+    /// Share of the measured poses that are used, 0 to 1.
     pub(super) fn share(&self) -> f64 {
         let read = |pose: usize| !self.campaign.poses[pose].seen.is_empty();
         let all = (0..self.campaign.poses.len()).filter(|pose| read(*pose)).count();
@@ -196,7 +202,7 @@ impl Search<'_> {
         used as f64 / all.max(1) as f64
     }
 
-    /// Candidates besides the library: modes, springs and hystereses that are searched in the residual of `selection`.
+    /// Candidates besides the library: flexible modes, springs and hystereses, searched for in the residual of `selection`.
     pub(super) fn searched(&self, selection: &Selection) -> Vec<Entry> {
         let fitted = Fitted::new(self.campaign, &selection.fit, &self.settings);
         let found = modes(&fitted, self.cache).into_iter().chain(self.springs(&fitted, selection));
@@ -206,7 +212,7 @@ impl Search<'_> {
             .collect()
     }
 
-    /// Finds every name's rivals; gives the penalty of a number, in the sum of squares.
+    /// Determines the alternatives of every selected effect. Returns the penalty per parameter, in the sum of squares.
     pub(super) fn compare(&self, selection: &mut Selection, also: &[Entry]) -> f64 {
         let mut stepwise = Stepwise::at(self, selection, also);
         stepwise.stand();
@@ -216,7 +222,8 @@ impl Search<'_> {
         stepwise.penalty()
     }
 
-    /// Adds a candidate to a hypothesis; none where there is no room.
+    /// Adds a candidate to a hypothesis with the parameters `found`; `None` if the model is full. Returns the index of the effect and, for a
+    /// correction, the previous priors.
     pub(super) fn joined(
         hypothesis: &mut Hypothesis,
         entry: &Entry,
@@ -226,12 +233,12 @@ impl Search<'_> {
             Some(effect) => (effect, Some(hypothesis.revise(effect))),
             None => (put(hypothesis, &entry.candidate, entry.kept, found)?, None),
         };
-        // What was named is asked of the data before what is believed: a belief is in the fit whether the data show it or not.
+        // Of two dependent columns the later one is dropped, and parameters with a stated uncertainty are always fitted: selected effects come first.
         hypothesis.free.sort_by_key(|free| free.belief == Belief::Stated);
         Some(joined)
     }
 
-    /// The fit with what was chosen.
+    /// The nonlinear fit with the selected effects.
     pub(super) fn fitted(
         &self,
         stepwise: &Stepwise<'_>,
@@ -259,14 +266,16 @@ impl Search<'_> {
                 });
             }
         }
-        // A step that goes far ends near only after a few more: until then what it leaves is no noise.
+        // After a large step the residual of the first iterations is not noise: it is reduced first, with the weights and noise level of the fit
+        // before.
         let near = compare(self.campaign, &hypothesis, before, self.settings.used);
         let settings = Settings { from: Some(&near.surroundings), effort, ..self.settings };
         Selection { fit: fit(self.campaign, &near.hypothesis, &settings), named: chosen }
     }
 }
 
-/// Columns of the fit that are always in, and the doubt that the model states of those that the fit frees from it.
+/// Columns of the fit that are always included (indices among the fitted columns), and the standard uncertainties that the model states of parameters
+/// which a correction frees (index in that list, SI).
 pub(super) fn nuisance(
     search: &Search<'_>,
     selection: &Selection,
@@ -301,11 +310,11 @@ pub(super) fn nuisance(
     (places, stated)
 }
 
-/// The fit's hypothesis without these.
+/// The hypothesis of a fit without these effects.
 pub(super) fn without(fit: &Fit, given: &Model, gone: &[&Selected]) -> Hypothesis {
     let mut hypothesis = fit.hypothesis.clone();
     let mut gone: Vec<&Selected> = gone.to_vec();
-    // From the last place down, so that those before keep theirs.
+    // In descending order, so that the indices of the remaining ones stay valid.
     gone.sort_by_key(|one| std::cmp::Reverse(one.effect));
     for one in gone {
         match &one.stated {

@@ -1,9 +1,8 @@
-//! A search for counterbalances: the spring that explains a joint best in the stead of all that is named there.
+//! Search for counterbalances: the spring that best explains a joint in place of all effects selected there.
 //!
-//! A spring's shape is three numbers that bend; those of the list are far between, and what they gain is no measure of what their neighbours would. The best
-//! of each lever is fitted, and the best fit is told.
-//!
-//! Promises: sums are compared with the weights and the noise of the fit that stands. Never: a decision; see `name`.
+//! The force of a spring depends nonlinearly on three parameters. The grid of the library is coarse, and the gain at a grid point says little about
+//! its neighbours: the best spring of each lever length is therefore fitted. Fits are compared under the weights and noise of the present one. The
+//! result is a further candidate; `selection` decides.
 
 use super::selection::{Search, Selected, Selection, without};
 use crate::candidates::{Candidate, is_sound, put, springs_at};
@@ -13,15 +12,15 @@ use crate::motions::is_about_loads;
 use crate::score::{Fitted, Score};
 use physics::AnyEffect;
 
-/// Gains below this are not looked at closer.
+/// Gain in the sum of squares below which no spring is fitted.
 const WORTH_A_LOOK: f64 = 15.0;
-/// A lever is fitted where it gains this share of what the best one does.
+/// Share of the largest gain from which a lever length is fitted.
 const NEAR: f64 = 0.5;
-/// Where a spring has its lever among its numbers.
+/// Index of the lever length among the parameters of a spring.
 const LEVER: usize = 2;
 
 impl Search<'_> {
-    /// The best spring of every joint that gives way, in the stead of what is named there.
+    /// The best spring of every joint with a compliance or a load effect, in place of all effects selected there.
     pub(super) fn springs(&self, fitted: &Fitted<'_>, selection: &Selection) -> Vec<Candidate> {
         let model = &selection.fit.hypothesis.model;
         let here = |effect: &AnyEffect, joint| effect.joint() == Some(joint);
@@ -36,7 +35,7 @@ impl Search<'_> {
             }
             let mut bare = without(&selection.fit, &self.known.model, &named);
             let free = bare.free.clone();
-            // While it is missing, what gives way seems stiff, and no spring would bend it: it gives way here as is believed, until the spring is there.
+            // Without the spring, the fitted compliance would be too small and hide it: compliances keep their stated values during the search.
             bare.believe(|effect| is_about_loads(effect.spec()));
             let bare = compare(self.campaign, &bare, &selection.fit, self.settings.used);
             self.spring(&Fitted::new(self.campaign, &bare, &self.settings), joint, &free)
@@ -44,7 +43,7 @@ impl Search<'_> {
         (0..model.arm.count()).filter(gives_way).filter_map(best).collect()
     }
 
-    /// The best spring of a joint where a fit stands, of the shape that it takes beside all that is `free`.
+    /// The best spring of a joint beside the effects of `fitted`, with its shape fitted together with the parameters `free`.
     fn spring(&self, fitted: &Fitted<'_>, joint: usize, free: &[Free]) -> Option<Candidate> {
         let arm = &fitted.state.hypothesis.model.arm;
         let all = springs_at(arm, joint);

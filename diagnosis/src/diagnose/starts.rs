@@ -8,11 +8,11 @@
 use super::selection::{Title, title};
 use super::stepwise::Stepwise;
 
-/// Where every axis may stand elsewhere, in the order in which they join: zeros before tilts before shifts.
+/// Geometric errors of every axis, in the order in which they enter the start selection: zero offsets, tilts, displacements.
 const GEOMETRY: [&str; 4] = ["joint_offset", "axis_tilt", "axis_shift", "tool_offset"];
 
 impl Stepwise<'_> {
-    /// Chooses from nothing, from what was named before, and from all of the geometry; keeps the best.
+    /// Stepwise selection from the empty selection, from the current one and from the complete geometry; keeps the best.
     pub(super) fn make_best(&mut self) {
         let nothing = (self.gram.clone(), Vec::new());
         self.make();
@@ -31,19 +31,19 @@ impl Stepwise<'_> {
         (self.gram, self.chosen) = kept;
     }
 
-    /// Chooses from what was named before.
+    /// Stepwise selection from the current selection.
     pub(super) fn make_from(&mut self) {
         self.stand();
         self.make();
     }
 
-    /// One step from what was named before.
+    /// One step from the current selection.
     pub(super) fn step_from(&mut self) {
         self.stand();
         self.step();
     }
 
-    /// Kinds and joints of what is chosen, sorted.
+    /// Kinds and joints of the selected effects, sorted.
     pub(super) fn titles(&self) -> Vec<Option<Title>> {
         let mut titles: Vec<Option<Title>> =
             self.chosen.iter().map(|place| title(&self.entries[*place].candidate)).collect();
@@ -51,7 +51,8 @@ impl Stepwise<'_> {
         titles
     }
 
-    /// What frame and first joint share, the frame takes: the first joint comes last.
+    /// The complete geometry as a start selection. The first joint comes last: its error is confounded with the measuring frame, to which it is
+    /// attributed.
     fn geometry(&self) -> Vec<usize> {
         let rank = |place: &usize| {
             let (kind, joint, changes) = title(&self.entries[*place].candidate)?;
@@ -61,7 +62,7 @@ impl Stepwise<'_> {
         let mut places: Vec<usize> =
             (0..self.entries.len()).filter(|place| rank(place).is_some()).collect();
         places.sort_by_key(rank);
-        // Where one of a kind was fitted before, it has two entries.
+        // An effect that is already in the fit has two entries: the fitted and the library's.
         places.dedup_by_key(|place| title(&self.entries[*place].candidate));
         places
     }

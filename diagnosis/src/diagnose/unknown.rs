@@ -1,10 +1,11 @@
 //! Structure that no effect of the library explains: whether there is any above the noise, and on which covariates it depends.
 //!
-//! Each joint's error is modelled as a smooth function of each covariate (Chebyshev polynomials), and of pairs of covariates that belong together physically; the
-//! function with the best criterion is reported (an additive model with few terms, Hastie and Tibshirani 1990). The size of each selected effect, too, may vary with a
-//! covariate (a varying-coefficient model, Hastie and Tibshirani 1993): then it is not that effect.
+//! The error of each joint is modelled as a smooth function (Chebyshev polynomials) of each covariate, and of pairs of covariates that are physically
+//! related; the function with the best criterion is reported (an additive model with few terms, Hastie and Tibshirani 1990). The size of each
+//! selected effect is also modelled as a function of a covariate (a varying-coefficient model, Hastie and Tibshirani 1993): if it varies, the
+//! selected effect is not the cause.
 //!
-//! The criterion includes penalties for the parameters and for the number of functions tried.
+//! The criterion includes penalties for the coefficients and for the number of functions tried.
 
 use super::features::Word;
 use super::locate::moved;
@@ -19,35 +20,37 @@ use physics::spec::Need;
 use physics::{AnyEffect, Arm, Chain, Inputs};
 use std::rc::Rc;
 
-/// Polynomials of one word.
+/// Degree of the polynomials of a single covariate.
 const DEGREE: usize = 5;
-/// The same where a name's size changes with it.
+/// Degree of the polynomials by which the size of a selected effect varies.
 const DEGREE_OF_SIZE: usize = 3;
-/// Readings further off, in units of the noise, are outliers.
+/// Whitened residuals beyond this are outliers, in standard deviations.
 const FAR: f64 = 12.0;
-/// By which share of what names are worth a law has to be worth more than they are: names are simplified physics too.
+/// Relative margin by which the improvement of a smooth function has to exceed that of the selected effects that it replaces: their equations are
+/// simplified, too.
 const CLEARLY: f64 = 0.02;
-/// The same where names are not settled yet, and how many they are at least.
+/// The same before the selection is complete, for selections of at least [`PATCHES`] effects.
 const FAR_AHEAD: f64 = 0.1;
+/// Number of effects from which a selection may be a patchwork that imitates an error which is none of them.
 pub(super) const PATCHES: usize = 4;
-/// Of what is named, a name that brings less than this share is one of the others.
+/// Share of the total gain below which a selected effect is a minor one.
 const CARRIES: f64 = 0.1;
-/// And what a law has to be worth there, in the sum of squares: how the noise remembers itself is not known well yet.
+/// Least improvement of a smooth function before the selection is complete, in the sum of squares: the AR noise model is still uncertain then.
 const PLAIN: f64 = 200.0;
-/// How large a coefficient of a joint's error may be, rad or m.
+/// Standard deviation of the prior of a coefficient of a joint's error, rad or m.
 const LARGE: f64 = 5e-3;
 
-/// What a law gives its size to.
+/// The motion that a smooth function multiplies.
 #[derive(Clone, Debug)]
 enum Carrier {
-    /// The joint's error, rad or m.
+    /// An error of the joint's position, rad or m.
     Joint,
-    /// What was named there: how the tool moves with it, pose by pose; and the word that the name itself follows.
+    /// The motion by a selected effect: tool displacement at each pose, and index of the covariate that the effect itself depends on.
     Selected(Rc<[Motion]>, Option<usize>),
 }
 
 impl Carrier {
-    /// How the tool moves with one of it at a pose.
+    /// Tool displacement at a pose per unit of the smooth function.
     fn unit(&self, arm: &Arm, joint: usize, inputs: &Inputs, pose: usize) -> Motion {
         match self {
             Self::Joint => Motion::of_joint(arm, &Chain::nominal(arm, &inputs.q), joint),
@@ -55,7 +58,7 @@ impl Carrier {
         }
     }
 
-    /// Polynomials of a word by itself.
+    /// Degree of the polynomials of a single covariate.
     fn degree(&self) -> usize {
         match self {
             Self::Joint => DEGREE,
@@ -63,7 +66,7 @@ impl Carrier {
         }
     }
 
-    /// How large a coefficient may be: a joint's error, rad or m; of what was named, as often again.
+    /// Standard deviation of the prior of a coefficient: rad or m for an error of the joint, relative for the size of a selected effect.
     fn large(&self) -> f64 {
         match self {
             Self::Joint => LARGE,
@@ -72,17 +75,17 @@ impl Carrier {
     }
 }
 
-/// A smooth law of a joint's error, or of the size of what was named there.
+/// A smooth function that models the error of a joint, or the size of an effect selected there.
 #[derive(Clone, Debug)]
 pub(super) struct Law {
-    /// The joint that errs, from 0.
+    /// Index of the joint, from 0.
     pub(super) joint: usize,
     carrier: Carrier,
-    /// Places among the words: one or two.
+    /// Indices of its covariates: one or two.
     words: Vec<usize>,
-    /// One coefficient per term, rad or m; of what was named, as shares.
+    /// Coefficients of the terms: rad or m for an error of the joint, relative for the size of a selected effect.
     found: Vec<f64>,
-    /// By how much the sum of squares falls, less what its numbers cost; above zero: it is there.
+    /// Reduction of the sum of squares less the penalty; a function above zero is significant.
     pub(super) worth: f64,
 }
 
@@ -98,6 +101,7 @@ pub(super) fn confirmed(
     borne_out_by(&fitted, words, kept, best.filter(|law| law.worth > 0.0)?)
 }
 
+/// The function if the validation set supports it, or if there is no validation set.
 fn borne_out_by(fitted: &Fitted<'_>, words: &[Word], kept: &[bool], law: Law) -> Option<Law> {
     if !kept.contains(&true) {
         return Some(law);
@@ -107,8 +111,9 @@ fn borne_out_by(fitted: &Fitted<'_>, words: &[Word], kept: &[bool], law: Law) ->
     (validation_margin(0.5 * law.worth, gain) > 0.0).then_some(law)
 }
 
-/// A smooth law of one joint that says more than all names do, or than all but the few that carry most, with these alone: the others are patches on something
-/// that is none of them.
+/// A smooth function that improves the criterion more than all selected effects do, or more than the minor ones do beside the others. In the first
+/// case the major effects alone must not be better either. Returns the remaining selection with the function: the effects that it replaces were a
+/// patchwork.
 pub(super) fn instead_of_names(
     search: &Search<'_>,
     selection: &Selection,
@@ -118,7 +123,7 @@ pub(super) fn instead_of_names(
     ahead(search, selection, words, kept, CLEARLY)
 }
 
-/// The same at the first glimpse of names that are many and far behind: no more of them would catch up, and to look for them takes long.
+/// The same after the preselection, for many effects far behind the smooth function: further selection would take long and not catch up.
 pub(super) fn ahead_at_once(
     search: &Search<'_>,
     selection: &Selection,
@@ -130,7 +135,8 @@ pub(super) fn ahead_at_once(
     (law.worth > PLAIN).then_some((few, law))
 }
 
-/// The law that is ahead of all names by a share of what they are worth, or beside those that carry most ahead of the others, if they are many.
+/// The smooth function that exceeds all selected effects by the relative margin `share`, or, if the minor effects are many, exceeds these beside the
+/// others.
 fn ahead(
     search: &Search<'_>,
     selection: &Selection,
@@ -148,7 +154,7 @@ fn ahead(
     })
 }
 
-/// The law that, beside the others, is ahead of the names `gone`, and of those that carry most of these alone.
+/// The smooth function that exceeds the effects `gone`, and the effects `few` among them alone, beside the remaining ones.
 fn ahead_of(
     search: &Search<'_>,
     selection: &Selection,
@@ -181,7 +187,7 @@ fn ahead_of(
     let best = unsteady(&fitted, words, search, &few, law(&fitted, words));
     let law = borne_out_by(&fitted, words, kept, best.filter(|law| law.worth > 0.0)?)?;
     if kept.contains(&true) {
-        // Where neither was fitted, it must leave less than the names do.
+        // On the validation set the function must leave a smaller residual than the effects that it replaces.
         let named = Fitted::new(campaign, &selection.fit, settings);
         if law.on(&fitted, words, kept)[1] >= law.on(&named, words, kept)[0] {
             return None;
@@ -190,12 +196,12 @@ fn ahead_of(
     (law.worth > (1.0 + share) * names).then_some((few, law))
 }
 
-/// The law that is worth most; none where nothing is left to explain.
+/// The function with the best criterion; `None` if none is significant.
 pub(super) fn law(fitted: &Fitted<'_>, words: &[Word]) -> Option<Law> {
     let joints = fitted.state.hypothesis.model.arm.count();
     let mut best = better(fitted, words, |joint| singles(words, joint), None);
     best = better(fitted, words, |joint| pairs(words, joint), best);
-    // What the best law follows may bend with any other word.
+    // The covariate of the best function may interact with any other covariate.
     if let Some(one) = best.clone() {
         let with = |joint: usize| {
             let all = (0..words.len()).filter(|_| joint == one.joint);
@@ -207,7 +213,7 @@ pub(super) fn law(fitted: &Fitted<'_>, words: &[Word]) -> Option<Law> {
     best.filter(|law| law.worth > 0.0)
 }
 
-/// The best of `groups` (per joint) and of what was found before.
+/// The best function of `groups` of covariates (per joint), or `before` if that is better.
 fn better(
     fitted: &Fitted<'_>,
     words: &[Word],
@@ -222,7 +228,7 @@ fn better(
     })
 }
 
-/// The best law by which a name's size changes, and of what was found before.
+/// The best function by which the size of a selected effect varies, or `before` if that is better.
 fn unsteady(
     fitted: &Fitted<'_>,
     words: &[Word],
@@ -244,7 +250,7 @@ fn unsteady(
     })
 }
 
-/// The best of the laws by which groups of words size a carrier, and of what was found before.
+/// The best function of `groups` of covariates that multiplies `carrier`, or `before` if that is better.
 fn best_of(
     fitted: &Fitted<'_>,
     words: &[Word],
@@ -273,7 +279,7 @@ fn best_of(
     best
 }
 
-/// The word that an effect follows by its nature.
+/// Index of the covariate that an effect depends on by its equation.
 fn follows(effect: &AnyEffect, joint: usize, words: &[Word]) -> Option<usize> {
     let needs = |need: Need| effect.spec().needs.contains(&need);
     let n = joint + 1;
@@ -289,13 +295,14 @@ fn follows(effect: &AnyEffect, joint: usize, words: &[Word]) -> Option<usize> {
     words.iter().position(|word| word.name == name)
 }
 
+/// Penalty in the sum of squares: of `numbers` coefficients, and of the choice among `tried` functions.
 fn penalty(fitted: &Fitted<'_>, numbers: usize, tried: usize) -> f64 {
     let readings = fitted.fit.readings as f64 / fitted.fit.design_effect;
     numbers as f64 * readings.max(2.0).ln() + 2.0 * (tried.max(1) as f64).ln()
 }
 
 impl Law {
-    /// The contract's words that it follows, each once.
+    /// Names of the covariates that it depends on (docs/reference/results.md), each once.
     pub(super) fn depends_on(&self, words: &[Word]) -> Vec<String> {
         let own = if let Carrier::Selected(_, own) = &self.carrier { *own } else { None };
         let all = own.iter().chain(&self.words);
@@ -304,7 +311,7 @@ impl Law {
         names
     }
 
-    /// How the tool moves with it at a pose.
+    /// Tool displacement by it at a pose.
     fn motion(&self, arm: &Arm, inputs: &Inputs, words: &[Word], pose: usize) -> Motion {
         let mut sum = 0.0;
         let mut found = self.found.iter();
@@ -315,7 +322,8 @@ impl Law {
         self.carrier.unit(arm, self.joint, inputs, pose).times(sum)
     }
 
-    /// Sums of squares of the rows `held`, whitened, without the law and with it; what is fitted anyway follows the law as it does on the rows of the fit.
+    /// Sums of squares of the whitened residuals on the poses `held`, without and with the function. The fitted parameters respond to the function as
+    /// they do on the training rows.
     pub(super) fn on(&self, fitted: &Fitted<'_>, words: &[Word], held: &[bool]) -> [f64; 2] {
         let arm = &fitted.state.hypothesis.model.arm;
         let motion = |pose: usize, into: &mut Vec<Motion>| {

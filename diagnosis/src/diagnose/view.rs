@@ -1,6 +1,5 @@
-//! Data for the plots of a diagnosis: residuals before and after, over time, as a spectrum, and over the covariates of the findings.
-//!
-//! Promises: values of the existing fits, without new fits. Never: a drawing.
+//! Data for the plots of a diagnosis: residuals before and after, over time, as a spectrum, and over the covariates of the findings. They are
+//! computed from the existing fits.
 
 use super::features::{Word, words};
 use super::{Diagnosis, Finding};
@@ -15,60 +14,61 @@ use glam::DVec3;
 use physics::{AnyEffect, Chain};
 use spectrum::welch::{Segments, welch};
 
-/// Steps that differ by more than this share of the middle one are not even.
+/// Relative deviation from the median time step above which a step is not even.
 const EVEN: f64 = 0.02;
-/// Readings that a spectrum needs, and of one segment of it at most.
+/// Least number of samples of a spectrum, and largest length of its segments.
 const SAMPLES_LEAST: usize = 64;
 const SEGMENT_MOST: usize = 1024;
-/// A finding of which its joint's own error shows less than this share (as energy of the readings) is looked at where the tool is: a link that grows turns no joint.
+/// Share of the energy of a finding, in the measured values, that an error of its joint must be able to represent. Below it the finding is shown as
+/// tool displacement: a growing link, for example, does not rotate its joint.
 const OF_JOINT: f64 = 0.5;
 
-/// One channel over the recording.
+/// Residuals of one channel over the recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trace {
-    /// `x`, `target2 y`, `joint 3`.
+    /// Name of the channel: `x`, `target2 y`, `joint 3`.
     pub channel: String,
-    /// Measured minus predicted by the model as given and with what was found, m or rad, with the pose of each.
+    /// Pose of each measurement, and measured minus predicted value with the model as given and with the final model, m or rad.
     pub off: Vec<(usize, [f64; 2])>,
 }
 
-/// One reading beside what a finding follows.
+/// One measurement, over the covariate of a finding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beside {
-    /// What it follows, in the word's unit, SI.
+    /// Value of the covariate, SI.
     pub at: f64,
-    /// The sign of the joint's last motion; 0 where it is unknown or there is no joint.
+    /// Sign of the joint's last motion; 0 if it is unknown or there is no joint.
     pub direction: f64,
-    /// What is seen with all but this finding, rad or m of its joint (m of the tool where it has none).
+    /// Residual with all effects but this finding: rad or m of its joint, or m of the tool.
     pub seen: f64,
-    /// What the finding explains of it.
+    /// Part of it that the finding explains.
     pub explained: f64,
 }
 
-/// A finding over what it follows.
+/// Measurements over the covariate that a finding depends on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Over {
-    /// The contract's word.
+    /// Name of the covariate (docs/reference/results.md).
     pub word: String,
-    /// The joint, from 0, whose error the points are; none where they are what the tool is off by.
+    /// Index of the joint, from 0, whose error is plotted; `None` for displacement of the tool.
     pub joint: Option<usize>,
-    /// One per reading in which the finding could show.
+    /// One per measurement in which the finding is visible.
     pub points: Vec<Beside>,
 }
 
-/// Residuals as spectra: power density, m² (rad²) per Hz, mean of the channels.
+/// Spectra of the residuals: power spectral density by Welch's method, m² (rad²) per Hz, mean of the channels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spectra {
     /// Frequencies, Hz.
     pub frequencies_hz: Vec<f64>,
-    /// With the model as given, and with what was found.
+    /// Density with the model as given, and with the final model.
     pub density: [Vec<f64>; 2],
-    /// Length of the evenly sampled stretch, s.
+    /// Duration of the evenly sampled section, s.
     pub stretch_s: f64,
 }
 
 impl Diagnosis {
-    /// Time of each pose since the first, s: recordings and segments one after the other.
+    /// Time of each pose since the first, s, with recordings and segments in sequence.
     #[must_use]
     pub fn elapsed_s(&self) -> Vec<f64> {
         let mut elapsed = vec![0.0; self.campaign.poses.len()];
@@ -83,7 +83,7 @@ impl Diagnosis {
         elapsed
     }
 
-    /// Every channel, before and after.
+    /// Residuals of every channel with the model as given and with the final model.
     #[must_use]
     pub fn traces(&self) -> Vec<Trace> {
         let (given, last) = (self.given.off(&self.campaign), self.fit.off(&self.campaign));
@@ -101,7 +101,7 @@ impl Diagnosis {
         traces
     }
 
-    /// Sizes of what held-out readings are off by, m or rad: as given, and with what was found.
+    /// Lengths of the residuals on the test set, m or rad: with the model as given and with the final model.
     #[must_use]
     pub fn held_out(&self) -> [Vec<f64>; 2] {
         let held = |fit: &Fit| {
@@ -114,7 +114,7 @@ impl Diagnosis {
         [held(&self.given), held(&self.fit)]
     }
 
-    /// Spectra of the longest stretch of even steps; none where it is short, or poses are settled.
+    /// Spectra of the longest evenly sampled section of a path; `None` if it is too short or the poses are settled.
     #[must_use]
     pub fn spectra(&self) -> Option<Spectra> {
         let elapsed = self.elapsed_s();
@@ -146,7 +146,7 @@ impl Diagnosis {
         Some(Spectra { frequencies_hz, density, stretch_s: step * (count - 1) as f64 })
     }
 
-    /// A finding over what it follows; none where that never changes.
+    /// A finding over the covariate that it depends on; `None` if that is constant.
     #[must_use]
     pub fn over(&self, finding: &Finding) -> Option<Over> {
         let words = words(&self.campaign, &self.given.hypothesis.model);
@@ -164,7 +164,7 @@ impl Diagnosis {
         Some(Over { word: word.name.clone(), joint: shown_in, points: points.collect() })
     }
 
-    /// The model with all that was found but this.
+    /// The final model without this finding.
     fn bare(&self, finding: &Finding) -> Hypothesis {
         let whole = &self.fit.hypothesis;
         let Some(had) = &finding.had else { return whole.without(finding.place) };
@@ -173,7 +173,7 @@ impl Diagnosis {
         bare
     }
 
-    /// The joint whose error it is seen in (none: at the tool); pose, what is seen without the finding, and what it explains of that.
+    /// The joint whose error is plotted (`None`: the tool), and pose, residual without the finding, and the part of it that the finding explains.
     fn beside(&self, finding: &Finding) -> (Option<usize>, Vec<(usize, f64, f64)>) {
         let bare = self.bare(finding);
         let Some(joint) = finding.effect.joint() else { return (None, self.of_tool(&bare)) };
@@ -201,7 +201,7 @@ impl Diagnosis {
         if !at_tool.is_empty() {
             return (None, at_tool);
         }
-        // Where the joint hardly moves what is measured, its error cannot be seen.
+        // Poses at which the joint hardly moves the measured point do not determine its error.
         let most = points.iter().map(|p| p.1.length_squared()).fold(0.0, f64::max);
         let both = points.into_iter().zip(whole).zip(&self.fit.weights);
         let seen = both
@@ -213,7 +213,7 @@ impl Diagnosis {
         (Some(joint), seen.collect())
     }
 
-    /// The same for what belongs to no joint, along where it moves the tool.
+    /// The same at the tool, along the displacement by the finding: pose, residual without the finding, and the part that it explains, m.
     fn of_tool(&self, bare: &Hypothesis) -> Vec<(usize, f64, f64)> {
         let whole = self.fit.off(&self.campaign);
         let mut fit = self.fit.clone();
@@ -230,6 +230,7 @@ impl Diagnosis {
     }
 }
 
+/// Names of the coordinates of a measurement.
 fn channels(reading: &Reading) -> Vec<String> {
     let axes = |prefix: String| ["x", "y", "z"].map(|axis| format!("{prefix}{axis}")).to_vec();
     match reading {
@@ -245,7 +246,7 @@ fn channels(reading: &Reading) -> Vec<String> {
     }
 }
 
-/// The word that an effect follows most plainly, of those that change.
+/// The main covariate of an effect, among those that vary.
 fn followed<'a>(finding: &Finding, words: &'a [Word]) -> Option<&'a Word> {
     let effect = &finding.effect;
     let n = effect.joint().map_or(0, |joint| joint + 1);
@@ -277,7 +278,7 @@ fn followed<'a>(finding: &Finding, words: &'a [Word]) -> Option<&'a Word> {
     wanted.iter().find_map(|name| words.iter().find(|word| word.name == *name))
 }
 
-/// The longest stretch of even steps, and the step.
+/// The longest evenly sampled section, and its time step, s.
 fn even(times: &[f64]) -> Option<(std::ops::Range<usize>, f64)> {
     let steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps.first()?;
