@@ -1,7 +1,8 @@
-//! The statistics that all domains share, one of each: data split, normal equations, information criterion, search, noise model, cluster-robust covariance, validation,
-//! attribution, posterior probabilities, verdict.
+//! The statistics that all domains of the diagnosis share: data split, normal equations, information criterion, stepwise search, noise model,
+//! cluster-robust covariance, validation, attribution, posterior probabilities, verdict.
 //!
-//! Promises: knows rows and columns, no robot, no file, no effect. Never: a domain's threshold; each has a settings type with its defaults.
+//! The modules operate on rows and columns; they know no robot, file or effect. Thresholds that depend on the domain are fields of a settings type
+//! with defaults.
 
 pub(crate) mod attribution;
 pub(crate) mod criterion;

@@ -1,10 +1,10 @@
-//! Selection of effects for a calibration: the search of a diagnosis ([`super::selection`]) beside the geometry of every joint, without alternatives and without a
-//! verdict.
+//! Selection of effects for a calibration: the search of a diagnosis ([`super::selection`]) beside the geometry of every joint, without alternatives
+//! and without a verdict.
 //!
-//! The candidates are all effects that the data can show, and finally polynomials that describe the error of a joint. If no wrench separates them, the compliances of all drives are added first and
-//! together: a single one would absorb the others and part of the geometry.
+//! The candidates are all effects that the data can show, and finally polynomials that describe the error of a joint. If no varying wrench separates
+//! them, the compliances of all drives are added first and together: a single one would absorb the others and part of the geometry.
 //!
-//! Only training poses are used; the same input gives the same selection.
+//! Invariants: only training poses are used; the same input gives the same selection.
 
 use super::gram::Entry;
 use super::jacobian_cache::JacobianCache;
@@ -22,20 +22,20 @@ use std::mem::discriminant;
 /// An effect that was added.
 #[derive(Clone, Debug)]
 pub struct Chosen {
-    /// Its place in the model's effects.
+    /// Index among the model's effects.
     pub effect: usize,
-    /// By how much it lowers the sum of squares, in units of the noise.
+    /// Reduction of the sum of squares, in units of the noise variance.
     pub gain: f64,
-    /// Entries that no fit changes, with their numbers, SI.
+    /// Parameters that are held fixed in every fit: name and values, SI.
     pub settings: Vec<(&'static str, Vec<f64>)>,
 }
 
-/// A fit and what was added for it.
+/// A fit with the effects that were selected.
 #[derive(Clone, Debug)]
 pub struct Selection {
-    /// The fit with all that was added.
+    /// The fit with the selected effects.
     pub fit: Fit,
-    /// What was added, in that order.
+    /// The selected effects, in the order in which they were added.
     pub chosen: Vec<Chosen>,
 }
 
@@ -46,7 +46,7 @@ pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) ->
         .unwrap_or_else(|| (calibrated.clone(), Vec::new()));
     let model = &base.hypothesis.model;
     let mut library = candidates(&model.arm, campaign);
-    // Springs are searched for; see `springs`.
+    // Counterbalance springs are searched for separately; see `springs`.
     library.retain(|candidate| !candidate.is_spring() && is_open(candidate, model));
     let Selected { fit, named } = loop {
         let selected = searched(campaign, &base, settings, &library);
@@ -68,7 +68,7 @@ pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) ->
     Selection { fit, chosen }
 }
 
-/// What the search adds to `base` from a library.
+/// Selection from a library, beside the effects of `base`.
 fn searched(
     campaign: &Campaign,
     base: &Fit,
@@ -97,7 +97,8 @@ fn is_open(candidate: &Candidate, model: &Model) -> bool {
 /// Largest plausible tilt of the base against gravity, rad; above 0. Default 0.06: three times the width of its prior.
 const TILT_MAX_RAD: f64 = 0.06;
 
-/// Selected effects with implausible parameters: a negative mass, a tilt beyond [`TILT_MAX_RAD`]. They absorb errors that the library does not contain.
+/// Selected effects with implausible parameters: a negative mass, a tilt beyond [`TILT_MAX_RAD`]. They absorb errors that the library does not
+/// contain.
 fn impossible(selected: &Selected) -> impl Iterator<Item = &AnyEffect> {
     let effect = |at: usize| selected.fit.hypothesis.model.effects().nth(at);
     let effects = selected.named.iter().filter_map(move |one| effect(one.effect));
@@ -108,7 +109,7 @@ fn impossible(selected: &Selected) -> impl Iterator<Item = &AnyEffect> {
     })
 }
 
-/// The fit with the compliances of all drives that carry a load, if together they are worth their numbers (EBIC); each keeps a prior of the drives' tolerance.
+/// The fit with the compliances of all loaded drives, if together they improve the criterion; each has a prior of the drives' tolerance.
 fn with_compliances(
     campaign: &Campaign,
     calibrated: &Fit,

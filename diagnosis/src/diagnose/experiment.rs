@@ -1,10 +1,10 @@
 //! Experiment design for indistinguishable hypotheses: the motion or load of a [`menu`] that discriminates them best.
 //!
-//! Every experiment of the menu is simulated with each of two hypotheses, at their estimated parameters; the other is then fitted to the
-//! simulated data, with the measuring frame, the targets and all other free parameters. The residual is the expected separation, half the sum of
-//! squares; the smaller of both directions counts (T-optimality, Atkinson and Fedorov 1975). Information of the present recording is not included.
+//! Every experiment of the menu is simulated with each of two hypotheses, at their estimated parameters; the other is then fitted to the simulated
+//! data, with the measuring frame, the targets and all other free parameters. The residual is the expected separation, half the sum of squares; the
+//! smaller of both directions counts (T-optimality, Atkinson and Fedorov 1975). Information of the present recording is not included.
 //!
-//! Promises: an instruction for a technician, with the expected separation. Never: a claim which hypothesis is right.
+//! The result is an instruction for a technician, with the expected separation in log-likelihood.
 
 mod menu;
 
@@ -23,25 +23,25 @@ use crate::simulate;
 use physics::{AnyEffect, Model};
 use recording::series::Channel;
 
-/// Readings of an experiment that are simulated, at most.
+/// Largest number of measurements of an experiment that are simulated.
 const READINGS: usize = 250;
-/// Rivals that are looked at, the nearest first.
+/// Number of alternatives that are considered, those with the smallest loss in log-likelihood first.
 const RIVALS: usize = 3;
 
-/// An experiment that would part what cannot be distinguished.
+/// An experiment that would distinguish alternatives.
 #[derive(Clone, Debug)]
 pub struct Proposed {
-    /// What to do.
+    /// The experiment.
     pub experiment: Experiment,
-    /// What is measured in it: the same as in the recordings.
+    /// Measured quantities: the same as in the recordings.
     pub measured: Measured,
-    /// By how much log-likelihood of the names is expected to differ.
+    /// Expected log-likelihood ratio of the hypotheses.
     pub separation: f64,
-    /// For people.
+    /// Instruction for the technician.
     pub says: String,
 }
 
-/// What cannot be distinguished in which recording.
+/// A recording and its fit, for which experiments are designed.
 pub(super) struct Design<'a> {
     campaign: &'a Campaign,
     given: &'a Model,
@@ -49,7 +49,7 @@ pub(super) struct Design<'a> {
     training: &'a [bool],
 }
 
-/// Experiments with the joints that are in question; all where it is the whole robot.
+/// Experiments with the joints in question; all of them if an effect concerns the whole robot.
 fn relevant(own: &AnyEffect, alike: &[&Rival]) -> impl Fn(&Experiment) -> bool {
     let effects = std::iter::once(own).chain(alike.iter().map(|rival| &rival.effect));
     let joints: Vec<Option<usize>> = effects.map(AnyEffect::joint).collect();
@@ -83,7 +83,7 @@ fn sentence(own: &AnyEffect, alike: &[&Rival], chosen: &Experiment, separation: 
     )
 }
 
-/// Which columns were filled.
+/// The measured columns of a recording.
 fn measured(campaign: &Campaign) -> Measured {
     let mut channels: Vec<Channel> = Vec::new();
     for reading in campaign.poses.iter().flat_map(|p| p.seen.iter().map(|seen| &seen.reading)) {
@@ -114,7 +114,8 @@ impl<'a> Design<'a> {
         Self { campaign, given, last, training }
     }
 
-    /// What would part the strongest name that is ambiguous from its nearest rivals; none where nothing is ambiguous.
+    /// The experiment that best distinguishes the ambiguous effect with the largest gain from its nearest alternatives; `None` if no effect is
+    /// ambiguous.
     pub(super) fn proposed(&self, named: &[Selected]) -> Option<Proposed> {
         let open = named.iter().filter(|one| is_ambiguous(one, self.last));
         let one = open.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
@@ -131,14 +132,14 @@ impl<'a> Design<'a> {
                 parts.collect::<Option<Vec<f64>>>()?.into_iter().fold(f64::INFINITY, f64::min);
             least.is_finite().then_some((experiment, least))
         });
-        // Of equals the first: the simplest.
+        // Among equals the first, which is the simplest.
         let best = parted.reduce(|a, b| if b.1 > a.1 { b } else { a });
         let (experiment, separation) = best?;
         let says = sentence(own, &alike, &experiment, separation);
         Some(Proposed { experiment, measured, separation, says })
     }
 
-    /// The fit of the recording with `rival` in the stead of `one`.
+    /// The fit of the recording with `rival` in place of `one`.
     fn instead(&self, one: &Selected, rival: &Rival) -> Option<Fit> {
         let mut hypothesis = without(self.last, self.given, &[one]);
         match rival.candidate.changes() {
@@ -148,7 +149,7 @@ impl<'a> Design<'a> {
         Some(compare(self.campaign, &hypothesis, self.last, self.training))
     }
 
-    /// What would be measured in an experiment, without values.
+    /// The poses and measured quantities of an experiment, without values.
     fn carried_out(&self, experiment: &Experiment, measured: &Measured) -> Option<Campaign> {
         let recording = experiment.recording(measured, 1.0);
         let arm = &self.given.arm;
@@ -177,7 +178,7 @@ impl<'a> Design<'a> {
         Some(made)
     }
 
-    /// The noise that such a reading had in the recording.
+    /// Whitening by the noise that the same quantity has in the recording.
     fn whitening(&self, reading: &Reading) -> Option<glam::DMat3> {
         let alike = |other: &Reading| match (reading, other) {
             (Reading::Point { place: a, .. }, Reading::Point { place: b, .. }) => a == b,
@@ -192,7 +193,7 @@ impl<'a> Design<'a> {
         Some(found.whitening * (1.0 / self.last.factors[found.instrument]))
     }
 
-    /// By how much log-likelihood of the two names would differ at least, whichever is right.
+    /// Expected log-likelihood ratio of the two hypotheses, for the worse case of which of them is right.
     fn separation(&self, experiment: &Experiment, measured: &Measured, other: &Fit) -> Option<f64> {
         let made = self.carried_out(experiment, measured)?;
         let [own, other] = [&self.last.hypothesis, &other.hypothesis];
@@ -201,7 +202,7 @@ impl<'a> Design<'a> {
         Some(one.min(two) / self.last.design_effect.max(1.0))
     }
 
-    /// How much worse `wrong` follows what `right` would show.
+    /// Loss in log-likelihood of `wrong`, fitted to noise-free measurements simulated with `right`.
     fn behind(&self, made: &Campaign, right: &Hypothesis, wrong: &Hypothesis) -> f64 {
         let seen = simulate::readings(made, &right.model, &made.surroundings, 0.0, 0);
         let used = vec![true; seen.poses.len()];

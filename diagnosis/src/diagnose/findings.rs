@@ -1,4 +1,4 @@
-//! The selected effects as findings: parameters with uncertainty, alternatives, size, and what each brings on the test set.
+//! The selected effects as findings: parameters with uncertainty, alternatives, size, and the error on the test set with and without each.
 //!
 //! They are ordered by how much they lower the error on the test set, as a mean over all orders in which they can be added (Shapley value): effects
 //! that partly explain the same share it equally, whichever was added first.

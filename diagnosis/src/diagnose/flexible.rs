@@ -3,7 +3,7 @@
 //! Covariates are added one by one while this lowers the error on left-out blocks (Burman, Chow and
 //! Nolan 1994): a regression that fits autocorrelated noise would remove its autocorrelation.
 //!
-//! Invariant: a covariate that improves only the fitted rows is not added.
+//! Invariant: with [`Taken::Validated`] a covariate that improves only the fitted rows is not added.
 
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;

@@ -1,6 +1,6 @@
 //! The verdict, and the posterior probability of each selected effect beside its alternatives.
 //!
-//! Effects that cannot be distinguished are not claimed. Uses figures that other modules computed; computes no fit.
+//! Effects that cannot be distinguished are not claimed. No fit is computed here.
 
 use super::selection::{Rival, Selected};
 use crate::candidates::Candidate;

@@ -1,9 +1,8 @@
 //! Map of the differences between model and recording, by joint and covariate.
 //!
-//! In every cell (a joint, a covariate, a part of its range) the error of the joint is estimated from all readings: the position error of that
-//! joint alone that explains them, with its standard uncertainty. Cells are ranked by significance.
-//!
-//! Promises: for the given model, with fitted frames and targets. Never: a cause.
+//! In every cell (a joint, a covariate, a part of its range) the position error of that joint alone is estimated by least squares from all
+//! measurements, with its standard uncertainty. Cells are ranked by significance. Input is the fit of the model as given, with frames and targets
+//! estimated. A cell shows where the error is, not its cause: errors of other joints contribute as well.
 
 use super::features::Word;
 use crate::campaign::{Campaign, Place, Reading};
@@ -16,34 +15,34 @@ use crate::surroundings::Surroundings;
 use glam::DVec3;
 use physics::{Chain, Frame, Joints, Model};
 
-/// Parts of a word's range.
+/// Number of intervals into which the range of a covariate is divided.
 const PARTS: usize = 6;
-/// Cells that are kept.
+/// Largest number of cells that are reported.
 const CELLS: usize = 40;
-/// Shares of the largest effect: what counts as moved by it, and when it acts.
+/// Share of the largest displacement from which a channel is listed (RMS over the recording), and from which a pose belongs to a time interval.
 const MOVED: f64 = 0.5;
 const ACTS: f64 = 0.7;
-/// A cell in which a joint's error cannot be told to within this says nothing, rad or m.
+/// Cells with a larger standard uncertainty are omitted, rad or m.
 const BLUNT: f64 = 0.1;
-/// Intervals that are named.
+/// Largest number of reported time intervals.
 const INTERVALS: usize = 5;
 
 /// One cell of the map.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// The joint whose error is told, from 0.
+    /// Index of the joint whose error is estimated, from 0.
     pub joint: usize,
-    /// The contract's word.
+    /// Name of the covariate (docs/reference/results.md).
     pub word: String,
-    /// From where to where, in the word's own unit, SI.
+    /// Lower and upper limit of the covariate, SI.
     pub range: [f64; 2],
-    /// How far the joint would have to be off, rad or m.
+    /// Estimated position error of the joint, rad or m.
     pub off: f64,
-    /// Its standard uncertainty.
+    /// Its standard uncertainty, rad or m.
     pub sigma: f64,
 }
 
-/// The map of the model as given, the clearest cells first.
+/// The map of the model as given, the most significant cells first.
 pub(super) fn map(
     campaign: &Campaign,
     given: &Fit,
@@ -96,16 +95,16 @@ pub(super) fn map(
     cells
 }
 
-/// Where an effect is to be seen.
+/// Where an effect is visible.
 #[derive(Clone, Debug, Default)]
 pub struct Seen {
-    /// Columns of the recording that it moves most.
+    /// Columns of the recording that it changes most.
     pub channels: Vec<String>,
-    /// When it is largest, s.
+    /// Time intervals in which it is largest, s.
     pub intervals_s: Vec<[f64; 2]>,
 }
 
-/// Where the tool is, and how far each joint is off, pose by pose.
+/// Predicted tool frame and joint deviations at each pose.
 fn places(campaign: &Campaign, model: &Model) -> Vec<(Frame, Joints)> {
     let mut places = Vec::with_capacity(campaign.poses.len());
     follow(model, campaign, None, |_, seen, _| {
@@ -114,13 +113,13 @@ fn places(campaign: &Campaign, model: &Model) -> Vec<(Frame, Joints)> {
     places
 }
 
-/// How the tool moves, pose by pose, from one model to another.
+/// Difference of the predicted tool poses of two models, pose by pose.
 pub(super) fn moved(campaign: &Campaign, from: &Model, to: &Model) -> Vec<Motion> {
     let pairs = places(campaign, from).into_iter().zip(places(campaign, to));
     pairs.map(|(below, above)| Motion::between(&below, &above, 1.0)).collect()
 }
 
-/// Where the difference of two models shows in the readings.
+/// Where the difference of two models is visible in the measurements.
 pub(super) fn seen(
     campaign: &Campaign,
     around: &Surroundings,
@@ -165,7 +164,7 @@ pub(super) fn seen(
     Seen { channels, intervals_s: intervals(campaign, &sizes) }
 }
 
-/// The longest times in which it is near its largest.
+/// The longest time intervals in which the effect is near its maximum.
 fn intervals(campaign: &Campaign, sizes: &[f64]) -> Vec<[f64; 2]> {
     let most = sizes.iter().copied().fold(0.0, f64::max);
     let mut found: Vec<[f64; 2]> = Vec::new();

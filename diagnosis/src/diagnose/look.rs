@@ -1,7 +1,7 @@
 //! Subsampling of long recordings before the conversion to poses, to save memory: only the selected rows become poses.
 //!
-//! Gross errors are searched in rows that are evenly spread over the recording. Invariant: the diagnosis equals that of a campaign of all rows bit
-//! for bit.
+//! Gross errors are searched in rows that are evenly spread over the recording. Invariant: the result equals that of subsampling after the
+//! conversion, bit for bit.
 
 use super::thinning::{self, Rows, Stepwise};
 use super::{Diagnosis, diagnose, of_chosen, ready};

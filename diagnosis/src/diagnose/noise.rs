@@ -52,7 +52,7 @@ pub(super) fn colours(
     told.map(colour).collect()
 }
 
-/// Root mean square.
+/// Root mean square of the values of all pieces.
 fn size(pieces: &[Vec<f64>]) -> f64 {
     let count = pieces.iter().map(Vec::len).sum::<usize>().max(1);
     (pieces.iter().flatten().map(|x| x * x).sum::<f64>() / count as f64).sqrt()

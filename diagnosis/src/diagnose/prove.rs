@@ -28,7 +28,7 @@ const SILENT: f64 = 0.5;
 const SURE_ALONE: f64 = 50.0;
 /// Number of effects, those with the smallest margins, that are validated again after one was removed.
 const ASKED_AGAIN: usize = 6;
-/// Poses of a path before each boundary between sets that belong to neither.
+/// Number of poses of a path before each boundary between sets whose measurements are removed.
 const APART: usize = 5;
 /// A deviation larger than this many times the median is an outlier.
 const FAR: f64 = 8.0;

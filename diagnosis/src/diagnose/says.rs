@@ -1,11 +1,9 @@
-//! Findings as text for a technician.
-//!
-//! Promises: values with units; no statement about effects that were not found. Never: a decision.
+//! Findings as English sentences for technicians, with values and units.
 
 use crate::hypothesis::named;
 use physics::{AnyEffect, JointKind};
 
-/// A number of an effect in the unit of files, three digits that count.
+/// Formats the parameters of an effect in the units of files, with three significant digits.
 struct Said<'a> {
     effect: &'a AnyEffect,
     had: Option<&'a [f64]>,
@@ -13,7 +11,7 @@ struct Said<'a> {
 }
 
 impl Said<'_> {
-    /// Value `k` (its change, where the model had one) in the unit of files.
+    /// Parameter `k` (its change, if the model states one) in the unit of files.
     fn at(&self, k: usize) -> f64 {
         let kind = if self.slides { JointKind::Prismatic } else { JointKind::Revolute };
         let had = self.had.and_then(|had| had.get(k)).copied().unwrap_or(0.0);
@@ -25,7 +23,7 @@ impl Said<'_> {
         digits(self.at(k))
     }
 
-    /// The length of values `from` to `to`.
+    /// Euclidean norm of parameters `from` to `to`.
     fn length(&self, from: usize, to: usize) -> String {
         digits((from..to).map(|k| self.at(k).powi(2)).sum::<f64>().sqrt())
     }
@@ -35,13 +33,13 @@ impl Said<'_> {
     }
 }
 
-/// Three digits that count.
+/// Three significant digits.
 fn digits(value: f64) -> String {
     let places = if value == 0.0 { 0.0 } else { 2.0 - value.abs().log10().floor() };
     format!("{value:.*}", places.clamp(0.0, 9.0) as usize)
 }
 
-/// What was found, as one sentence. `had`: the numbers that the model had, where they were wrong.
+/// A finding as one sentence. `had`: the parameters that the model states, if they are corrected; `slides`: whether the joint is prismatic.
 #[must_use]
 pub fn sentence(effect: &AnyEffect, had: Option<&[f64]>, slides: bool) -> String {
     let said = Said { effect, had, slides };
@@ -56,6 +54,7 @@ pub fn sentence(effect: &AnyEffect, had: Option<&[f64]>, slides: bool) -> String
     }
 }
 
+/// Drives, gears and compliances.
 fn what(said: &Said<'_>, joint: &str) -> String {
     let (n, mrad) = (|k| said.number(k), said.angle());
     match said.effect.spec().kind {
@@ -122,7 +121,7 @@ fn what(said: &Said<'_>, joint: &str) -> String {
     }
 }
 
-/// The same of what stands, weighs or grows otherwise than the model says.
+/// Geometry, loads, temperature and force sensor.
 fn stands(said: &Said<'_>, joint: &str) -> String {
     let (n, mrad) = (|k| said.number(k), said.angle());
     match said.effect.spec().kind {
@@ -177,7 +176,7 @@ fn stands(said: &Said<'_>, joint: &str) -> String {
     }
 }
 
-/// The same of what comes late, rings and snaps.
+/// Effects over paths: delay, lag, modes, reversal spikes.
 fn lags(said: &Said<'_>, joint: &str) -> String {
     let (n, mrad) = (|k| said.number(k), said.angle());
     match said.effect.spec().kind {
@@ -200,7 +199,7 @@ fn lags(said: &Said<'_>, joint: &str) -> String {
     }
 }
 
-/// How much it is: by temperature, or over time where none was recorded.
+/// Amount by temperature, or over time if no temperature was recorded.
 fn by_heat(said: &Said<'_>, much: &str) -> String {
     let fitted = said.effect.fitted();
     let stem = |k: usize| fitted.get(k).map(|p| p.stem);
@@ -220,7 +219,7 @@ fn by_heat(said: &Said<'_>, much: &str) -> String {
     }
 }
 
-/// When an effect shows, in the words of the contract's `condition`.
+/// When an effect is visible, as the field `condition` of a result.
 #[must_use]
 pub fn condition(effect: &AnyEffect) -> String {
     let n = effect.joint().map_or(0, |joint| joint + 1);

@@ -5,14 +5,15 @@ use super::selection::{ALIKE, Rival, Search, Selected, Selection, close_up, with
 use crate::fit::{compare, fit};
 use crate::hypothesis::Hypothesis;
 
-/// Rounds in which rivals that were fitted may take a name's place.
+/// Largest number of rounds in which alternatives may replace selected effects.
 pub(super) const SUBSTITUTION_ROUNDS: usize = 3;
-/// By how much log-likelihood has to be higher for that, beside the numbers' cost.
+/// Least gain in penalised log-likelihood for a replacement.
 const CLEARLY: f64 = 0.25;
-/// Rivals of a name that are fitted in its place, to see whether they are as near as linear sums say.
+/// Number of alternatives of an effect that are refitted to verify that they are as good as the linearisation predicts.
 const FITTED: usize = 3;
 
-/// Finds the rivals of each named effect on the rows that `asking` uses, and replaces effects by better rivals. The number of effects stays the same.
+/// Determines the alternatives of each selected effect on the rows that `search` uses, and replaces effects by better alternatives. The number of
+/// effects stays the same.
 pub(super) fn with_rivals(search: &Search<'_>, mut selection: Selection) -> Selection {
     for round in 0..=SUBSTITUTION_ROUNDS {
         let also = search.searched(&selection);
@@ -27,12 +28,12 @@ pub(super) fn with_rivals(search: &Search<'_>, mut selection: Selection) -> Sele
 }
 
 impl Selected {
-    /// Log-likelihood that a rival loses beside the name, its numbers paid.
+    /// Loss in penalised log-likelihood of an alternative compared with the selected effect.
     fn loss(&self, rival: &Rival, penalty: f64) -> f64 {
         rival.behind + self.dearer(rival, penalty)
     }
 
-    /// The place of the rival that is the better name.
+    /// Index of the best alternative if it is better than the selected effect.
     fn better(&self, penalty: f64) -> Option<usize> {
         let losses = self.rivals.iter().map(|rival| self.loss(rival, penalty)).enumerate();
         let (best, loss) = losses.min_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -40,7 +41,7 @@ impl Selected {
     }
 }
 
-/// Whether a rival of the name in place `k` may stand beside the others: what two of them would become, one after the other, is one thing.
+/// Whether an alternative of effect `k` is compatible with the other selected effects: two of them must not be replaced by the same effect.
 fn stands_beside(selection: &Selection, k: usize, rival: &Rival) -> bool {
     let effects = &selection.fit.hypothesis.model;
     let new =
@@ -50,7 +51,7 @@ fn stands_beside(selection: &Selection, k: usize, rival: &Rival) -> bool {
 }
 
 impl Search<'_> {
-    /// Gives rivals that are better a name's place; says whether any was.
+    /// Replaces effects by alternatives that are better after a nonlinear fit; returns whether any was replaced.
     pub(super) fn substitute(&self, selection: &mut Selection, penalty: f64) -> bool {
         let mut any = false;
         for k in 0..selection.named.len() {
@@ -65,7 +66,8 @@ impl Search<'_> {
         any
     }
 
-    /// Fits the rivals that seem to be better names, and has each as far behind as its fit is. One that cannot stand beside the other names is no rival.
+    /// Refits alternatives that appear better and corrects their loss in log-likelihood. Alternatives that are incompatible with the other effects
+    /// are removed.
     fn refute(&self, selection: &mut Selection, penalty: f64) {
         for k in 0..selection.named.len() {
             for _ in 0..FITTED {
@@ -88,7 +90,7 @@ impl Search<'_> {
         }
     }
 
-    /// The same names with `rival` in the place of the one in place `k`, and the log-likelihood that this loses, its numbers paid.
+    /// The selection with `rival` in place of effect `k`, and the loss in penalised log-likelihood.
     fn in_place_of(
         &self,
         selection: &Selection,
@@ -106,7 +108,7 @@ impl Search<'_> {
             compare(self.campaign, hypothesis, &selection.fit, self.settings.used)
         };
         let fit = compared(&hypothesis);
-        // Others may have been renamed since this one was found to be better.
+        // Compared with the present fit, since other effects may have been replaced after the alternatives were determined.
         let before = compared(&selection.fit.hypothesis).sum;
         let behind = 0.5 * (fit.sum - before) / selection.fit.design_effect;
         let loss = behind + gone.dearer(rival, penalty);
@@ -167,7 +169,7 @@ mod tests {
         let penalty = search.compare(&mut selection, &also);
         let kinds: Vec<_> = selection.named.iter().map(|one| title(&one.candidate)).collect();
         assert_eq!(kinds, [Some(("joint_offset", Some(2), false))]);
-        // A scale of the last joint, which explains nothing of it.
+        // A scale error of the last joint, which explains nothing of a zero offset.
         let wrong = |candidate: &&crate::candidates::Candidate| {
             title(candidate) == Some(("joint_ratio", Some(5), false))
         };

@@ -1,18 +1,17 @@
-//! Terms of a smooth regression: allowed combinations of covariates, and their polynomials.
-//!
-//! Promises: no constant term, which is already included elsewhere. Never: a fit.
+//! Terms of a smooth regression: allowed combinations of covariates, and their polynomials. There is no constant term; the fit contains one already.
 
 use super::features::Word;
 
-/// Polynomials of each word of a pair.
+/// Degree of the polynomials of each covariate of a pair.
 const DEGREE_OF_PAIR: usize = 3;
 
+/// Every covariate alone.
 pub(super) fn singles(words: &[Word], _joint: usize) -> Vec<Vec<usize>> {
     (0..words.len()).map(|word| vec![word]).collect()
 }
 
-/// A joint's own words with each other, its position and speed with the positions of others (what it carries changes with these), and its motion with
-/// temperature and load.
+/// Pairs of covariates: any two of the joint; its position or speed with the positions of other joints, on which its load depends; and any of the
+/// joint with one of the whole robot, such as temperature.
 pub(super) fn pairs(words: &[Word], joint: usize) -> Vec<Vec<usize>> {
     let own = |word: &Word| word.joint == Some(joint);
     let position = |word: &Word| word.name.starts_with('q');
@@ -31,13 +30,14 @@ pub(super) fn pairs(words: &[Word], joint: usize) -> Vec<Vec<usize>> {
     pairs
 }
 
+/// Number of terms of a group of covariates; `alone`: degree for a single covariate.
 pub(super) fn count(words: &[Word], group: &[usize], alone: usize) -> usize {
     let mut count = 0;
     terms(words, group, (0, alone), |_| count += 1);
     count
 }
 
-/// The terms of a group at a pose; `alone`: polynomials of a word by itself.
+/// Passes the terms of a group of covariates at a pose to `take`; `alone`: degree for a single covariate.
 pub(super) fn terms(
     words: &[Word],
     group: &[usize],
@@ -51,7 +51,7 @@ pub(super) fn terms(
             let joints = [one, two].map(|w| words[w].joint);
             let sways = joints[0] != joints[1] && !joints.contains(&None);
             let of = |w: usize| {
-                // What other joints change of a lag goes straight with the speed.
+                // The lag of a joint is proportional to its speed, whatever the positions of the others.
                 let straight = sways && words[w].name.starts_with('v');
                 let most = if straight { 1 } else { degree(&words[w], DEGREE_OF_PAIR) };
                 let mut all = [1.0; DEGREE_OF_PAIR + 1];

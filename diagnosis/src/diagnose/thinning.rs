@@ -1,39 +1,37 @@
-//! Subsampling of rows.
-//!
-//! Promises: deterministic, and reported. Never: a changed reading.
+//! Subsampling of the rows of long recordings. It is deterministic and reported to the user; no measured value is changed.
 
 use crate::from_recording::Outline;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Settled poses whose readings are looked at, at most.
+/// Largest number of settled poses whose measurements are used.
 const SETTLED_MAX: usize = 6000;
-/// Poses of paths whose readings are looked at, at most: neighbours tell much the same.
+/// Largest number of poses of paths whose measurements are used: neighbouring rows contain much the same information.
 pub(super) const POSES_MAX: usize = 3000;
-/// Stretches of neighbours among them: half of all.
+/// Number of sections of consecutive rows among them, which are half of all.
 pub(super) const STRETCHES: usize = 10;
 
-/// What of rows tells which are looked at.
+/// Properties of rows by which they are selected.
 pub(super) struct Rows<'a> {
-    /// Rows that follow each other in time along a path.
+    /// Paths: rows that follow each other in time.
     pub(super) paths: Cow<'a, [Range<usize>]>,
-    /// Whether anything was measured.
+    /// Whether the row contains a measurement.
     pub(super) measured: Cow<'a, [bool]>,
-    /// Whether a joint's direction is not the one of the row before.
+    /// Whether a joint has reversed since the row before.
     pub(super) turned: Cow<'a, [bool]>,
-    /// How many the arm has.
+    /// Number of joints.
     pub(super) joints: usize,
-    /// Of a row and a joint, rad/s² or m/s².
+    /// Acceleration by row and joint, rad/s² or m/s².
     pub(super) acceleration: Box<dyn Fn(usize, usize) -> f64 + 'a>,
 }
 
-/// The rows that are looked at.
+/// The selected rows.
 pub(super) struct Stepwise {
-    /// Rows that stay, if only for where the joints were.
+    /// Rows that are kept, if only for their joint positions.
     pub(super) kept: Vec<bool>,
-    /// Rows whose readings stay.
+    /// Rows whose measurements are kept.
     pub(super) read: Vec<bool>,
-    /// What was done, for users.
+    /// Message for the user.
     pub(super) says: String,
 }
 
@@ -49,9 +47,11 @@ impl<'a> From<&'a Outline> for Rows<'a> {
     }
 }
 
-/// Chooses among very many rows; none where all are looked at. Of settled poses every n-th, and all stay where the joints were.
-/// Of paths: stretches of neighbours where the arm is driven hardest, since what rings and lags shows there, every n-th of the
-/// rest, and every row where a joint turns round, since play and hysteresis remember these.
+/// Selects rows of a long recording; `None` if all are used.
+///
+/// - Settled poses: every n-th measurement; all joint positions are kept.
+/// - Paths: the sections with the highest accelerations, where flexible modes and servo lag are visible; every n-th of the other rows; and the rows
+///   about each reversal, since backlash and hysteresis depend on them.
 pub(super) fn choose(rows: &Rows<'_>) -> Option<Stepwise> {
     let measured = rows.measured.iter().filter(|measured| **measured).count();
     let (most, evenly) = match *rows.paths {
@@ -78,20 +78,20 @@ pub(super) fn choose(rows: &Rows<'_>) -> Option<Stepwise> {
     Some(Stepwise { kept, read, says })
 }
 
-/// All rows but those of paths that are neither read nor beside the place where a joint turns round.
+/// All rows except those of paths that are neither measured nor next to a reversal.
 fn with_turns(rows: &Rows<'_>, read: &[bool]) -> Vec<bool> {
     let mut kept = vec![true; read.len()];
     for path in &*rows.paths {
         let turns = |k: &usize| *k > path.start && *k < path.end && rows.turned[*k];
         for k in path.clone() {
-            // It turned about the row before.
+            // The joint was at its extreme position in the row before.
             kept[k] = read[k] || (k..k + 3).any(|k| turns(&k));
         }
     }
     kept
 }
 
-/// The stretches of neighbours in which joints are accelerated most.
+/// The sections of consecutive rows with the highest accelerations.
 fn hardest(rows: &Rows<'_>) -> Vec<Range<usize>> {
     let length = POSES_MAX / (2 * STRETCHES);
     let pieces = rows.paths.iter().flat_map(|path| {

@@ -1,6 +1,4 @@
-//! Effects that this recording cannot show, with the reason.
-//!
-//! Promises: every effect that moves the tool is either a candidate or listed here. Never: a finding.
+//! Effects that this recording cannot show, with the reason. Every effect that moves the tool is either a candidate or listed here.
 
 use super::features::Word;
 use crate::candidates::Candidate;
@@ -8,14 +6,14 @@ use physics::effects::{OVER_PATHS, SPECS};
 use physics::spec::{ActsOn, Need, Place, Spec};
 use physics::{Arm, JointKind};
 
-/// An effect that was not asked.
+/// An effect that was not a candidate.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Untested {
-    /// Its name.
+    /// Name of the effect.
     pub effect: &'static str,
-    /// From 0; none for the whole robot.
+    /// Index of the joint, from 0; `None` for the whole robot.
     pub joint: Option<usize>,
-    /// In words.
+    /// Reason, for the user.
     pub why: String,
 }
 
@@ -59,6 +57,7 @@ pub(super) fn untested(arm: &Arm, library: &[Candidate], words: &[Word]) -> Vec<
     said
 }
 
+/// Why an effect cannot be identified; `None` if the joint type excludes it, or for no known reason.
 fn why(arm: &Arm, spec: &Spec, joint: Option<usize>, words: &[Word]) -> Option<String> {
     let has = |name: &str| words.iter().any(|word| word.name.starts_with(name));
     let slides = joint.is_some_and(|j| arm.joints()[j].kind == JointKind::Prismatic);

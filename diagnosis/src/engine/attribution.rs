@@ -1,27 +1,28 @@
-//! How much of an error each of several effects removes: the Shapley value, a mean over all orders in which they can be added.
+//! Attribution of the reduction of an error to several effects: the Shapley value, a mean over all orders in which they can be added.
 //!
-//! With parameters as they are the error energy is quadratic in what effects move, and the Shapley value is half of what an effect removes alone plus half of what it removes
-//! beside all others (Shapley 1953; for quadratic games the two-point formula is exact). Effects that partly explain the same share it equally, whichever was added first.
+//! With fixed parameters the error energy is a quadratic form of the effects' contributions, and the Shapley value is half of what an effect removes
+//! alone plus half of what it removes beside all others (Shapley 1953; for quadratic games the two-point formula is exact). Effects that partly
+//! explain the same share it equally, whichever was added first.
 
-/// What is left of an energy with some of the effects.
+/// Remaining error energy with some of the effects, in any unit of energy.
 pub(crate) struct Energies {
     pub(crate) with_none: f64,
-    /// With one of them, in their order.
+    /// With a single effect, for each of them.
     pub(crate) with_one: Vec<f64>,
-    /// Without one of them, in their order.
+    /// With all effects but one, for each of them.
     pub(crate) without_one: Vec<f64>,
     pub(crate) with_all: f64,
 }
 
 impl Energies {
-    /// The share of each effect in what all remove.
+    /// The Shapley value of each effect; they sum to the reduction by all effects.
     pub(crate) fn shares(&self) -> Vec<f64> {
         let share =
             |(with, without): (&f64, &f64)| 0.5 * (self.with_none - with + without - self.with_all);
         self.with_one.iter().zip(&self.without_one).map(share).collect()
     }
 
-    /// The places of the effects, the one with the largest share first.
+    /// Indices of the effects, the one with the largest Shapley value first.
     pub(crate) fn order(&self) -> Vec<usize> {
         let shares = self.shares();
         let mut places: Vec<usize> = (0..shares.len()).collect();
@@ -34,7 +35,7 @@ impl Energies {
 mod tests {
     use super::*;
 
-    /// What three effects move, and the error that they are to explain.
+    /// Contributions of three effects, and the error to explain.
     const MOVED: [[f64; 3]; 3] = [[3.0, 1.0, 0.0], [2.5, -1.0, 0.5], [0.0, 0.4, 2.0]];
     const ERROR: [f64; 3] = [5.7, 0.3, 2.3];
 

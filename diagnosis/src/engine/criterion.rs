@@ -1,12 +1,12 @@
-//! The extended Bayesian information criterion (Schwarz 1978; Chen and Chen 2008), in log-likelihood: `½ k ln n + ln C` for `k` parameters of one of `C` candidates that
-//! were tried, on `n` rows.
+//! Penalty of the extended Bayesian information criterion (Schwarz 1978; Chen and Chen 2008), in log-likelihood: `½ k ln n + ln C` for a candidate
+//! with `k` parameters out of `C` candidates, on `n` rows.
 
-/// Rows and candidates of one selection.
+/// Number of rows and candidates of a selection.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ebic {
-    /// Independent rows: those read over the design effect, where rows err together.
+    /// Number of independent rows: the number of rows divided by the design effect if rows are correlated.
     pub(crate) rows: f64,
-    /// Candidates that were tried.
+    /// Number of candidates that are compared.
     pub(crate) candidates: usize,
 }
 
@@ -16,7 +16,7 @@ impl Ebic {
         0.5 * self.rows.max(2.0).ln()
     }
 
-    /// The penalty of a candidate with so many parameters.
+    /// The penalty of a candidate with this number of parameters.
     pub(crate) fn penalty(&self, parameters: f64) -> f64 {
         parameters * self.per_parameter() + (self.candidates.max(1) as f64).ln()
     }
@@ -26,7 +26,8 @@ impl Ebic {
 mod tests {
     use super::*;
 
-    /// One parameter gains half of a squared normal deviate by chance, in log-likelihood; the best of a hundred exceeds the penalty with a probability below 0.05.
+    /// A parameter without effect gains half of a squared standard normal variate, in log-likelihood; the best of a hundred exceeds the penalty with
+    /// a probability below 0.05.
     #[test]
     fn the_best_of_a_hundred_useless_candidates_exceeds_its_penalty_with_a_probability_below_a_twentieth()
      {

@@ -1,18 +1,16 @@
-//! The candidate dictionary of a linear search: columns, and the candidates (names) that are made of them.
-//!
-//! Promises: candidates may share columns. Never: data of a domain.
+//! The candidate dictionary of a linear search: columns (regressors), and the candidates that consist of them. Candidates may share columns.
 
 use glam::DVec3;
 
 use super::table::Column;
 
-/// What a number may be.
+/// Range of a parameter that is physically possible.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Sign {
     Any,
-    /// At least this: 0, or what takes away all that the model states.
+    /// At least this: 0, or minus the value that the model states.
     AtLeast(f64),
-    /// From and to.
+    /// Between these limits.
     Within([f64; 2]),
 }
 
@@ -26,59 +24,60 @@ impl Sign {
     }
 }
 
-/// How the numbers of columns become the numbers of the effect.
+/// How the coefficients of the columns are converted to the parameters of the effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Form {
-    /// One column each, in this order of stems.
+    /// Each coefficient is a parameter, in this order of stems.
     Plain(&'static [&'static str]),
-    /// Half the height of a loop.
+    /// The coefficient is half the height of a hysteresis loop.
     Loop,
-    /// Minus viscous friction times what a kelvin takes of it.
+    /// The coefficient is minus viscous friction times its relative decrease per kelvin.
     Warmth,
-    /// `K q + c`: stiffness and rest position.
+    /// `K q + c`: stiffness, and the rest position from both.
     Spring,
-    /// Sine and cosine: amplitude and phase.
+    /// Coefficients of sine and cosine: amplitude and phase.
     Wave,
-    /// Three numbers of one first moment.
+    /// The three components of a first moment of mass.
     Moment,
-    /// Mass and first moment about this point of the zero configuration, m.
+    /// Mass, and its first moment about this point of the zero configuration, m.
     Payload { about: DVec3 },
 }
 
-/// One name at one place.
+/// A candidate: one effect at one joint.
 #[derive(Clone, Debug)]
 pub(crate) struct Family {
     pub(crate) kind: &'static str,
     pub(crate) joint: Option<usize>,
-    /// The one recording in which it acts; none: all.
+    /// Index of the only recording in which it acts; `None`: all.
     pub(crate) recording: Option<usize>,
     pub(crate) columns: Vec<usize>,
     pub(crate) signs: Vec<Sign>,
     pub(crate) form: Form,
-    /// A change of a number that the model states with an uncertainty: what is fitted along within it explains as much, so that belief alone speaks for the name.
+    /// Whether it corrects a parameter that the model states with an uncertainty. The fit includes that parameter anyway, within its prior, so that
+    /// only the prior decides on the correction.
     pub(crate) revises: bool,
-    /// Numbers that columns do not give: stem and value, SI.
+    /// Parameters that the columns do not estimate, such as searched ones: stem and value, SI.
     pub(crate) settings: Vec<(&'static str, f64)>,
 }
 
-/// All columns and names.
+/// All columns and candidates.
 #[derive(Clone)]
 pub(crate) struct Library {
     pub(crate) columns: Vec<Column>,
-    /// One over the square of what is believed of each column's number.
+    /// Prior precision of each column's coefficient: 1/σ², 0 without a prior.
     pub(crate) prior: Vec<f64>,
     pub(crate) families: Vec<Family>,
-    /// What cannot show in these recordings: effect, joint, why.
+    /// Effects that these recordings cannot show: effect, joint, reason.
     pub(crate) untested: Vec<(&'static str, Option<usize>, &'static str)>,
 }
 
 impl Family {
-    /// How many numbers it takes, searched ones included.
+    /// Number of parameters, including searched ones.
     pub(crate) fn count(&self) -> usize {
         self.columns.len() + self.settings.len()
     }
 
-    /// Whether the other is the same name at the same place in another form.
+    /// Whether the other candidate is the same effect at the same joint in another form.
     pub(crate) fn is_kin(&self, other: &Self) -> bool {
         self.kind == other.kind
             && self.joint == other.joint
@@ -88,7 +87,7 @@ impl Family {
 }
 
 impl Library {
-    /// Columns of laws of their own, with every name that they make.
+    /// Adds a candidate with columns of its own.
     pub(crate) fn add(&mut self, family: Family, columns: Vec<Column>) {
         let from = self.columns.len();
         let own = (from..from + columns.len()).collect();
@@ -97,7 +96,7 @@ impl Library {
         self.families.push(Family { columns: own, ..family });
     }
 
-    /// A column that several names share.
+    /// Adds a column that several candidates share; returns its index.
     pub(crate) fn column(&mut self, column: Column) -> usize {
         self.columns.push(column);
         self.prior.push(0.0);

@@ -1,17 +1,14 @@
-//! The AR noise model of each joint's torque: residual of all candidates.
-//!
-//! Estimated after all candidates were fitted together, so that missing effects are not mistaken for noise.
-//!
-//! Promises: training rows only. Never: less than the resolution of the recording.
+//! The AR noise model of each joint's torque (or each axis of a force sensor), estimated from the residual of a fit of all candidates together, so
+//! that missing effects are not mistaken for noise. Uses training rows only.
 
 use super::normal_equations::Solved;
 use super::table::{Column, Table, residual};
 use crate::colour::Colour;
 
-/// Of the torque's own size, noise is at least this.
+/// Lower limit of the noise, relative to the RMS of the torque.
 const LEAST: f64 = 1e-9;
 
-/// How each joint's noise is, from a fit of all that may be missing.
+/// AR model and standard deviation (N m or N) of each joint's noise, from `rich`, a fit of all candidates.
 pub(crate) fn of(
     table: &Table,
     columns: &[Column],
@@ -29,7 +26,7 @@ pub(crate) fn of(
     (0..table.target.len()).map(of_joint).collect()
 }
 
-/// The same of one joint, from what is left of its torque once `numbers` were fitted.
+/// The same for one joint, from the residual `left` of a fit with `numbers` parameters.
 pub(crate) fn of_left(
     table: &Table,
     joint: usize,

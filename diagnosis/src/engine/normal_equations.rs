@@ -1,40 +1,41 @@
-//! Normal equations `(XᵀX + P) β = Xᵀr` of columns with Gaussian priors, their solution and what further columns would add (nalgebra's Cholesky factorisation).
+//! Normal equations `(XᵀX + P) β = Xᵀr` of columns with Gaussian priors, their solution, and the gain by further columns (nalgebra's Cholesky
+//! factorisation).
 //!
-//! Columns are scaled to unit length. Columns that those before them explain are left out, by a pivoted elimination. Rows are whitened before they are summed.
-//! Promises: the same sums give the same numbers. Never: a selection.
+//! Columns are scaled to unit length. Columns that depend linearly on those before them are left out, found by elimination. Rows are whitened before
+//! the products are computed, so that gains are in log-likelihood. Invariant: the same products give the same solution.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// A column that the others explain but for this share, squared, has no number of its own.
+/// Squared share of a column that is linearly independent of the columns before it, below which its coefficient is not determined.
 const OWN: f64 = 1e-7;
-/// A column that is left so little, squared, brings nothing that rounding would not.
+/// Squared share of a further column that is independent of the solved ones, below which its gain would be rounding error.
 pub(crate) const BRINGS: f64 = 1e-4;
 
-/// Sums of products of columns and right-hand side over some rows.
+/// Products of columns and right-hand side over some rows.
 #[derive(Clone, Debug)]
 pub(crate) struct Products {
     pub(crate) gram: DMatrix<f64>,
     pub(crate) right: DVector<f64>,
-    /// Rows, all joints together.
+    /// Number of rows, of all joints together.
     pub(crate) rows: usize,
-    /// One over the square of what is believed of each number; 0 where nothing is.
+    /// Prior precision of each coefficient: 1/σ², 0 without a prior.
     pub(crate) prior: Vec<f64>,
-    /// A column that is left so little, squared, brings nothing.
+    /// Squared share of a further column that is independent of the solved ones, below which it is ignored.
     pub(crate) brings: f64,
 }
 
-/// Numbers of some columns, with what they explain.
+/// Least-squares solution for some columns.
 #[derive(Clone, Debug)]
 pub(crate) struct Solved {
     pub(crate) columns: Vec<usize>,
     pub(crate) values: Vec<f64>,
-    /// By how much log-likelihood is higher than without any of them.
+    /// Gain in log-likelihood over a fit without any of these columns.
     pub(crate) gain: f64,
     inverse: DMatrix<f64>,
 }
 
 impl Products {
-    /// The least squares of these columns; those that say nothing of their own are left out.
+    /// The least-squares solution for these columns; linearly dependent ones are left out.
     pub(crate) fn solve(&self, columns: &[usize]) -> Solved {
         let mut solved = Solved {
             columns: Vec::new(),
@@ -42,7 +43,7 @@ impl Products {
             gain: 0.0,
             inverse: DMatrix::zeros(0, 0),
         };
-        // A pivoted look first: a column that the ones before it explain has no number of its own.
+        // Elimination first determines the linearly independent columns.
         let mut rest = DMatrix::from_fn(columns.len(), columns.len(), |i, j| {
             let own = if i == j { self.prior[columns[i]] } else { 0.0 };
             self.gram[(columns[i], columns[j])] + own
@@ -70,7 +71,7 @@ impl Products {
         solved
     }
 
-    /// How many of these columns say something of their own.
+    /// Number of linearly independent columns among these.
     pub(crate) fn rank(&self, columns: &[usize]) -> usize {
         let mut rest = DMatrix::from_fn(columns.len(), columns.len(), |i, j| {
             self.gram[(columns[i], columns[j])]
@@ -78,7 +79,7 @@ impl Products {
         Self::own(columns, &mut rest).len()
     }
 
-    /// Which of these columns the ones before them do not explain; `rest`: their sums of products, used up.
+    /// The columns that do not depend linearly on those before them; `rest`: their products, overwritten.
     fn own(columns: &[usize], rest: &mut DMatrix<f64>) -> Vec<usize> {
         let full: Vec<f64> = (0..columns.len()).map(|k| rest[(k, k)]).collect();
         let mut taken = Vec::with_capacity(columns.len());
@@ -98,8 +99,8 @@ impl Products {
         taken
     }
 
-    /// How likely the right-hand side is whatever these numbers are, but for what is the same of all columns: rows more raise it by how well those before foretold
-    /// them, numbers as unsure as these left them.
+    /// Log marginal likelihood of the right-hand side with the coefficients of these columns integrated out, up to a term that is the same for all
+    /// choices of columns. Its increase by further rows is their log predictive density under the posterior from the rows before.
     pub(crate) fn likelihood(&self, columns: &[usize]) -> f64 {
         let own = |k: usize| self.gram[(k, k)] + self.prior[k];
         let scale: Vec<f64> = columns.iter().map(|k| 1.0 / libm::sqrt(own(*k))).collect();
@@ -116,7 +117,7 @@ impl Products {
         gain - (0..count).map(room).sum::<f64>()
     }
 
-    /// What it costs that these numbers, believed with doubt, may take what values they like (Occam's factor of a Gaussian belief).
+    /// Occam factor of coefficients with a Gaussian prior, in log-likelihood: `½ ln det(I + σ XᵀX σ)`.
     pub(crate) fn room(&self, columns: &[usize]) -> f64 {
         let kept: Vec<usize> = columns.iter().copied().filter(|k| self.prior[*k] > 0.0).collect();
         let wide: Vec<f64> = kept.iter().map(|k| 1.0 / libm::sqrt(self.prior[*k])).collect();
@@ -128,7 +129,7 @@ impl Products {
         (0..count).map(|i| factors.l_dirty()[(i, i)].ln()).sum()
     }
 
-    /// What more columns would bring beside those that are solved, and their numbers.
+    /// Gain in log-likelihood by further columns beside the solved ones, and their coefficients.
     pub(crate) fn more(&self, solved: &Solved, columns: &[usize]) -> (f64, Vec<f64>) {
         let inside = |k: usize| {
             DVector::from_fn(solved.columns.len(), |i, _| self.gram[(solved.columns[i], k)])
@@ -163,13 +164,13 @@ impl Products {
 }
 
 impl Solved {
-    /// The number of a column; none where it is not in.
+    /// The coefficient of a column; `None` if it is not in the solution.
     pub(crate) fn value(&self, column: usize) -> Option<f64> {
         let at = self.columns.iter().position(|k| *k == column)?;
         Some(self.values[at])
     }
 
-    /// What these columns bring beside the others that are in: `½ βᵀ C⁻¹ β`, C their part of the inverse.
+    /// Gain in log-likelihood of these columns beside the others in the solution: `½ βᵀ C⁻¹ β`, where C is their block of the inverse.
     pub(crate) fn worth(&self, columns: &[usize]) -> f64 {
         let at: Vec<usize> =
             columns.iter().filter_map(|k| self.columns.iter().position(|c| c == k)).collect();
@@ -178,7 +179,7 @@ impl Solved {
         part.cholesky().map_or(0.0, |factors| 0.5 * values.dot(&factors.solve(&values)))
     }
 
-    /// The covariance of two numbers where the noise is as it was taken to be.
+    /// Covariance of the coefficients if the noise model is right.
     pub(crate) fn covariance(&self) -> &DMatrix<f64> {
         &self.inverse
     }

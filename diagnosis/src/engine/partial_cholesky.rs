@@ -1,22 +1,21 @@
-//! Cholesky factorisation of normal equations, column by column: columns that those before them explain are left out.
+//! Cholesky factorisation of normal equations, column by column: columns that depend linearly on those before them are left out.
 //!
-//! `S = L Lᵀ` over the columns that are kept, `L y = b` along with it (Golub and Van Loan, Matrix Computations, 4.2). `yᵀy` is by how much the sum of squares falls.
-//!
-//! Promises: the first of two columns that say the same is kept. Never: a judgement what is enough of a column; the caller says it.
+//! `S = L Lᵀ` over the columns that are kept, and `L y = b` (Golub and Van Loan, Matrix Computations, 4.2). `yᵀy` is the reduction of the sum of
+//! squares. Of two linearly dependent columns the first is kept; the caller decides when a column counts as dependent.
 
-/// The factor and what it solves.
+/// The factor, and the right-hand side after forward substitution.
 pub(crate) struct PartialCholesky {
-    /// Columns that are kept, in order.
+    /// Indices of the columns that are kept, in order.
     pub(crate) kept: Vec<usize>,
-    /// Rows of `L`, each up to its diagonal.
+    /// Rows of `L`, each up to its diagonal element.
     factor: Vec<Vec<f64>>,
-    /// `y`.
+    /// `y`, the solution of `L y = b`.
     forward: Vec<f64>,
 }
 
 impl PartialCholesky {
-    /// Of the normal matrix `cell` and the right-hand side `right` over `columns`. `shows`: whether a column of which so much is left, in its square, is kept. None
-    /// where no column is.
+    /// Factorises the normal matrix `cell` with the right-hand side `right` over `columns`. `shows` decides whether a column is kept, from its index
+    /// and the square of its remaining length. `None` if no column is kept.
     pub(crate) fn of(
         columns: impl IntoIterator<Item = usize>,
         cell: impl Fn(usize, usize) -> f64,
@@ -43,12 +42,12 @@ impl PartialCholesky {
         (!own.kept.is_empty()).then_some(own)
     }
 
-    /// By how much the sum of squares falls.
+    /// Reduction of the sum of squares.
     pub(crate) fn gain(&self) -> f64 {
         self.forward.iter().map(|y| y * y).sum()
     }
 
-    /// The number of each column that is kept.
+    /// Coefficient of each column that is kept.
     pub(crate) fn solution(&self) -> Vec<f64> {
         let mut x = self.forward.clone();
         for i in (0..x.len()).rev() {
@@ -58,7 +57,8 @@ impl PartialCholesky {
         x
     }
 
-    /// The standard deviation of the number in this place of those that are kept, under unit noise: the length of its column in the inverse of the factor.
+    /// Standard deviation of the coefficient at position `place` among the columns that are kept, under unit noise: the length of its column in the
+    /// inverse of the factor.
     pub(crate) fn sigma(&self, place: usize) -> f64 {
         let mut column = vec![0.0; self.kept.len()];
         column[place] = 1.0 / self.factor[place][place];
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn a_column_that_is_the_sum_of_two_is_left_out_and_the_others_are_solved() {
-        // Columns (1, 0, 1), (0, 2, 1), their sum, and the right-hand side 3 × the first − the second.
+        // Columns (1, 0, 1), (0, 2, 1), their sum, and the right-hand side: 3 × the first − the second.
         let columns = [[1.0, 0.0, 1.0], [0.0, 2.0, 1.0], [1.0, 2.0, 2.0]];
         let wanted = [3.0, -2.0, 2.0];
         let dot = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();

@@ -1,34 +1,37 @@
-//! Cluster-robust covariance of fitted parameters from blocks of time: the block jackknife, which is the sandwich estimator of Liang and Zeger (1986) with each block corrected
-//! for its leverage (CR3: Cameron and Miller, A practitioner's guide to cluster-robust inference, 2015, section VI B).
+//! Cluster-robust covariance of fitted parameters from blocks of time: the block jackknife, which is the sandwich estimator of Liang and Zeger (1986)
+//! with each block corrected for its leverage (CR3: Cameron and Miller, A practitioner's guide to cluster-robust inference, 2015, section VI B).
 //!
-//! The covariance of a fit is valid if its noise model is. Where noise is correlated over longer times or not stationary, the scores of blocks scatter more. With many parameters
-//! and few blocks the residual of a block is smaller than its noise because of overfitting, which the leverage corrects.
+//! The covariance of a fit is valid if its noise model is. If noise is correlated over longer times or not stationary, the scores of the blocks
+//! scatter more than the noise model predicts. With many parameters and few blocks, overfitting makes the residual of a block smaller than its noise;
+//! the correction for leverage compensates that.
 //!
-//! Promises: no variance is below that of the noise model. Never: a noise model of its own.
+//! Invariant: no variance is below that of the noise model.
 
 use nalgebra::{DMatrix, DVector};
 
-/// How blocks are made.
+/// Division of the rows into blocks.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BlockSettings {
-    /// Blocks that the recordings are cut into; 20 to 100. Each has to be longer than the noise remembers, and with fewer than about 40 clusters intervals cover too
-    /// seldom (Cameron and Miller 2015, section VI) unless they are corrected for leverage, as here.
+    /// Number of blocks that the recordings are cut into; 20 to 100. Each has to be longer than the correlation time of the noise; with fewer than
+    /// about 40 clusters the coverage of intervals is too small (Cameron and Miller 2015, section VI) unless they are corrected for leverage, as
+    /// here.
     pub(crate) blocks: usize,
-    /// Blocks with rows below which the noise model's covariance stands; 2 to `blocks`. Default 8: Student's quantile is then within a fifth of the normal one.
+    /// Number of blocks with rows below which the covariance of the noise model is used; 2 to `blocks`. Default 8: Student's quantile is then within
+    /// a fifth of the normal one.
     pub(crate) blocks_least: usize,
 }
 
 impl BlockSettings {
-    /// Of poses and paths measured from outside: an instrument drifts over tens of rows.
+    /// For poses and paths measured from outside: an instrument drifts over tens of rows.
     pub(crate) const POSITION: Self = Self { blocks: 20, blocks_least: 8 };
-    /// Of torques and forces, thousands of rows whose noise remembers less than a fortieth of them.
+    /// For torques and forces: thousands of rows, with a correlation time below a fortieth of them.
     pub(crate) const DRIVE_OR_CUT: Self = Self { blocks: 40, ..Self::POSITION };
 }
 
 /// The normal quantile of a 95 % interval.
 const NORMAL: f64 = 1.959_964;
 
-/// What the rows of one block say of `count` parameters: `Xᵀ r`, r the residual, and `Xᵀ X`.
+/// Contribution of the rows of one block to the score `Xᵀ r` (r the residual) and to the normal matrix `Xᵀ X` of `count` parameters.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
     pub(crate) score: DVector<f64>,
@@ -36,13 +39,13 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// Without rows.
+    /// A block without rows.
     pub(crate) fn new(count: usize) -> Self {
         Self { score: DVector::zeros(count), gram: DMatrix::zeros(count, count) }
     }
 }
 
-/// The covariance of parameters whose inverse normal matrix is `inverse`. Of too few blocks with rows: that of the noise model.
+/// Covariance of parameters whose inverse normal matrix is `inverse`; with too few non-empty blocks, that of the noise model.
 pub(crate) fn covariance(
     inverse: &DMatrix<f64>,
     blocks: Vec<Block>,
@@ -56,7 +59,7 @@ pub(crate) fn covariance(
     let mut meat = DMatrix::zeros(count, count);
     for Block { score, gram } in blocks {
         let own = DMatrix::identity(count, count) - gram * inverse;
-        // A parameter that one block alone tells has no other to be compared with: it keeps what the block leaves.
+        // A parameter that a single block determines has full leverage and no jackknife estimate: the uncorrected score is used.
         let freed = own.lu().solve(&score).filter(|freed| freed.iter().all(|x| x.is_finite()));
         let freed = freed.unwrap_or(score);
         meat.ger(1.0, &freed, &freed, 1.0);
@@ -70,7 +73,7 @@ pub(crate) fn covariance(
     all
 }
 
-/// How much wider than of a normal an interval of 95 % is whose size was told from so many free blocks (Student's, by the expansion of Cornish and Fisher 1960).
+/// Ratio of Student's 95 % quantile with `free` degrees of freedom to the normal one (expansion of Cornish and Fisher 1960).
 fn student(free: f64) -> f64 {
     let square = NORMAL * NORMAL;
     let second = (5.0 * square + 16.0) * square + 3.0;
@@ -91,7 +94,8 @@ mod tests {
         }
     }
 
-    /// The standard uncertainty of a mean of `blocks` blocks of ten values each, those of one block the same but for white noise: known to be `1/sqrt(blocks)`.
+    /// Standard uncertainty of the mean of 40 blocks of ten values, and that of the white-noise model. The values of a block share an offset of
+    /// standard deviation `shared` and have white noise besides; the variance of each value is 1.
     fn of_mean(shared: f64, seed: u64) -> (f64, f64) {
         let (blocks, size) = (40, 10);
         let mut random = ChaCha8Rng::seed_from_u64(seed);

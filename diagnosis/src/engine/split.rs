@@ -1,23 +1,26 @@
 //! Data split by whole blocks of time: training, validation and test rows.
 //!
-//! Runs are cut into stretches in proportion to their length (block cross-validation: Burman, Chow and Nolan 1994); of many runs whole ones are taken. Every fifth stretch is
-//! the test set, every fifth of another count the validation set of the selection, which the last fit uses too. Rows beside a border of either train nothing.
+//! Runs are cut into stretches in proportion to their length (block cross-validation: Burman, Chow and Nolan 1994); many runs are not cut. Every
+//! fifth stretch belongs to the test set, and every fifth with another offset to the validation set of the selection, which the final fit uses too.
+//! Rows next to a border between sets are not used for training.
 //!
-//! Promises: the split depends on times and the seed alone, never on readings.
+//! Invariant: the split depends on times and the seed alone, not on measured values.
 
 use recording::series::Heldout;
 use std::ops::Range;
 
-/// How rows are split.
+/// Parameters of the split.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SplitSettings {
-    /// Stretches that all runs together are cut into; 5 to 1000. Default 20: each of test and validation set then holds four stretches, so that no single one decides.
+    /// Stretches that all runs together are cut into; 5 to 1000. Default 20: each of test and validation set then consists of four stretches, so that
+    /// no single one decides.
     pub(crate) stretches: usize,
-    /// Every n-th stretch is the test set, every n-th of another count the validation set; 3 to 10. Default 5: three fifths of the rows train.
+    /// Every n-th stretch belongs to the test set, and every n-th with another offset to the validation set; 3 to 10. Default 5: three fifths of the
+    /// rows are for training.
     pub(crate) every: usize,
-    /// From a stretch of the test set to one of the validation set, stretches; 1 to `every` − 1. Default 2, so that no two of them are neighbours.
+    /// Offset of the validation set from the test set, in stretches; 1 to `every` − 1. Default 2, so that no two of them are neighbours.
     pub(crate) beside: usize,
-    /// Runs from which on whole ones are taken; at least `every`. Default 10: two of them are the test set.
+    /// Number of runs from which they are not cut; at least `every`. Default 10: two of them are the test set.
     pub(crate) runs_many: usize,
 }
 
@@ -27,17 +30,17 @@ impl Default for SplitSettings {
     }
 }
 
-/// Rows without a gap, in order.
+/// A run: consecutive rows without a gap.
 #[derive(Clone, Debug)]
 pub(crate) struct RunRows {
     pub(crate) rows: Range<usize>,
-    /// Rows beside a border of test or validation set that train nothing: what filter or noise carries over.
+    /// Rows on either side of a border between sets that are excluded, since filters and autocorrelated noise carry information across it.
     pub(crate) gap: usize,
-    /// Whether the recording reserves the run for validation; none where it reserves nothing.
+    /// Whether the recording reserves the run for validation; `None` if it reserves nothing.
     pub(crate) reserved: Option<bool>,
 }
 
-/// What a recording reserves of a segment.
+/// Whether a recording reserves a segment for validation; `None` if it makes no statement.
 pub(crate) fn reserved(heldout: &Heldout, segment: i64) -> Option<bool> {
     match heldout {
         Heldout::All => Some(true),
@@ -46,19 +49,19 @@ pub(crate) fn reserved(heldout: &Heldout, segment: i64) -> Option<bool> {
     }
 }
 
-/// Which rows are for what.
+/// Training, validation and test set.
 #[derive(Clone, Debug)]
 pub(crate) struct RowSets {
     pub(crate) train: Vec<bool>,
-    /// The validation set of the selection; the last fit uses it too.
+    /// The validation set of the selection; the final fit uses it too.
     pub(crate) validation: Vec<bool>,
     pub(crate) test: Vec<bool>,
-    /// How rows were held out, for users.
+    /// Composition of the test set, for users.
     pub(crate) says: String,
 }
 
 impl RowSets {
-    /// Splits `runs`, which follow one another from row 0. Where any recording reserves runs, these are the test set.
+    /// Splits `runs`, which follow one another from row 0. If any recording reserves runs, these are the test set.
     pub(crate) fn of(runs: &[RunRows], seed: u64, settings: &SplitSettings) -> Self {
         let SplitSettings { stretches, every, beside, runs_many } = *settings;
         let count = runs.last().map_or(0, |run| run.rows.end);

@@ -1,6 +1,6 @@
 //! Order statistics.
 
-/// The median, of an even count the upper of the two middle values; 0 of none.
+/// The median; of an even count the upper of the two middle values; 0 of an empty set.
 pub(crate) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.into_iter().collect();
     let middle = values.len() / 2;

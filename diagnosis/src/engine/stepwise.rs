@@ -1,43 +1,45 @@
-//! Stepwise selection for torques and forces: the effect with the largest improvement of the criterion first, each compared with all candidates, with physical signs.
+//! Forward stepwise selection for torques and forces by the extended Bayesian information criterion, with backward elimination and exchange after
+//! each step, and with sign constraints.
 //!
-//! A candidate with a parameter of the wrong sign is rejected; an effect that a later one makes superfluous is removed. The same sums give the same selection.
-//! Does not use rows that were set apart.
+//! A candidate with a parameter of the wrong sign is rejected; an effect that a later one makes superfluous is removed. Invariant: the same products
+//! give the same selection.
 
 use super::criterion::Ebic;
 use super::library::{Family, Form, Library};
 use super::normal_equations::{Products, Solved};
 
-/// What a name must bring beyond its penalty, in log-likelihood.
+/// Least gain of a candidate beyond its penalty, in log-likelihood.
 pub(crate) const MARGIN: f64 = 5.0;
-/// Names at most.
+/// Largest number of selected candidates.
 const MOST: usize = 80;
-/// Names that are exchanged in a row at most.
+/// Largest number of successive exchanges.
 const EXCHANGES: usize = 3;
-/// So many others are tried in a name's place.
+/// Number of alternatives that are tried in place of a selected candidate.
 const LIKELY: usize = 3;
 
-/// Names that stand together, with the columns that are in whatever is named.
+/// Selected candidates, with the solution for their columns and the columns that are always included.
 #[derive(Clone, Debug)]
 pub(crate) struct Selection {
-    /// Places in the library's families.
+    /// Indices in the library's families.
     pub(crate) names: Vec<usize>,
     pub(crate) solved: Solved,
 }
 
-/// Names without one of them.
+/// The indices `names` without `name`.
 pub(crate) fn others(names: &[usize], name: usize) -> Vec<usize> {
     names.iter().copied().filter(|other| *other != name).collect()
 }
 
-/// Inputs of a selection run: the sums of products that every criterion is computed from.
+/// Inputs of a selection run: the products from which the criterion is computed.
 pub(crate) struct Search<'a> {
     pub(crate) library: &'a Library,
     pub(crate) products: &'a Products,
-    /// Columns that are always in: what is believed with doubt.
+    /// Columns that are always included: parameters with a stated uncertainty.
     pub(crate) always: &'a [usize],
 }
 
 impl Search<'_> {
+    /// The columns of these candidates and those that are always included.
     pub(crate) fn columns(&self, names: &[usize]) -> Vec<usize> {
         let mut all = self.always.to_vec();
         for name in names {
@@ -50,11 +52,12 @@ impl Search<'_> {
         all
     }
 
+    /// The least-squares solution for these candidates.
     pub(crate) fn solve(&self, names: &[usize]) -> Selection {
         Selection { names: names.to_vec(), solved: self.products.solve(&self.columns(names)) }
     }
 
-    /// Numbers that a name takes, searched ones included, as far as these rows tell them apart.
+    /// Number of a candidate's parameters, including searched ones; linearly dependent columns count once.
     pub(crate) fn numbers(&self, family: &Family) -> f64 {
         (self.products.rank(&family.columns) + family.settings.len()) as f64
     }
@@ -64,12 +67,12 @@ impl Search<'_> {
         Ebic { rows: self.products.rows as f64, candidates: self.library.families.len() }
     }
 
-    /// What a name costs: its numbers, and that so many names were asked.
+    /// Penalty of a candidate for its parameters and for the number of candidates, in log-likelihood.
     pub(crate) fn penalty(&self, family: &Family) -> f64 {
         self.criterion().penalty(self.numbers(family))
     }
 
-    /// The same of a rival: a spring past its dead point pulls away from where it rests.
+    /// The gain of an alternative. Signs of a spring are not constrained here: beyond its dead centre a spring acts away from its rest position.
     pub(crate) fn could_bring(&self, selection: &Selection, name: usize) -> f64 {
         let family = &self.library.families[name];
         match family.form {
@@ -78,7 +81,7 @@ impl Search<'_> {
         }
     }
 
-    /// What a name would bring beside a selection; nothing where its signs are wrong.
+    /// Gain in log-likelihood of a candidate beside a selection; 0 if it violates a sign constraint.
     pub(crate) fn brings(&self, selection: &Selection, name: usize) -> f64 {
         let family = &self.library.families[name];
         let (gain, values) = self.products.more(&selection.solved, &family.columns);
@@ -88,7 +91,7 @@ impl Search<'_> {
         if wrong { 0.0 } else { gain }
     }
 
-    /// Without the names whose numbers are not theirs to have, one after the other.
+    /// Removes, one after the other, candidates that violate a sign constraint.
     pub(crate) fn admissible(&self, mut names: Vec<usize>) -> Vec<usize> {
         loop {
             let selection = self.solve(&names);
@@ -98,19 +101,19 @@ impl Search<'_> {
         }
     }
 
-    /// Whether the numbers of a name have the signs that are its own.
+    /// Whether the parameters of a candidate satisfy its sign constraints.
     pub(crate) fn is_admissible(&self, selection: &Selection, name: usize) -> bool {
         let family = &self.library.families[name];
         let mut numbers = family.signs.iter().zip(&family.columns);
         numbers.all(|(sign, column)| sign.admits(selection.solved.value(*column).unwrap_or(0.0)))
     }
 
-    /// What a name that stands brings beside the others.
+    /// Gain in log-likelihood of a selected candidate beside the others.
     pub(crate) fn worth(&self, selection: &Selection, name: usize) -> f64 {
         selection.solved.worth(&self.own_columns(selection, name))
     }
 
-    /// The columns of a name that stands which would go with it.
+    /// The columns of a selected candidate that no other one shares.
     pub(crate) fn own_columns(&self, selection: &Selection, name: usize) -> Vec<usize> {
         let families = &self.library.families;
         let shared = |column: &usize| {
@@ -127,12 +130,12 @@ impl Search<'_> {
         self.penalty(&self.library.families[name])
     }
 
-    /// The names to choose, from those that stand.
+    /// Selection that starts from the candidates `start`.
     pub(crate) fn choose(&self, start: &[usize]) -> Selection {
         self.choose_but(start, &[])
     }
 
-    /// The same, without any of `never`.
+    /// The same, without the candidates `never`.
     pub(crate) fn choose_but(&self, start: &[usize], never: &[usize]) -> Selection {
         let mut selection = self.pruned(self.solve(start));
         let mut barred = never.to_vec();
@@ -146,7 +149,7 @@ impl Search<'_> {
                 continue;
             }
             next = self.gathered(self.exchanged(next, never, self.library.families[name].joint));
-            // A step that was taken back would be taken again.
+            // A step without improvement would be taken back and repeated forever.
             if self.score(&next) <= self.score(&selection) + 1e-9 {
                 barred.push(name);
                 continue;
@@ -157,12 +160,12 @@ impl Search<'_> {
         selection
     }
 
-    /// Log-likelihood less what the names cost.
+    /// Gain in log-likelihood less the penalties of the selected candidates.
     pub(crate) fn score(&self, selection: &Selection) -> f64 {
         selection.solved.gain - selection.names.iter().map(|name| self.price_of(*name)).sum::<f64>()
     }
 
-    /// What the open names bring beyond their penalty beside a selection.
+    /// Candidates that are not selected, with their gain less penalty beside a selection.
     fn open<'a>(
         &'a self,
         selection: &'a Selection,
@@ -177,14 +180,14 @@ impl Search<'_> {
             .map(|name| (name, self.brings(selection, name) - self.price_of(name)))
     }
 
-    /// The name that brings most beyond its penalty.
+    /// The candidate with the largest gain less penalty, if that exceeds [`MARGIN`].
     fn best(&self, selection: &Selection, barred: &[usize]) -> Option<(usize, f64)> {
         let best =
             self.open(selection, barred).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
         best.filter(|best| best.1 > MARGIN)
     }
 
-    /// Without the names that others make needless, or that took a sign which is not theirs.
+    /// Removes selected candidates that are superfluous or violate a sign constraint.
     fn pruned(&self, mut selection: Selection) -> Selection {
         loop {
             let weakest = selection
@@ -208,12 +211,12 @@ impl Search<'_> {
         }
     }
 
-    /// With another name or form in the place of one of a joint, where that explains more for its penalty: itself, or as it makes a third name needless.
+    /// Exchanges candidates of a joint for others if that improves the score, directly or because a third candidate becomes superfluous.
     fn exchanged(&self, selection: Selection, never: &[usize], joint: Option<usize>) -> Selection {
         self.exchanged_where(selection, never, |name| self.library.families[*name].joint == joint)
     }
 
-    /// The same of all joints: a name that stood beside another may not be the one to stand without it.
+    /// Exchanges candidates of all joints: the best candidate beside a removed one may not be the best without it.
     pub(crate) fn renamed(&self, selection: Selection) -> Selection {
         self.exchanged_where(selection, &[], |_| true)
     }
@@ -233,7 +236,7 @@ impl Search<'_> {
         selection
     }
 
-    /// With one payload in the place of all that joints are said to lack of inertia and gravity, where that explains more for its penalty.
+    /// Replaces the effects `inertia` and `gravity_torque` of all joints by a single payload if that improves the score.
     fn gathered(&self, selection: Selection) -> Selection {
         let families = &self.library.families;
         let is_mass = |name: &usize| matches!(families[*name].kind, "inertia" | "gravity_torque");
@@ -249,7 +252,7 @@ impl Search<'_> {
         best.filter(|best| self.score(best) > self.score(&selection) + 1.0).unwrap_or(selection)
     }
 
-    /// A better selection with one of the likeliest others in a name's place.
+    /// A better selection with an alternative in place of one candidate.
     fn exchange(&self, selection: &Selection, never: &[usize], name: usize) -> Option<Selection> {
         let others = others(&selection.names, name);
         let without = self.solve(&others);

@@ -1,7 +1,6 @@
 //! Cache of products of columns: only changed columns are whitened and multiplied again.
 //!
-//! Promises: sums over the requested rows in use, with the present noise model; entries for other rows or another noise model are
-//! discarded. Never: a selection.
+//! Products are over the requested rows in use, with the present noise model; products for other rows or another AR model are discarded.
 
 use std::sync::Arc;
 
@@ -11,31 +10,32 @@ use super::normal_equations::{BRINGS, Products};
 use super::table::{Column, Table};
 use crate::colour::Colour;
 
-/// Rows that are multiplied at once: so many stay near while they are turned.
+/// Number of rows that are multiplied at once, so that the transposed block stays in the processor's cache.
 const PIECE: usize = 256;
-/// So few columns are multiplied one by one: `gemm` would go through them row by row.
+/// Up to this number of columns, products are computed column by column: `gemm` would access them row by row.
 const FEW: usize = 5;
 
-/// Values that were taken in; none where a column has come to act on other joints alone.
+/// Values of a column at the time of its multiplication; `None` if the column no longer acts on this joint.
 type Taken = Option<Arc<[f64]>>;
 
-/// The columns that act on one joint, free of the noise's memory, over the rows that count. The noise's size comes to their sums at last, so that these outlive it.
+/// The columns that act on one joint, with the noise's autocorrelation removed, over the rows that count. Division by the noise's standard deviation
+/// comes last, so that products remain valid if only that changes.
 #[derive(Clone, Debug)]
 struct Block {
     joint: usize,
     rows: Vec<usize>,
     colour: Colour,
-    /// N m or N.
+    /// Standard deviation of the noise, N m or N.
     size: f64,
-    /// The right-hand side, then one column for each of `of`.
+    /// The right-hand side, then one column for each of `of`, filtered.
     white: Vec<f64>,
-    /// Places of columns, with what was taken of them.
+    /// Indices of columns, with the values that were multiplied.
     of: Vec<(usize, Taken)>,
-    /// Of each in `white` with each.
+    /// Products of all columns in `white`.
     products: DMatrix<f64>,
 }
 
-/// Sums, and what they were taken of.
+/// Products of all joints.
 #[derive(Clone, Debug)]
 pub(crate) struct Sums {
     blocks: Vec<Block>,
@@ -43,7 +43,7 @@ pub(crate) struct Sums {
 }
 
 impl Sums {
-    /// The sums of `columns` over the rows that count and that `used` takes. `before`: what was kept, of the same right-hand side.
+    /// Products of `columns` over the rows that count and are `used`. `before`: cached products with the same right-hand side.
     pub(crate) fn taken(
         before: Option<Self>,
         table: &Table,
@@ -67,7 +67,7 @@ impl Sums {
         Self { blocks: table.joints().map(block).collect(), columns: columns.len() }
     }
 
-    /// `prior`: one over the square of what is believed of each number; 0 where nothing is.
+    /// Sums over the joints, weighted by the noise. `prior`: precision of each coefficient, 1/σ²; 0 without a prior.
     pub(crate) fn products(&self, prior: Vec<f64>) -> Products {
         let rows = self.blocks.iter().map(|block| block.rows.len()).sum();
         let mut gram = DMatrix::zeros(self.columns, self.columns);
@@ -86,7 +86,7 @@ impl Sums {
 }
 
 impl Products {
-    /// Over the rows that count and that `used` takes.
+    /// Products over the rows that count and are `used`, without a cache.
     pub(crate) fn new(table: &Table, columns: &[&Column], prior: Vec<f64>, used: &[bool]) -> Self {
         let columns: Vec<Column> = columns.iter().copied().cloned().collect();
         Sums::taken(None, table, &columns, used).products(prior)
@@ -94,7 +94,7 @@ impl Products {
 }
 
 impl Block {
-    /// Of no columns yet; `room`: what is used no more.
+    /// A block without columns; `room`: storage to be reused.
     fn none(table: &Table, joint: usize, rows: Vec<usize>, mut room: Vec<f64>) -> Self {
         room.clear();
         room.resize(rows.len(), 0.0);
@@ -105,6 +105,7 @@ impl Block {
         block
     }
 
+    /// Filters the values of a column and stores them at position `place` of `white`.
     fn put(&mut self, place: usize, table: &Table, values: &[f64]) {
         let free = table.freed(self.joint, values);
         let count = self.rows.len();
@@ -112,7 +113,7 @@ impl Block {
         column.zip(&self.rows).for_each(|(white, row)| *white = free[*row]);
     }
 
-    /// Takes in the columns that have changed, and multiplies them.
+    /// Filters the columns that have changed, and multiplies them.
     fn take(&mut self, table: &Table, columns: &[Column]) {
         let part = |k: usize| {
             let mut parts = columns.get(k)?.parts.iter();
@@ -151,7 +152,7 @@ impl Block {
         self.multiply(&moved);
     }
 
-    /// The products of the columns at these places with all.
+    /// Products of the columns at these positions with all.
     fn multiply(&mut self, places: &[usize]) {
         if places.is_empty() {
             return;
@@ -201,7 +202,7 @@ mod tests {
         };
         let kept = Sums::taken(None, &table, &columns, &used);
         columns[1] = column(&[1]);
-        // One that comes to act on another joint, one that acts on none, and a new one.
+        // One that changes to another joint, one that acts on none any more, and a new one.
         columns[2] = column(&[1]);
         columns[3].parts.clear();
         columns.push(column(&[0]));

@@ -1,6 +1,6 @@
-//! Rows of several channels (joints, or axes of a sensor) with the columns of candidates, and what a fit leaves of them.
+//! Rows of several channels (joints, or axes of a sensor) with the columns of candidates, and residuals and covariance of a fit.
 //!
-//! Promises: rows of a channel, columns and right-hand side alike, are whitened by its AR noise model; rows set aside are not used. Never: a selection.
+//! Right-hand side and columns of a channel are whitened by the same AR noise model.
 
 use nalgebra::{DMatrix, DVector};
 use std::borrow::Cow;
@@ -11,18 +11,18 @@ use super::normal_equations::Solved;
 use super::sandwich::{self, Block, BlockSettings};
 use crate::colour::Colour;
 
-/// What was measured and not yet explained by what the model knows.
+/// Measured torques or forces less the contributions that the model states, with the rows to use and the noise model.
 #[derive(Clone, Debug)]
 pub(crate) struct Table {
-    /// Rows of each run.
+    /// Rows of each run without gaps.
     pub(crate) runs: Vec<Range<usize>>,
-    /// Per joint, a value per row; none where the joint's torque was not recorded. N m or N.
+    /// Right-hand side: a value per joint and row, N m or N; `None` if the joint's torque was not recorded.
     pub(crate) target: Vec<Option<Vec<f64>>>,
-    /// Per joint and row: whether the joint moves. At rest stiction holds whatever it has to: such rows tell nothing and prove nothing.
+    /// Whether the joint moves, per joint and row. At rest, stiction balances any torque, so that such rows contain no information.
     pub(crate) moves: Vec<Vec<bool>>,
-    /// Per joint and row: whether it counts.
+    /// Whether the value is used, per joint and row.
     pub(crate) counts: Vec<Vec<bool>>,
-    /// Per joint: how its noise remembers itself, and its size, N m or N.
+    /// AR noise model of each joint, and the standard deviation of its noise, N m or N.
     pub(crate) noise: Vec<(Colour, f64)>,
 }
 
@@ -36,7 +36,7 @@ impl Table {
         (0..self.target.len()).filter(|joint| self.target[*joint].is_some())
     }
 
-    /// Values of one joint in units of what is new in its noise.
+    /// Whitened values of one joint, in units of the standard deviation of the noise.
     pub(crate) fn whitened(&self, joint: usize, values: &[f64]) -> Vec<f64> {
         let size = self.noise[joint].1;
         let mut all = self.freed(joint, values).into_owned();
@@ -44,7 +44,7 @@ impl Table {
         all
     }
 
-    /// The same in units of torque.
+    /// Values of one joint with the noise's autocorrelation removed, in N m or N.
     pub(crate) fn freed<'v>(&self, joint: usize, values: &'v [f64]) -> Cow<'v, [f64]> {
         let colour = &self.noise[joint].0;
         if colour.is_white() {
@@ -56,14 +56,14 @@ impl Table {
     }
 }
 
-/// One number's share in the torques: for each joint that it acts on, a value per row.
+/// Regressor of one coefficient: a value per row for each joint that it acts on.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Column {
     pub(crate) parts: Vec<(usize, Arc<[f64]>)>,
 }
 
 impl Column {
-    /// Several columns as one, each times its number.
+    /// Linear combination of columns for one joint.
     pub(crate) fn sum(columns: &[(&Self, f64)], joint: usize, rows: usize) -> Vec<f64> {
         let mut all = vec![0.0; rows];
         for (column, number) in columns {
@@ -75,7 +75,7 @@ impl Column {
     }
 }
 
-/// What is left of one joint's torque, row by row.
+/// Residual of one joint's torque, row by row, N m or N.
 pub(crate) fn residual(
     table: &Table,
     columns: &[Column],
@@ -89,7 +89,7 @@ pub(crate) fn residual(
     target.zip(model).map(|(target, model)| target - model).collect()
 }
 
-/// The cluster-robust covariance of the numbers of a fit, from blocks of time ([`sandwich`]).
+/// Cluster-robust covariance of the coefficients of a fit, from blocks of time ([`sandwich`]).
 pub(crate) fn covariance(
     table: &Table,
     columns: &[Column],
@@ -101,7 +101,7 @@ pub(crate) fn covariance(
     sandwich::covariance(solved.covariance(), blocks, &settings)
 }
 
-/// The columns of a solution that a joint has, whitened, each with its place in the solution.
+/// Whitened columns of a solution that act on a joint, each with its index in the solution.
 pub(crate) fn whitened_columns(
     table: &Table,
     columns: &[Column],
@@ -116,11 +116,12 @@ pub(crate) fn whitened_columns(
     solved.columns.iter().enumerate().filter_map(own).collect()
 }
 
-/// Rows of block `k`.
+/// Rows of block `k` of `of`.
 fn rows_of(k: usize, rows: usize, of: usize) -> Range<usize> {
     (k * rows).div_ceil(of)..((k + 1) * rows).div_ceil(of)
 }
 
+/// Scores and normal matrices of blocks of time.
 fn blocks(
     (table, columns): (&Table, &[Column]),
     solved: &Solved,

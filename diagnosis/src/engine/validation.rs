@@ -1,6 +1,6 @@
 //! Validation and test of a selection: significance of parameters, support by rows that took no part, attribution of the error removed.
 //!
-//! Promises: rows apart can remove a candidate, never select one. Never: a domain's own measure, which callers give.
+//! The validation set can remove a candidate, never select one. The measure of error depends on the domain and is passed by the caller.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -9,11 +9,12 @@ use super::stepwise::{Search, Selection, others};
 use super::table::{Column, Table, residual};
 use crate::size::Size;
 
-/// A number is at least so many times its uncertainty.
+/// Least ratio of a parameter to its standard uncertainty.
 pub(crate) const SURE: f64 = 2.0;
-/// Quantiles of the χ² distribution with one to four degrees of freedom, at the probability at which one squared normal deviate exceeds the square of [`SURE`].
+/// Quantiles of the χ² distribution with one to four degrees of freedom, at the probability with which a squared standard normal variate exceeds the
+/// square of [`SURE`].
 const TOGETHER: [f64; 4] = [SURE * SURE, 6.18, 8.02, 9.72];
-/// Root mean square of what is left on `used` rows that `counts` takes, whitened by each channel's noise and in units of their geometric mean.
+/// RMS residual over the rows `used` that `counts` admits, each channel divided by its noise, times the geometric mean of the channels' noise.
 pub(crate) fn rms_of(
     table: &Table,
     columns: &[Column],
@@ -37,13 +38,14 @@ pub(crate) fn rms_of(
     if count > 0.0 { libm::sqrt(sum / count) * libm::exp(scale / joints) } else { 0.0 }
 }
 
-/// The sum of squares of one joint's values over rows that count.
+/// Sum of squares of one joint's values over the rows that count.
 pub(crate) fn sum(table: &Table, joint: usize, values: &[f64], used: &[bool]) -> f64 {
     let rows = (0..values.len()).filter(|row| used[*row] && table.counts[joint][*row]);
     rows.map(|row| values[row] * values[row]).sum()
 }
 
-/// The names whose numbers are not nothing (Wald test): those that chance would give go, the least sure first. `is_belief`: names that are not asked.
+/// The candidates with significant parameters (Wald test); the least significant one is removed until all are. Candidates for which `is_belief` holds
+/// are not tested.
 pub(crate) fn significant(
     search: &Search<'_>,
     mut names: Vec<usize>,
@@ -72,15 +74,15 @@ pub(crate) fn significant(
     }
 }
 
-/// How far from nothing these numbers are together (Wald), as a share of what chance seldom exceeds.
+/// Wald statistic of these parameters together, divided by its critical value: significant above 1.
 fn sureness_of(values: &DVector<f64>, covariance: DMatrix<f64>) -> f64 {
     let Some(more) = values.len().checked_sub(1) else { return 0.0 };
     let bar = TOGETHER[more.min(TOGETHER.len() - 1)];
     covariance.cholesky().map_or(f64::INFINITY, |factors| values.dot(&factors.solve(values)) / bar)
 }
 
-/// The names that rows apart do not speak against, by what `rms` says is left there, and those that make the error larger. Nothing is chosen in their place. `is_belief`: names
-/// that are not asked.
+/// Removes candidates that increase the error `rms` on the validation set, the worst first; returns the remaining ones and the removed ones. No
+/// others are selected in their place. Candidates for which `is_belief` holds are not tested.
 pub(crate) fn supported(
     search: &Search<'_>,
     mut names: Vec<usize>,
@@ -92,7 +94,7 @@ pub(crate) fn supported(
     loop {
         let whole = of(&names);
         let asked = names.iter().filter(|name| !is_belief(**name));
-        // What a name leaves has to stand by itself: a rival that then takes the wrong sign is not that rival.
+        // A candidate is not removed if its removal gives another one the wrong sign: the comparison would then be with an impossible model.
         let rest = asked.map(|name| (*name, others(&names, *name)));
         let stands = rest.filter(|(_, rest)| search.admissible(rest.clone()) == *rest);
         let harm = stands.map(|(name, rest)| (name, whole - of(&rest)));
@@ -105,7 +107,7 @@ pub(crate) fn supported(
     }
 }
 
-/// What some columns of a fit do to the rows of the joints that they act on.
+/// Contribution of some columns of a fit to the rows in which the joints move.
 pub(crate) fn size_of(table: &Table, columns: &[Column], solved: &Solved, own: &[usize]) -> Size {
     let parts: Vec<(&Column, f64)> = (solved.columns.iter().zip(&solved.values))
         .filter(|(column, _)| own.contains(column))
@@ -122,18 +124,18 @@ pub(crate) fn size_of(table: &Table, columns: &[Column], solved: &Solved, own: &
     Size::of(values)
 }
 
-/// A name with what it brings on held-out rows, root mean squares.
+/// A candidate with RMS errors on the test set.
 pub(crate) struct Listed {
     pub(crate) name: usize,
     /// Without it and all that follow it in the list, and with it.
     pub(crate) heldout: [f64; 2],
-    /// Where it alone is left out and all else is fitted anew.
+    /// When it alone is removed and all others are refitted.
     pub(crate) heldout_without: f64,
 }
 
-/// Names in the order of what each brings on the test set, with the error before and after each, one after the other: first the one that brings most by itself,
-/// which another may stand in for; then by what each brings beside all others. All else is
-/// fitted anew each time, so the energy is not quadratic and the Shapley value of positions ([`super::attribution`]) has no short form.
+/// Candidates in order of importance, with the error on the test set before and after each is added in turn. The first is the one that reduces the
+/// error most by itself; the others follow by the increase of the error if they alone are removed. All others are refitted each time, so the error
+/// energy is not quadratic and the two-point formula of the Shapley value ([`super::attribution`]) does not hold.
 pub(crate) fn attributed(
     search: &Search<'_>,
     selection: &Selection,
@@ -172,7 +174,7 @@ mod tests {
         // The variance of each is unchanged, but their difference is well determined.
         let tied = DMatrix::from_row_slice(2, 2, &[1.0, 0.9, 0.9, 1.0]);
         assert!(sureness_of(&values, tied) > 5.0);
-        // One that is plain is not lost among those that are nothing.
+        // A single significant parameter is not masked by insignificant ones.
         let values = DVector::from_vec(vec![4.0, 0.1, -0.2]);
         assert!(sureness_of(&values, DMatrix::identity(3, 3)) > 1.0);
         assert!(sureness_of(&DVector::from_vec(vec![1.9]), DMatrix::identity(1, 1)) < 1.0);

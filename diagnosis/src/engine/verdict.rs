@@ -1,22 +1,23 @@
 //! The verdict of a diagnosis: consistent, missing physics, unknown structure, or undetermined; and which findings are claimed.
 //!
-//! Computes no fit. Findings that cannot be distinguished from alternatives are not claimed.
+//! Findings that cannot be distinguished from alternatives are not claimed, unless the verdict is undetermined; then they are returned as sets of
+//! alternatives. No fit is computed.
 
-/// What a recording says of a model.
+/// Conclusion from a recording on a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Nothing above the noise.
+    /// Residuals are consistent with the noise.
     Consistent,
-    /// The findings explain the mismatch.
+    /// The findings explain the difference between model and recording.
     MissingPhysics,
-    /// There is structure that no known effect explains.
+    /// A significant part of the difference is explained by no known effect.
     UnknownStructure,
-    /// Candidates alike, or too little to say anything.
+    /// Findings cannot be distinguished from alternatives.
     Undetermined,
 }
 
 impl Verdict {
-    /// As in the contract.
+    /// Identifier in results (docs/reference/results.md).
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

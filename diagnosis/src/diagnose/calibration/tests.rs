@@ -7,14 +7,14 @@ use crate::simulate;
 use glam::DVec3;
 use physics::{AnyEffect, Given, Model, Wrench};
 
-/// The mean length of a point's error by noise of 0.05 mm per coordinate: `2 σ sqrt(2/π)`.
+/// Mean length of a point error by noise of 0.05 mm per coordinate: `2 σ sqrt(2/π)`.
 const NOISE_M: f64 = 2.0 * 5e-5 * 0.797_884_560_8;
 
 fn effect(kind: &str, joint: Option<usize>, numbers: &[(&str, &[f64])]) -> AnyEffect {
     AnyEffect::build(kind, &nominal().arm, joint, Given(numbers)).expect("built")
 }
 
-/// What every robot here has: two joints that give way, a slanted axis, a zero that is off.
+/// Effects of every simulated robot: two joint compliances, a tilted axis, a zero offset.
 fn common() -> Vec<AnyEffect> {
     vec![
         effect("joint_compliance", Some(1), &[("compliance", &[4e-6])]),
@@ -24,7 +24,7 @@ fn common() -> Vec<AnyEffect> {
     ]
 }
 
-/// Poses under changing forces on the tool, `push_n` at most, as a robot with these effects shows them.
+/// Simulated measurements of a robot with these effects, under varying forces on the tool of at most `push_n` per axis, N.
 fn seen(truth: &[AnyEffect], push_n: f64, seed: u64) -> Campaign {
     let mut campaign = empty(3, 160);
     for (row, pose) in campaign.poses.iter_mut().enumerate() {
@@ -43,7 +43,7 @@ struct Said {
     model: Model,
 }
 
-/// What two thirds of the poses make of it, and how far off it is on the others.
+/// Calibration on two thirds of the poses, with the error on the others.
 fn selected(campaign: &Campaign, base: &Model) -> Said {
     let training: Vec<bool> = (0..campaign.poses.len()).map(|k| k % 3 != 0).collect();
     let held: Vec<bool> = training.iter().map(|trains| !trains).collect();
@@ -63,7 +63,7 @@ fn value(said: &Said, kind: &str) -> f64 {
     found.map_or(f64::NAN, |effect| effect.values()[0])
 }
 
-/// A robot that has `more` besides is found to have it, and what is left is the noise.
+/// Asserts that the additional effect `more` is selected and that the error on the other poses equals the noise.
 fn is_found(more: AnyEffect, push_n: f64, off: f64) {
     let truth: Vec<AnyEffect> = common().into_iter().chain([more]).collect();
     let said = selected(&seen(&truth, push_n, 3), &nominal());
@@ -86,7 +86,7 @@ fn a_drive_that_stiffens_is_found() {
     is_found(effect("stiffness_hardening", Some(1), &[("cubic", &[4e-13])]), 500.0, 0.2);
 }
 
-/// A wave of one turn stands for a spring of four numbers here: what is left of its error is 5 in the sum of squares.
+/// A wave of one cycle per revolution imitates a spring with four parameters here: the remaining misfit is 5 in the sum of squares.
 #[test]
 fn a_spring_that_carries_the_arm_leaves_no_error() {
     let numbers: &[(&str, &[f64])] = &[

@@ -1,84 +1,84 @@
-//! Motions and loads for experiments: each joint alone, reversals under gravity one way and the other, the same poses with and without a load,
-//! stretched and folded, slow and fast, cold and warm.
+//! Menu of motions and loads for experiments: each joint alone, reversals under gravity in either direction, the same poses with and without a load,
+//! with the arm stretched and folded, slow and fast, cold and warm.
 //!
-//! Promises: inside the joint limits and speeds of the arm; the same arm gives the same menu. Never: a check for obstacles.
+//! Invariants: motions stay within the joint limits and maximum speeds of the arm; the same arm gives the same menu. Obstacles are not checked.
 
 use glam::DVec3;
 use physics::{Arm, Chain, Joint, JointKind, Joints};
 use recording::series::{Approach, Channel, FileUnits, Frame, Kind, Recording};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Seconds between two rows of a path, and of a warm-up.
+/// Time step of a path, s, and dwell time per pose of the warm-up, s.
 const STEP_S: f64 = 0.1;
 const RETURN_S: f64 = 30.0;
-/// The share of a joint's largest speed that an ordinary motion takes, and its largest, rad/s and m/s.
+/// Share of a joint's maximum speed in ordinary motions, and upper limit of that speed, rad/s and m/s. Then the same for fast motions.
 const EASY: f64 = 0.2;
 const EASY_MOST: [f64; 2] = [0.5, 0.1];
 const FAST: f64 = 0.8;
 const FAST_MOST: [f64; 2] = [3.0, 1.0];
-/// The part of the way to a limit that is used.
+/// Share of the distance from the middle to a joint limit that is used.
 const INSIDE: f64 = 0.9;
-/// How far from the middle a joint goes alone, and in a tour, rad and m.
+/// Largest distance from the middle in motions of a single joint, and in a tour, rad and m.
 const ALONE: [f64; 2] = [FRAC_PI_2, 0.5];
 const TOUR: [f64; 2] = [0.6, 0.2];
-/// Poses of a tour.
+/// Number of poses of a tour.
 const POSES: usize = 14;
-/// Strokes of reversals, in degrees (mm where the joint slides).
+/// Strokes of the reversals, degrees (mm for a prismatic joint).
 const STROKES: [f64; 4] = [0.01, 0.1, 1.0, 10.0];
-/// The load on the tool, N.
+/// Force on the tool, N.
 const LOAD_N: f64 = 50.0;
-/// A warm-up: from where to where, °C, how fast and how often the poses return.
+/// Warm-up: initial and final temperature, °C, time constant, s, and number of returns to the poses.
 const COLD: f64 = 20.0;
 const WARM: f64 = 35.0;
 const WARMING_S: f64 = 2400.0;
 const RETURNS: usize = 24;
 
-/// Multiples of irrational numbers fill ranges evenly.
+/// Fractional parts of multiples of an irrational number fill a range evenly.
 const SPREAD: [f64; 6] = [0.7548, 0.5698, 0.6180, 0.8191, 0.6711, 0.5497];
 
-/// One row of a request.
+/// One row of an experiment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
-    /// Runs that belong together.
+    /// Segment that the row belongs to.
     pub segment: i64,
-    /// Time within the request, s.
+    /// Time since the start of the experiment, s.
     pub time_s: f64,
-    /// Commanded joints, rad or m.
+    /// Commanded joint positions, rad or m.
     pub q: Joints,
-    /// Force on the tool at its centre point, base frame, N.
+    /// Force on the tool centre point, base frame, N.
     pub force_n: DVec3,
-    /// Temperature of the air and the joints, °C; NaN where it does not matter.
+    /// Temperature of air and joints, °C; NaN if it is irrelevant.
     pub celsius: f64,
 }
 
-/// Something a robot can be asked to do.
+/// An experiment: commanded motion with loads and temperatures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Experiment {
-    /// Which one of the menu.
+    /// Name within the menu.
     pub name: String,
-    /// What a technician has to do.
+    /// Instruction for the technician.
     pub says: String,
-    /// Row by row.
+    /// The rows.
     pub rows: Vec<Row>,
     joints: usize,
     kinds: Vec<JointKind>,
 }
 
-/// What is measured in an experiment.
+/// Measured quantities of an experiment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Measured {
-    /// Columns to be filled.
+    /// Columns to be measured.
     pub channels: Vec<Channel>,
 }
 
 impl Experiment {
-    /// How long it takes, s.
+    /// Duration, s.
     #[must_use]
     pub fn takes_s(&self) -> f64 {
         self.rows.last().map_or(0.0, |row| row.time_s)
     }
 
-    /// As a recording in which `measured` is `value` (NaN: to be filled in).
+    /// The experiment as a recording with `value` in the `measured` columns (NaN: still to be measured).
     #[must_use]
     pub fn recording(&self, measured: &Measured, value: f64) -> Recording {
         let mut made = Recording::new(self.rows.iter().map(|row| row.time_s).collect());
@@ -109,7 +109,7 @@ impl Experiment {
     }
 }
 
-/// Everything that `arm` can be asked.
+/// All experiments for an arm.
 #[must_use]
 pub fn menu(arm: &Arm) -> Vec<Experiment> {
     let mut all: Vec<Experiment> = Vec::new();
@@ -154,7 +154,7 @@ fn kind(joint: &Joint) -> usize {
     usize::from(joint.kind == JointKind::Prismatic)
 }
 
-/// The least and the largest position, so far from the middle at most.
+/// Least and largest position, at most `most` from the middle.
 fn range(joint: &Joint, most: [f64; 2]) -> (f64, f64) {
     let most = most[kind(joint)];
     let (low, high) = joint.limits;
@@ -173,7 +173,7 @@ fn home(arm: &Arm) -> Joints {
     q
 }
 
-/// A request in the making.
+/// An experiment under construction.
 struct Going<'a> {
     arm: &'a Arm,
     rows: Vec<Row>,
@@ -192,11 +192,11 @@ impl<'a> Going<'a> {
         (share * joint.max_speed).min(most[kind(joint)])
     }
 
-    /// Moves all joints together, starting and ending gently.
+    /// Moves all joints simultaneously with a cosine velocity profile.
     fn to(&mut self, q: Joints) {
         let from = self.now.q;
         let times = self.arm.joints().iter().enumerate().map(|(k, joint)| {
-            // Half a cosine is fastest in its middle.
+            // The profile's peak speed is π/2 times its mean speed.
             FRAC_PI_2 * (q[k] - from[k]).abs() / self.speed(joint)
         });
         let longest = times.fold(0.0, f64::max);
@@ -238,7 +238,7 @@ fn alone(arm: &Arm, joint: usize) -> Experiment {
     )
 }
 
-/// Strokes about two postures in which gravity pulls the joint one way and the other, as far as there are such.
+/// Reversals about two postures in which gravity acts on the joint in opposite directions, as far as such postures exist.
 fn reversals(arm: &Arm, joint: usize) -> Experiment {
     let own = &arm.joints()[joint];
     let [one, other] = postures(arm, joint);
@@ -263,7 +263,8 @@ fn reversals(arm: &Arm, joint: usize) -> Experiment {
     )
 }
 
-/// The two of the tour's poses with the least and the largest torque of gravity at a joint; without masses, those where the tool is furthest to either side.
+/// Of the poses of the tour, those with the least and the largest gravity torque at a joint; without masses, those with the least and the largest x
+/// coordinate of the tool.
 fn postures(arm: &Arm, joint: usize) -> [Joints; 2] {
     let model = physics::Model::nominal(*arm);
     let pull = |q: &Joints| {
@@ -297,7 +298,7 @@ fn poses(arm: &Arm, count: usize) -> Vec<Joints> {
     (0..count).map(pose).collect()
 }
 
-/// The same poses under each of these forces; the last round fast, where asked.
+/// The same poses under each of these forces, and once more at high speed if `fast`.
 fn tour(arm: &Arm, name: &str, says: &str, forces: &[DVec3], fast: bool) -> Experiment {
     let poses = poses(arm, POSES);
     let mut going = Going::from(arm, poses[0]);

@@ -1,4 +1,4 @@
-//! Guarantees of the menu.
+//! Properties of the menu of experiments.
 
 use super::*;
 use crate::made::nominal;
@@ -7,7 +7,7 @@ use crate::made::nominal;
 fn every_experiment_stays_inside_the_limits_and_speeds_of_the_arm() {
     let arm = nominal().arm;
     let all = menu(&arm);
-    // Temperatures that do not matter are no numbers: compared as text.
+    // Irrelevant temperatures are NaN, which equals nothing: compared as text.
     assert_eq!(format!("{all:?}"), format!("{:?}", menu(&arm)));
     let mut names: Vec<&str> = all.iter().map(|one| one.name.as_str()).collect();
     names.sort_unstable();

@@ -1,9 +1,9 @@
 //! Faults of a measured channel: frozen or saturated while the arm moves, held over several rows, or coarsely quantised.
 //!
-//! A repeated value alone is not a fault: the arm can be at rest, or move perpendicular to the channel. It is a fault if the channel should have changed, by the nominal
-//! model, by much more than its usual deviation.
+//! A repeated value alone is not a fault: the arm can be at rest, or move perpendicular to the channel. It is a fault if the channel should have
+//! changed, by the nominal model, by much more than the usual deviation from that model.
 //!
-//! Promises: excluded rows become missing readings of the whole channel, nothing else changes. Never: a fault while the arm is at rest.
+//! Rows with a fault become missing measurements of that channel (NaN), or of all channels of the group if the group is frozen or repeated.
 
 use std::ops::Range;
 
@@ -15,28 +15,28 @@ use super::{finite, groups, name, named};
 use crate::engine::statistics::median;
 use crate::from_recording::Positions;
 
-/// The same value on so many rows, or so many times the middle run, is looked into.
+/// Least number of rows with the same value that are examined, also as a multiple of the median run length.
 const RUN: usize = 8;
 const RUNS: usize = 10;
 /// Standard deviations by which a channel should have changed.
 const CLEARLY: f64 = 8.0;
-/// An arm that never goes further than this along any direction may leave a channel as it is, m or rad (standard deviation).
+/// Standard deviation of the motion, along the direction of least or largest motion, below which a constant channel is no fault, m or rad.
 const MOVES: f64 = 1e-3;
-/// A tool that turns by less may leave its orientation as it is, rad.
+/// Rotation of the tool below which a constant orientation is no fault, rad.
 const TURNS: f64 = 2e-2;
-/// Changes of a held channel are larger than this many of its smallest steps: else it is coarse.
+/// Median change of a held channel as a multiple of its resolution; below it the channel is coarsely quantised instead.
 const STEPS: f64 = 3.0;
-/// Noise below this share of a step does not show in it.
+/// Noise below this share of the resolution is hidden by quantisation.
 const HIDDEN: f64 = 0.5;
 
-/// Why rows of a channel are no readings.
+/// Why the values of rows are not measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
     Still,
     CutOff,
 }
 
-/// A recording under inspection, with the arm's joints row by row.
+/// A recording under inspection, with the joint positions of all rows.
 pub(super) struct Looking<'a> {
     arm: &'a Arm,
     recording: &'a mut Recording,
@@ -48,7 +48,7 @@ impl<'a> Looking<'a> {
         Self { arm, recording, q }
     }
 
-    /// Takes out what is no reading; says what it saw.
+    /// Excludes faulty rows; returns messages for the user.
     pub(super) fn look(mut self) -> Vec<String> {
         let mut notes = Vec::new();
         for group in groups(self.recording) {
@@ -63,7 +63,7 @@ impl<'a> Looking<'a> {
         notes
     }
 
-    /// Rows with a value, station by station: each has a frame of its own.
+    /// Rows with a value, by station of the instrument: each station has its own measuring frame.
     fn rows(&self, channel: Channel) -> Vec<Vec<usize>> {
         let mut stations: Vec<(Option<u64>, Vec<usize>)> = Vec::new();
         for row in 0..self.recording.len() {
@@ -83,6 +83,7 @@ impl<'a> Looking<'a> {
         self.recording.column(channel).map(<[f64]>::to_vec).unwrap_or_default()
     }
 
+    /// Excludes frozen and saturated rows of the channels of a point or a joint.
     fn points(&mut self, group: &[Channel]) -> Vec<String> {
         let followed =
             group.first().and_then(|c| Followed::of(self.arm, *c, self.q, self.recording.len()));
@@ -107,7 +108,7 @@ impl<'a> Looking<'a> {
         notes
     }
 
-    /// A whole group that never changes though the arm goes somewhere.
+    /// Excludes a group that never changes although the arm moves.
     fn all_still(&mut self, group: &[Channel], follows: &Followed) -> Option<String> {
         let rows: Vec<usize> = (0..self.recording.len())
             .filter(|row| group.iter().all(|c| finite(self.recording, *c, *row).is_some()))
@@ -130,7 +131,7 @@ impl<'a> Looking<'a> {
         Some(note)
     }
 
-    /// An orientation that is at rest while the tool turns.
+    /// Excludes orientations that are constant while the tool rotates.
     fn turns_frozen(&mut self, group: &[Channel]) -> Option<String> {
         let all: Vec<Vec<f64>> = group.iter().map(|channel| self.values(*channel)).collect();
         let rows: Vec<usize> = (0..self.recording.len())
@@ -159,7 +160,7 @@ impl<'a> Looking<'a> {
         Some(note)
     }
 
-    /// Rows on a path that only repeat the row before, since the instrument is slower than the rows.
+    /// Excludes rows of a path that repeat the row before because the instrument's sampling rate is lower.
     fn held(&mut self, group: &[Channel]) -> Option<String> {
         let rows: Vec<usize> = (0..self.recording.len())
             .filter(|row| group.iter().all(|c| finite(self.recording, *c, *row).is_some()))
@@ -174,7 +175,7 @@ impl<'a> Looking<'a> {
         if self.recording.about.kind != Kind::Path || 2 * repeats.len() <= rows.len() {
             return None;
         }
-        // A coarse channel repeats itself too, but goes on by one step.
+        // A coarsely quantised channel repeats values, too, but changes by single steps.
         let jumps = |values: &Vec<f64>| {
             let off = rows.windows(2).map(|pair| (values[pair[1]] - values[pair[0]]).abs());
             let off: Vec<f64> = off.filter(|off| *off > 0.0).collect();
@@ -194,7 +195,7 @@ impl<'a> Looking<'a> {
         ))
     }
 
-    /// Channels whose last digit is coarser than their noise.
+    /// Messages on channels whose resolution is coarser than their noise.
     fn coarse(&self, group: &[Channel]) -> Vec<String> {
         let mut notes = Vec::new();
         for channel in group {
@@ -234,6 +235,7 @@ impl<'a> Looking<'a> {
         )
     }
 
+    /// Marks rows of these channels as missing.
     fn take_out(&mut self, group: &[Channel], rows: &[usize]) {
         for channel in group {
             let mut values = self.values(*channel);
@@ -243,7 +245,7 @@ impl<'a> Looking<'a> {
     }
 }
 
-/// Runs of rows that are the same, as places in `rows`.
+/// Runs of equal rows, as ranges of indices in `rows`.
 fn runs(rows: &[usize], same: impl Fn(usize, usize) -> bool) -> Vec<Range<usize>> {
     let mut runs: Vec<Range<usize>> = Vec::new();
     for k in 0..rows.len() {
@@ -255,14 +257,14 @@ fn runs(rows: &[usize], same: impl Fn(usize, usize) -> bool) -> Vec<Range<usize>
     runs
 }
 
-/// Those that are long beside the others.
+/// Runs that are long compared with the median run.
 fn long(runs: &[Range<usize>]) -> Vec<Range<usize>> {
     let usual = median(runs.iter().map(|run| run.len() as f64)) as usize;
     let least = if runs.len() > 1 { RUN.max(RUNS * usual) } else { RUN };
     runs.iter().filter(|run| run.len() >= least).cloned().collect()
 }
 
-/// Rows of one channel, one station, that are no readings.
+/// Faulty rows of one channel at one station.
 fn faults(follows: &Followed, values: &[f64], rows: &[usize]) -> Vec<(Fault, Vec<usize>)> {
     let long = long(&runs(rows, |a, b| values[a] == values[b]));
     let whole = long.first().is_some_and(|run| run.len() == rows.len());
@@ -304,7 +306,7 @@ fn faults(follows: &Followed, values: &[f64], rows: &[usize]) -> Vec<(Fault, Vec
     found
 }
 
-/// The step that all values are multiples of, from the smallest difference; none where there is no such step.
+/// Resolution: the step of which all differences are multiples, found from the smallest difference; `None` if there is none.
 fn step(values: &[f64]) -> Option<f64> {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
@@ -316,11 +318,11 @@ fn step(values: &[f64]) -> Option<f64> {
     (gaps.len() > RUN && gaps.iter().filter(whole).count() == gaps.len()).then_some(step)
 }
 
-/// The noise that third differences show, which a smooth motion does not.
+/// Standard deviation of the noise, estimated from third differences, in which smooth motion cancels.
 fn noise(values: &[f64]) -> Option<f64> {
     let third = values.windows(4).map(|v| v[3] - 3.0 * v[2] + 3.0 * v[1] - v[0]);
     let squares: Vec<f64> = third.filter(|x| x.is_finite()).map(|x| x * x).collect();
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
-    // 1 + 9 + 9 + 1
+    // Sum of squared coefficients: 1 + 9 + 9 + 1.
     (!squares.is_empty()).then(|| (mean / 20.0).sqrt())
 }

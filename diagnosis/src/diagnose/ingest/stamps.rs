@@ -1,18 +1,16 @@
-//! Time stamps: gaps and uneven steps.
-//!
-//! Promises: no remarks on settled poses, whose times are irrelevant. Never: a changed row.
+//! Time stamps of paths: gaps and uneven steps. Settled poses are not checked, since their times are irrelevant.
 
 use crate::engine::statistics::median;
 use recording::series::{Kind, Recording};
 
-/// A step this many times the middle one is a gap.
+/// A step longer than this many times the median is a gap.
 const GAP: f64 = 5.0;
-/// Steps that spread by more than this share of the middle one are uneven.
+/// Relative standard deviation of the steps, compared with the median, above which they are uneven.
 const UNEVEN: f64 = 0.02;
-/// Steps from which on anything can be said.
+/// Least number of steps for any statement.
 const STEPS_LEAST: usize = 20;
 
-/// What is to be said of them.
+/// Messages for the user on the time stamps.
 pub(super) fn notes(recording: &Recording) -> Vec<String> {
     let t = &recording.t_s;
     let joined = |row: &usize| recording.segment[*row] == recording.segment[row - 1];

@@ -1,7 +1,5 @@
-//! Expected values of a channel: in any measuring frame, each coordinate of a point is a linear function of the nominal tool
-//! position (and, for a reflector, of the tool's orientation); a link-side joint position is one of the commanded joint.
-//!
-//! Promises: the same rows give the same regression. Never: physics beyond the nominal geometry.
+//! Expected values of a channel: in any measuring frame, each coordinate of a point is a linear function of the nominal tool position (and, for a
+//! reflector, of the tool's orientation); a link-side joint position is one of the commanded joint position. Only the nominal geometry is used.
 
 use nalgebra::{DMatrix, DVector};
 use physics::{Arm, Chain};
@@ -10,20 +8,20 @@ use recording::series::Channel;
 use crate::engine::statistics::median;
 use crate::from_recording::Positions;
 
-/// Rows per number of the line, at least.
+/// Least number of rows per coefficient of the regression.
 const ROWS_PER_NUMBER: usize = 4;
-/// A normal deviate per median of sizes.
+/// Standard deviation of a normal distribution divided by its median absolute deviation.
 const DEVIATE: f64 = 1.4826;
 
-/// What a channel follows, row by row.
+/// Regressors of a channel, row by row.
 pub(super) struct Followed {
     width: usize,
-    /// Row after row.
+    /// Values of all rows, row by row.
     all: Vec<f64>,
 }
 
 impl Followed {
-    /// Of `channel` at the joint positions `q` of so many rows; none where it is no straight function of anything.
+    /// Regressors of `channel` at the joint positions `q` of `rows` rows; `None` if it is a linear function of none.
     pub(super) fn of(arm: &Arm, channel: Channel, q: &Positions, rows: usize) -> Option<Self> {
         let tool = |row| Chain::nominal(arm, &q.at(row)).base_from_tool;
         let (width, mut all) = match channel {
@@ -56,14 +54,14 @@ impl Followed {
     }
 }
 
-/// What a channel should have shown, row by row.
+/// Expected values of a channel, row by row.
 pub(super) struct Line {
     pub(super) expected: Vec<f64>,
-    /// How far rows lie from it, as a standard deviation, SI.
+    /// Robust standard deviation of the residual, SI.
     pub(super) sigma: f64,
 }
 
-/// The line through the rows `sound` of `values`; none where these are too few. `followed`: per row.
+/// Linear regression of `values` on the rows `sound`; `None` if these are too few.
 pub(super) fn line(followed: &Followed, values: &[f64], sound: &[usize]) -> Option<Line> {
     let width = followed.width;
     if sound.len() < ROWS_PER_NUMBER * (width + 1) {
@@ -81,7 +79,7 @@ pub(super) fn line(followed: &Followed, values: &[f64], sound: &[usize]) -> Opti
         normal.ger(1.0, &x, &x, 1.0);
         right.axpy(values[*row] - level, &x, 1.0);
     }
-    // What never changes is held by next to nothing.
+    // A small ridge term keeps constant regressors from making the matrix singular.
     let ridge = 1e-9 * normal.trace().max(f64::MIN_POSITIVE);
     (0..width).for_each(|k| normal[(k, k)] += ridge);
     let slope = normal.cholesky()?.solve(&right);
@@ -91,9 +89,9 @@ pub(super) fn line(followed: &Followed, values: &[f64], sound: &[usize]) -> Opti
     Some(Line { sigma: DEVIATE * median(sizes), expected })
 }
 
-/// The least and the largest standard deviation of what is followed along any direction, over these rows.
+/// Least and largest standard deviation of the first three regressors (position) along any direction, over these rows.
 pub(super) fn spread(followed: &Followed, rows: &[usize]) -> (f64, f64) {
-    // Turns of the tool do not count: only how far it went.
+    // Rotation of the tool is excluded.
     let width = followed.width.min(3);
     let count = rows.len().max(1) as f64;
     let mut mean = DVector::zeros(width);

@@ -7,7 +7,7 @@ use physics::{Chain, Joints};
 
 const ROWS: usize = 600;
 
-/// A path of three joints, seen in a turned frame with noise of 20 µm.
+/// A path of three joints, measured in a rotated frame with noise of 20 µm.
 fn seen() -> Recording {
     let arm = nominal().arm;
     let mut made = Recording::new((0..ROWS).map(|row| 0.01 * row as f64).collect());

@@ -4,7 +4,7 @@ use super::*;
 use crate::made::nominal;
 use recording::series::Channel;
 
-/// A path of so many rows at 100 Hz in two segments, measured at each third row; the base's nests and joints on the link side are read along.
+/// A path of `rows` rows at 100 Hz in two segments, with the tool measured in every third row, targets on the base and a link-side joint position.
 fn long(rows: usize) -> Recording {
     let time = |row: usize| (row % (rows / 2)) as f64 * 0.01;
     let mut recording = Recording::new((0..rows).map(time).collect());
@@ -47,7 +47,7 @@ fn rows_chosen_before_they_are_poses_are_those_chosen_after_to_the_bit() {
     let (says, sample) = looked.chosen.expect("a choice");
     assert_eq!((says, looked.rows, looked.moves), (notes.remove(0), measured, true));
     assert!(looked.campaign.poses.len() < 12_000, "{}", looked.campaign.poses.len());
-    // NaN equals nothing, itself included, so both are compared as text.
+    // NaN does not equal itself, so both are compared as text.
     assert_eq!(format!("{:?}", looked.campaign), format!("{whole:?}"));
     assert_eq!(format!("{:?}", sample.poses), format!("{spread:?}"));
 }
