@@ -23,7 +23,7 @@ use crate::simulate;
 use physics::{AnyEffect, Model};
 use recording::series::Channel;
 
-/// Largest number of measurements of an experiment that are simulated.
+/// Largest number of poses of an experiment whose measurements are simulated.
 const READINGS: usize = 250;
 /// Number of alternatives that are considered, those with the smallest loss in log-likelihood first.
 const RIVALS: usize = 3;

@@ -40,7 +40,8 @@ pub(super) fn is_ambiguous(one: &Selected, fit: &Fit) -> bool {
     one.rivals.iter().zip(shares).any(alike)
 }
 
-/// Whether an alternative describes the same error in this recording, so that docs/reference/effects.md decides which of the two is reported.
+/// Whether an alternative describes the same error in this recording (another form of the same law, displacement of a parallel axis, growth in the
+/// same direction), so that docs/reference/effects.md decides which of the two is reported.
 fn is_same(own: &AnyEffect, rival: &Rival) -> bool {
     if of_one_law(own, &rival.effect) {
         return rival.behind.abs() < word(own);

@@ -1,4 +1,5 @@
-//! The AR noise model of each instrument, estimated from the residual of a flexible regression on the poses, so that a missing effect is not mistaken for noise.
+//! The AR noise model of each instrument, estimated from the residual of a flexible regression on the poses, so that a missing effect is not mistaken
+//! for noise.
 //!
 //! Each measured scalar is first fitted by smooth functions of positions, directions, speeds, loads, temperature and time; the autoregression is
 //! estimated from the residual. Slow drifts, deflection and backlash are therefore not attributed to noise, nor are residuals far above a stated

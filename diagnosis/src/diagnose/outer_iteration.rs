@@ -1,9 +1,9 @@
 //! Alternates between selection and nonlinear fit until the selected effects no longer change.
 //!
-//! A selection uses the linearised rows; its criterion is computed from the fit that follows. Where effects interact (a mass and a compliance, a nonlinear law on
-//! top of a compliance) the two differ, and accepting each selection that only looks better could cycle.
+//! A selection uses the linearised rows; its criterion is computed from the nonlinear fit that follows. If effects interact (a mass and a compliance,
+//! a nonlinear effect on top of a compliance), the two differ, and accepting every selection that appears better could cycle.
 //!
-//! The best fit is kept, by the information criterion, with the noise level estimated where it is not stated. Uses training rows only.
+//! The fit with the best information criterion is kept, with the noise level estimated if it is not stated. Uses training rows only.
 
 use super::gram::Entry;
 use super::selection::{Search, Selected, Selection, titles};

@@ -233,7 +233,8 @@ impl Search<'_> {
             Some(effect) => (effect, Some(hypothesis.revise(effect))),
             None => (put(hypothesis, &entry.candidate, entry.kept, found)?, None),
         };
-        // Of two dependent columns the later one is dropped, and parameters with a stated uncertainty are always fitted: selected effects come first.
+        // Selected effects come first: of two dependent columns the later one is dropped, but parameters with a stated uncertainty are fitted in any
+        // case.
         hypothesis.free.sort_by_key(|free| free.belief == Belief::Stated);
         Some(joined)
     }

@@ -1,7 +1,7 @@
 //! Multistart for the stepwise selection, which ends in a local optimum: the best result of several starts is used.
 //!
-//! An arm with a single missing effect is found from the empty selection; a real arm, with small errors of every axis, from a selection of the complete
-//! geometry: from the empty one, the first effect would be the one that mimics most of these errors.
+//! An arm with a single missing effect is identified from the empty selection; a real arm, with small errors of every axis, from a selection of the
+//! complete geometry: from the empty selection, the first effect would be the one that mimics most of these errors.
 //!
 //! Results are compared by the criterion of the steps; among equal results the earlier start is used.
 

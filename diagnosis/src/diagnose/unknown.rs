@@ -31,7 +31,7 @@ const FAR: f64 = 12.0;
 const CLEARLY: f64 = 0.02;
 /// The same before the selection is complete, for selections of at least [`PATCHES`] effects.
 const FAR_AHEAD: f64 = 0.1;
-/// Number of effects from which a selection may be a patchwork that imitates an error which is none of them.
+/// Least number of selected effects that together may imitate an error of another kind.
 pub(super) const PATCHES: usize = 4;
 /// Share of the total gain below which a selected effect is a minor one.
 const CARRIES: f64 = 0.1;
@@ -112,8 +112,8 @@ fn borne_out_by(fitted: &Fitted<'_>, words: &[Word], kept: &[bool], law: Law) ->
 }
 
 /// A smooth function that improves the criterion more than all selected effects do, or more than the minor ones do beside the others. In the first
-/// case the major effects alone must not be better either. Returns the remaining selection with the function: the effects that it replaces were a
-/// patchwork.
+/// case the major effects alone must not be better either. Returns the remaining selection with the function: the effects that it replaces only
+/// imitated it together.
 pub(super) fn instead_of_names(
     search: &Search<'_>,
     selection: &Selection,

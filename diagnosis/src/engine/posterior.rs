@@ -1,7 +1,7 @@
 //! Posterior probabilities of competing hypotheses from their log-likelihoods and penalties.
 //!
-//! `p_i = exp(−Δ_i) / Σ_k exp(−Δ_k)`, Δ the loss in penalised log-likelihood compared with the selected hypothesis. With the penalty of the Bayesian information criterion
-//! these are approximate posterior probabilities under equal priors (Kass and Raftery 1995, section 4).
+//! `p_i = exp(−Δ_i) / Σ_k exp(−Δ_k)`, Δ the loss in penalised log-likelihood compared with the selected hypothesis. With the penalty of the Bayesian
+//! information criterion these are approximate posterior probabilities under equal priors (Kass and Raftery 1995, section 4).
 //!
 //! Invariant: they add up to 1.
 

@@ -34,11 +34,13 @@ impl Verdict {
 pub(crate) struct VerdictSettings {
     /// Share of the energy above the noise on the test set that findings must explain; below it there is unknown structure. No unit, 0 to 1.
     pub(crate) explained_least: f64,
-    /// Largest share of the total gain in log-likelihood that ambiguous findings may have; no unit, 0 to 1. Default 0.5: unambiguous findings explain at least half.
+    /// Largest share of the total gain in log-likelihood that ambiguous findings may have; no unit, 0 to 1. Default 0.5: unambiguous findings explain
+    /// at least half.
     pub(crate) ambiguous_most: f64,
     /// An unambiguous finding with this gain in log-likelihood is claimed however much the ambiguous ones explain; above 0. Default 20: odds of 5e8.
     pub(crate) sure_gain: f64,
-    /// Posterior probability from which a finding is claimed; no unit, 0 to 1. Default 0.5: more probable than all alternatives together (docs/diagnosis.md).
+    /// Posterior probability from which a finding is claimed; no unit, 0 to 1. Default 0.5: more probable than all alternatives together
+    /// (docs/diagnosis.md).
     pub(crate) claimed_least: f64,
 }
 
