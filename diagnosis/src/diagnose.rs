@@ -164,7 +164,7 @@ pub struct Diagnosis {
     pub split: Split,
 }
 
-/// Diagnoses `model` by `campaign`.
+/// Diagnoses `model` from the measurements of `campaign`.
 ///
 /// - `sigma`: standard uncertainties that the model states of its effects' parameters, SI, one list per effect.
 /// - `held_out`: test poses that the recordings reserve; `None`: chosen in blocks by `seed`.
@@ -359,7 +359,7 @@ impl Diagnosis {
             return self.early.clone();
         }
         let (far, rows) = far(&self.fit, &self.campaign);
-        // Rows that a single smooth function explains are not outliers of a mixed recording.
+        // Rows that a single smooth function explains are not inconsistent with the others.
         let [without, with] = self.unexplained.as_ref().map_or([0.0; 2], |rest| rest.heldout);
         let follows = self.findings.is_empty() && with < FOLLOWS * without;
         (far as f64 > FAR_MOST * rows as f64 && !follows).then(|| {

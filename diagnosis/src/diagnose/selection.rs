@@ -43,7 +43,7 @@ pub struct Rival {
     pub(super) candidate: Candidate,
     /// Estimated values of the candidate's linear parameters, SI.
     pub(super) found: Vec<f64>,
-    /// Stems of parameters that a fit of it holds fixed.
+    /// Parameters that a fit of it holds fixed, by stem (name in files, without the suffix of the unit).
     pub(super) kept: &'static [&'static str],
 }
 
@@ -55,7 +55,7 @@ pub(super) struct Selected {
     pub(super) effect: usize,
     /// For a correction of an effect that the model states: the priors of its parameters before the correction.
     pub(super) stated: Option<Vec<Free>>,
-    /// Stems of parameters that are held fixed in every fit.
+    /// Parameters that are held fixed in every fit, by stem (name in files, without the suffix of the unit).
     pub(super) kept: &'static [&'static str],
     /// Part of the penalty that is waived, in the sum of squares; as in [`Entry`].
     pub(super) spared: f64,

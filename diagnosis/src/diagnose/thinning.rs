@@ -78,7 +78,7 @@ pub(super) fn choose(rows: &Rows<'_>) -> Option<Stepwise> {
     Some(Stepwise { kept, read, says })
 }
 
-/// All rows except those of paths that are neither measured nor next to a reversal.
+/// All rows except those of paths that are neither in `read` nor next to a reversal.
 fn with_turns(rows: &Rows<'_>, read: &[bool]) -> Vec<bool> {
     let mut kept = vec![true; read.len()];
     for path in &*rows.paths {

@@ -27,7 +27,7 @@ impl Sign {
 /// How the coefficients of the columns are converted to the parameters of the effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Form {
-    /// Each coefficient is a parameter, in this order of stems.
+    /// Each coefficient is a parameter of the effect; their stems, in the order of the columns.
     Plain(&'static [&'static str]),
     /// The coefficient is half the height of a hysteresis loop.
     Loop,

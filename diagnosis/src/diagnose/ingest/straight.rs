@@ -21,7 +21,7 @@ pub(super) struct Followed {
 }
 
 impl Followed {
-    /// Regressors of `channel` at the joint positions `q` of `rows` rows; `None` if it is a linear function of none.
+    /// Regressors of `channel` at the joint positions `q` of `rows` rows; `None` for other kinds of channels.
     pub(super) fn of(arm: &Arm, channel: Channel, q: &Positions, rows: usize) -> Option<Self> {
         let tool = |row| Chain::nominal(arm, &q.at(row)).base_from_tool;
         let (width, mut all) = match channel {
