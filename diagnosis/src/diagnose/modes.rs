@@ -27,7 +27,7 @@ const HIGHEST: f64 = 0.45;
 const PERIODS: f64 = 10.0;
 /// Gain in the sum of squares below which the grid is not refined.
 const WORTH_A_LOOK: f64 = 15.0;
-/// Standard deviations of the priors of participation (no unit) and dynamic compliance.
+/// Standard deviations of the priors of participation (no unit) and dynamic compliance, rad/(N m) or m/N.
 const SIGMA: [f64; 2] = [3.0, 2e-3];
 /// Change of a load that excites no mode, N m or N.
 const STILL: f64 = 1e-6;
