@@ -17,31 +17,31 @@ const SPRINGS: usize = 16;
 /// A law with one linear parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Law {
-    /// `sign(v)`.
+    /// Sign of the velocity, `sign(v)`: dry friction.
     Direction,
-    /// `v`.
+    /// Velocity `v`: viscous friction.
     Speed,
-    /// `exp(−(v/v_s)²) sign(v)`.
+    /// Stribeck friction, `exp(−(v/v_s)²) sign(v)`.
     Stribeck { speed: f64 },
-    /// 1.
+    /// Constant 1.
     One,
-    /// `|v|`.
+    /// Absolute velocity `|v|`.
     AbsoluteSpeed,
-    /// `v (1 − exp(−k (T − 20 °C)))/k`.
+    /// Decrease of viscous friction with temperature, `v (1 − exp(−k (T − 20 °C)))/k`; `k` in 1/K.
     Warmth { per_kelvin: f64 },
-    /// `v (T − 20 °C) exp(−k (T − 20 °C))`: what friction loses as `k` grows.
+    /// Minus the derivative of `v exp(−k (T − 20 °C))` with respect to `k`: `v (T − 20 °C) exp(−k (T − 20 °C))`.
     Warmer { per_kelvin: f64 },
-    /// `v exp(−k (T − 20 °C))`: what warmth leaves of friction.
+    /// Viscous friction at temperature `T`, `v exp(−k (T − 20 °C))`.
     Warm { per_kelvin: f64 },
-    /// `a`.
+    /// Acceleration `a`: inertia.
     Acceleration,
-    /// `cos q`.
+    /// `cos q`: gravity.
     Cosine,
-    /// `sin q`.
+    /// `sin q`: gravity.
     Sine,
-    /// `q`.
+    /// Position `q`: spring.
     Position,
-    /// `(q − q0)³`.
+    /// Cube of the deflection from the rest position, `(q − q0)³`: spring hardening.
     Cube { rest: f64 },
     /// Dahl friction of unit height, with this reversal distance, rad or m.
     Memory { distance: f64 },

@@ -71,7 +71,7 @@ pub(super) struct Run {
     pub(super) rows: Vec<usize>,
 }
 
-/// All runs, and how they were made.
+/// All runs of the recordings, with the frequency bands used.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
     pub(super) runs: Vec<Run>,

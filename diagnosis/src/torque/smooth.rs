@@ -1,10 +1,11 @@
 //! Unmodelled structure in torques: a torque, dry friction or drag whose size varies smoothly with a covariate.
 //!
-//! Each function is a series of Chebyshev polynomials of one or two covariates times what it scales (a varying-coefficient model: Hastie and Tibshirani 1993). It is
-//! tried beside the selected effects and in place of those of its joint, with the AR noise model estimated again once the function is subtracted: slow
-//! structure would otherwise be taken for slow noise. It also shows whether the size of a selected effect varies with speed or position: then it is not that effect.
+//! Each law is a torque, a sign of the velocity or a velocity, multiplied by a series of Chebyshev polynomials in one or two covariates (a
+//! varying-coefficient model: Hastie and Tibshirani 1993). It is fitted beside the selected effects, and in place of those of its joint, with the AR
+//! noise model estimated again from the residual of the law: slowly varying structure would otherwise be taken for autocorrelated noise. The
+//! comparison also shows whether the size of a selected effect varies with its covariates, in which case the effect is refuted.
 //!
-//! The criterion includes penalties for parameters and for the number of functions tried; a function is reported only if it raises the likelihood of the test set.
+//! The criterion includes penalties for parameters and for the number of laws tried; a law is reported only if it raises the likelihood of the test set.
 
 use std::cell::RefCell;
 
