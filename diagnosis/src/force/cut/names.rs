@@ -15,7 +15,7 @@ use super::law::{BIAS, CHIP, EDGE, HUM, LEAK, NUMBERS, RING, RUNOUT, SCALE, Slot
 pub(super) const TONE: &str = "";
 /// Largest relative scale or cross-talk error of a sensor, and largest rotation, rad.
 pub(super) const BEYOND: f64 = 0.5;
-/// Largest number of segments for which the curvature of the drift is included in the noise estimation.
+/// Largest number of segments for which an amplifier drift is fitted per segment.
 const DRIFTING: usize = 16;
 /// Prior standard deviation of the relative error of the recorded spindle speed.
 const SPEED_OFF: f64 = 1e-3;
@@ -127,7 +127,7 @@ fn anyway(case: &Case, directions: &mut Vec<Vec<(usize, f64)>>, prior: &mut Vec<
     let [phases, speed, drifts, bends] = case.anyway_at();
     let mut spindle: Vec<usize> = (phases..speed).map(|at| put(at, 0.0)).collect();
     spindle.push(put(speed, 1.0 / (SPEED_OFF * SPEED_OFF)));
-    // Beyond this number of segments, the curvature columns cost more computing time than they gain.
+    // With more segments, the number of drift columns would outweigh their benefit.
     let last = if speed - phases <= DRIFTING { bends } else { drifts };
     let drift = (drifts..last).map(|at| put(at, 0.0)).collect();
     // Columns of curvature are used in the estimation of the noise only, so that a curved drift is not taken for autocorrelation.
