@@ -46,7 +46,7 @@ pub struct JointProof {
     pub after: f64,
     /// RMS residual on test rows with all findings, excluding the low-speed zones.
     pub after_outside: f64,
-    /// Noise: RMS innovation of the fit of all candidates to the training rows.
+    /// Noise: RMS residual of the fit of all candidates to the training rows, corrected for the degrees of freedom.
     pub noise: f64,
 }
 
