@@ -30,12 +30,12 @@ const ROUNDS: usize = 4;
 /// A smaller gain in log-likelihood ends the iteration.
 const STANDS: f64 = 0.05;
 
-/// A column whose squared remainder after projection is a smaller share adds nothing. Small, because a parameter with a prior retains little of its
-/// column: the ratio of its uncertainty to the noise.
+/// A column whose squared norm, after projecting out the other columns, is a smaller share of its own adds nothing. Far below the usual threshold,
+/// because a candidate's column retains little beside the nuisance column of the same parameter with a wide prior.
 const BRINGS: f64 = 1e-8;
 /// Prior standard deviation of an amplifier's drift over a segment, as a multiple of the noise.
 pub(super) const DRIFTS: f64 = 0.15;
-/// The stated noise is used if the residual is at most this many times as large.
+/// The stated noise is limited to the range from the residual divided by this factor to the residual.
 const HOLDS: f64 = 2.0;
 
 /// Current parameter estimates.
