@@ -1,12 +1,13 @@
-//! Analysis of a force recording without a model of the cut: phases (air, entry, cut, exit), sensor bias in air, spectral lines of the
-//! cut and chatter.
+//! Analysis of recorded cutting forces (or accelerations, if no force was recorded).
 //!
-//! Read in this order: `signal` (runs without holes, blocks of time), `phases` (air, entry, cut, exit), `lines` (lines of the cut compared with those of the air),
-//! `cut` (comparison with the model of a stated cut).
-//! Accelerations are used if no force was recorded.
+//! Without a stated cut: phases (air, entry, cut, exit), sensor bias in air, spectral lines of the cut and chatter. With a stated cut: comparison
+//! with the predicted cutting forces and identification of effects of cutter and sensor. Forces in N, accelerations in m/s², frequencies in Hz.
 //!
-//! Promises: the same input gives the same bits; a line that is also in air, or at a multiple of the spindle speed, is never called chatter; without
-//! air there is no statement on the sensor. Never: a file, a name of a data set.
+//! Reading order: `signal` (runs without gaps), `phases` (air, entry, cut, exit), `lines` (spectral lines of the cut compared with those of the air),
+//! `cut` (comparison with the stated cut).
+//!
+//! Invariants: the same input gives the same bits; a line that is also in air, or at a harmonic of the spindle speed, is never reported as chatter;
+//! without air no sensor bias is reported.
 
 mod cut;
 mod lines;
@@ -26,102 +27,102 @@ pub use cut::{Compared, Rest, Silence, Traced};
 pub use lines::{Cause, Tone};
 pub use phases::{Phase, State};
 
-/// Why nothing can be said.
+/// Why an analysis is impossible.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Doubt {
-    /// No channel with samples.
+    /// No channel contains samples.
     #[error(
         "no force or acceleration has samples in it: record fx_N, fy_N, fz_N, or name them in a mapping"
     )]
     Empty,
-    /// Every channel always reads the same.
+    /// Every channel is constant.
     #[error(
         "every channel reads the same in every row: nothing was connected, or the sensor is overloaded"
     )]
     Constant,
-    /// An amplifier or a converter at its end.
+    /// An amplifier or A/D converter is saturated.
     #[error(
         "{channel} stands at {limit} N (m/s²) in {percent:.1} % of its rows: the amplifier is at its limit there, so no force is known; record with a larger range"
     )]
     Overloaded {
-        /// Its name.
+        /// Name of the channel.
         channel: String,
-        /// Where it stands.
+        /// Value at which it saturates, N or m/s².
         limit: f64,
-        /// In how much of its rows.
+        /// Share of the saturated rows, percent.
         percent: f64,
     },
-    /// Too little.
+    /// The recording is too short.
     #[error(
         "the longest run without a hole is {rows} rows, expected at least {least}: record more"
     )]
     Short {
-        /// Found.
+        /// Rows of the longest run without gaps.
         rows: usize,
-        /// Needed.
+        /// Rows that are required.
         least: usize,
     },
 }
 
-/// Something that the recording shows.
+/// An effect found without a stated cut.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Finding {
-    /// The sensor reads this in air, N; standard uncertainties.
+    /// Sensor bias: mean force in air, N.
     Bias {
-        /// x, y, z; 0 where a channel is not there.
+        /// Components x, y, z; 0 for a channel that was not recorded.
         force: [f64; 3],
-        /// Of each.
+        /// Standard uncertainty of each component.
         sigma: [f64; 3],
-        /// Held-out blocks of air: root mean square with the reading, and without it.
+        /// RMS force in held-out blocks of air, without and with the bias subtracted.
         heldout: [f64; 2],
     },
-    /// A line of the cut that nothing forces.
+    /// A spectral line of the cut that is not forced: chatter.
     Chatter {
-        /// The line.
+        /// The spectral line.
         tone: Tone,
-        /// Half of the width of a bin, Hz.
+        /// Half the width of a frequency bin, Hz.
         resolution_hz: f64,
-        /// Whether the spindle's speed is known, so that its multiples are ruled out.
+        /// Whether the spindle speed is known, so that its harmonics are excluded as causes.
         is_alone: bool,
     },
 }
 
-/// All that was found.
+/// Result of the analysis.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
-    /// The verdict.
+    /// Verdict.
     pub verdict: Verdict,
-    /// Most important first.
+    /// Findings without a stated cut, most important first; empty if the forces were compared with a stated cut.
     pub findings: Vec<Finding>,
-    /// In time order; without holes within a run.
+    /// Phases in time order, contiguous within a run.
     pub phases: Vec<Phase>,
-    /// Lines of the cut, strongest first.
+    /// Spectral lines of the cut, strongest first.
     pub tones: Vec<Tone>,
-    /// Whether forces were recorded; else accelerations.
+    /// Whether forces were recorded; otherwise accelerations.
     pub is_force: bool,
-    /// Names of the channels that were looked at.
+    /// Names of the analysed channels.
     pub channels: Vec<String>,
-    /// Rows that were looked at.
+    /// Number of analysed rows.
     pub rows: usize,
-    /// Root mean square of single values.
+    /// RMS of single values, N or m/s².
     pub signal: f64,
-    /// Scatter of single values in air (of all rows without air).
+    /// Standard deviation of single values in air (over all rows if there is no air), N or m/s².
     pub noise: f64,
-    /// The middle spindle speed in the cut, Hz, where it is known.
+    /// Median spindle frequency in the cut, Hz, if known.
     pub spindle_hz: Option<f64>,
-    /// Of a turned cut that the recording tells of: force along the cutting speed per area of chip, N/m².
+    /// For a stated turning cut: force along the cutting velocity per chip area, N/m².
     pub specific_force_pa: Option<f64>,
-    /// What was done with the data, in words.
+    /// Notes on the processing of the data, as text.
     pub notes: Vec<String>,
-    /// What could not have shown: effect and why.
+    /// Effects that this recording cannot show, with the reason.
     pub not_tested: Vec<(&'static str, &'static str)>,
-    /// Forces held against the told cut; else why not.
+    /// Comparison with the stated cut, or why there is none.
     pub compared: Result<Compared, Silence>,
-    /// Level over time for a page: s, level.
+    /// Level over time for the HTML page: time in s, level in N or m/s².
     pub level: Vec<(f64, f64)>,
 }
 
-/// Names that need a told cut.
+/// Effects that only a comparison with a stated cut can show.
 const OF_CUT: [&str; 7] = [
     "edge_force",
     "cutting_force",
@@ -141,10 +142,11 @@ pub fn has_force(recording: &Recording) -> bool {
             .any(|channel| matches!(channel, Channel::Wrench(_) | Channel::Acceleration(_)))
 }
 
-/// Reads what forces say by themselves, and beside a told cut; `sigma`: standard uncertainties of the values of each of the model's effects, SI, in their order.
+/// Analyses forces without and, if a cut is stated, with a model of the cut. `sigma`: standard uncertainties of the values of each of the model's
+/// effects, SI units, in their order.
 ///
 /// # Errors
-/// Recordings that say nothing.
+/// [`Doubt`] if the signals are empty, constant, saturated or too short.
 pub fn diagnose(
     model: &Model,
     sigma: &[Vec<f64>],
@@ -187,7 +189,7 @@ pub fn diagnose(
         }
         Err(silence) => {
             not_tested.extend(OF_CUT.map(|kind| (kind, silence.why())));
-            // Whoever tells of a cut that the forces cannot be held against is told of nothing else.
+            // If the forces contradict the stated cut, findings from the same recording are not reliable.
             if silence.is_grave() {
                 findings.clear();
                 notes.push(format!("not compared with the stated cut: {}", silence.why()));
@@ -215,7 +217,7 @@ pub fn diagnose(
     })
 }
 
-/// What forces say that are held against nothing.
+/// Verdict without a comparison with a stated cut.
 fn alone(findings: &[Finding]) -> Verdict {
     let doubtful = |one: &Finding| matches!(one, Finding::Chatter { is_alone: false, .. });
     match findings {
@@ -225,7 +227,7 @@ fn alone(findings: &[Finding]) -> Verdict {
     }
 }
 
-/// Of turning, force across the feed and the axis over depth times feed per turn, the reading in air taken off.
+/// Specific cutting force of turning: force along the cutting velocity, less that in air, over depth of cut times feed per revolution, N/m².
 fn specific_force(
     signal: &Signal,
     phases: &[Phase],

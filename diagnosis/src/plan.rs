@@ -1,14 +1,14 @@
-//! Selection of measuring poses, and the contribution of each.
+//! Optimal experimental design of measuring poses for the identification of a robot model, and the contribution of each pose.
 //!
-//! Read in this order: [`Task`] (parameters, instruments, constraints), [`setup`] and [`starting_point`] (a task from a description and from recordings), [`plan()`] (poses chosen for a [`Criterion`]),
-//! [`next()`] (one pose, and whether it is enough), [`check`] (whether a model still holds after a collision).
+//! Reading order: [`Task`] (parameters, instruments, constraints), [`setup`] and [`starting_point`] (a task from a description and from recordings),
+//! [`plan()`] (poses for a [`Criterion`]), [`next()`] (one pose, and a stopping rule), [`check`] (test of a model after a collision).
 //!
-//! Based on the information matrix `M = Σ AᵀA + prior`, `A` the whitened derivatives of a pose's readings by every fitted
-//! parameter, scaled by its prior: unknown measuring frame and targets are included, so that directions confounded with them
-//! do not count. Sources: Borm and Menq 1991 (O1), Fedorov 1972 (exchange), Klimchik et al. 2012, arXiv 1211.5739 (a zone's own error).
+//! Based on the information matrix `M = Σ AᵀA + prior`, with `A` the whitened derivatives of a pose's readings with respect to every fitted
+//! parameter, scaled by its prior. The unknown measuring frame and targets are included, so that directions confounded with them do not count.
+//! Sources: Borm and Menq 1991 (O1), Fedorov 1972 (exchange), Klimchik et al. 2012, arXiv 1211.5739 (test-pose error). SI units.
 //!
-//! Promises: the same task and seed give the same poses; every pose is inside the limits, seen, and free of what was described ([`reach`], [`sight`]).
-//! Never: a collision-free motion between poses, or effects missing in the hypothesis.
+//! Invariants: the same task and seed give the same poses; every pose is within the limits, visible, and free of the described obstacles ([`reach`],
+//! [`sight`]). Motions between poses are not checked for collisions, and effects missing in the hypothesis are not considered.
 
 mod bank;
 pub mod check;
@@ -41,75 +41,75 @@ use physics::Joints;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// Poses near each chosen one that are tried in its place.
+/// Number of random neighbours tried for each selected pose.
 const NEAR: usize = 6;
-/// How far from it, rad or m.
+/// Largest joint displacement of a neighbour, rad or m.
 const NEAR_BY: f64 = 0.12;
 
-/// What was measured already, and the fit of it.
+/// Existing measurements and their fit.
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'a> {
     /// The measurements.
     pub campaign: &'a Campaign,
-    /// Their fit; its hypothesis and surroundings are those of the [`Task`].
+    /// Their fit; its hypothesis and extrinsic parameters are those of the [`Task`].
     pub fit: &'a Fit,
 }
 
-/// How a plan is made.
+/// Settings of a plan.
 #[derive(Clone, Copy, Debug)]
 pub struct Wish {
-    /// How many poses.
+    /// Number of poses.
     pub count: usize,
-    /// Best for what.
+    /// Criterion of optimality.
     pub criterion: Criterion,
-    /// Poses that are drawn to choose from.
+    /// Number of random candidate poses.
     pub candidates: usize,
-    /// Seed of all chance.
+    /// Seed of the random generator.
     pub seed: u64,
 }
 
-/// A chosen set of poses.
+/// A selected set of poses.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// The poses, in an order that keeps moves short, with what each brings.
+    /// The poses in an order with short moves, each with its contribution.
     pub poses: Vec<Added>,
-    /// Every number that the poses tell, without and with all of them.
+    /// Standard uncertainty of every parameter, without and with all poses.
     pub numbers: Vec<Falls>,
-    /// What the poses together do not determine, as sentences.
+    /// Parameters that the poses together do not determine, as sentences.
     pub undetermined: Vec<String>,
-    /// Poses that could be chosen from.
+    /// Number of candidate poses.
     pub candidates: usize,
 }
 
 /// Why there is no plan.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoPlan {
-    /// Nothing passes the constraints.
+    /// Too few poses satisfy the constraints.
     #[error(
         "of {drawn} poses drawn {free} are free of base, floor and boxes, and {seen} of these are seen: {wanted} are needed; \
          move the instrument, or relax what bars a pose"
     )]
     Barred {
-        /// Drawn.
+        /// Number of random poses.
         drawn: usize,
-        /// Let through by [`reach::Reach`].
+        /// Number accepted by [`reach::Reach`].
         free: usize,
-        /// Seen besides.
+        /// Number of these that are visible too.
         seen: usize,
-        /// Needed.
+        /// Number required.
         wanted: usize,
     },
-    /// What is measured tells nothing of what is to be found.
+    /// The measurements do not depend on any parameter.
     #[error(
         "no pose determines any parameter of the model: what is measured does not depend on them"
     )]
     Nothing,
 }
 
-/// Chooses poses for `task` that complement what is `known`.
+/// Selects poses for `task` that complement the measurements in `known`.
 ///
 /// # Errors
-/// Where fewer poses than wanted pass the constraints, or none tells anything.
+/// [`NoPlan`] if fewer poses than required satisfy the constraints, or none determines a parameter.
 pub fn plan(task: &Task, known: Option<Known<'_>>, wish: &Wish) -> Result<Plan, NoPlan> {
     let mut rng = ChaCha8Rng::seed_from_u64(wish.seed);
     let drawn = task.draw(&mut rng, wish.candidates, wish.count)?;
@@ -135,7 +135,7 @@ pub fn plan(task: &Task, known: Option<Known<'_>>, wish: &Wish) -> Result<Plan, 
     })
 }
 
-/// The best of the candidates, and of poses near them.
+/// The best of the candidates, improved by exchanges with neighbours of the selected poses.
 fn best(task: &Task, bank: &mut Bank, wish: &Wish, rng: &mut ChaCha8Rng) -> Vec<usize> {
     let design = Design::of(bank, wish.criterion);
     let mut picks = choose(&|picks| design.worths(picks), wish.count);

@@ -1,10 +1,16 @@
-//! Diagnosis of recorded torques.
+//! Identifies physical effects in recorded drive torques: friction, inertia, gravity, springs, ripple, hysteresis, load friction, drive gain, delay,
+//! payload.
 //!
-//! Read in this order: `motion` (torque and motion in one band), `rigid` (rigid-body torques), `columns` and `library` (candidates), `case`
-//! (rows and sums), `crate::engine` (selected effects), `refine`, `zone`, `prove`, `unknown`, `found`, `finish`.
+//! Method: torque and motion are filtered into one frequency band, the torque that the model predicts is subtracted, and the residual is regressed on
+//! a dictionary of candidate effects (linear in their parameters, except a few searched ones) by stepwise selection with an information criterion and
+//! an AR noise model. Selected effects are confirmed on a validation set and tested on a test set. Inputs: a model and recordings. Outputs:
+//! [`Diagnosis`], in SI units, joints from 0.
 //!
-//! Promises: the same input gives the same bits; held-out rows are seen by no selection and no fit. Never: a file, special treatment of a data set, the controller's
-//! tracking error as a covariate.
+//! Reading order: `motion` (torque and motion in one band), `rigid` (rigid-body torques), `columns` and `library` (candidates), `case` (rows and
+//! normal equations), `crate::engine` (selection), `refine` (nonlinear parameters), `zone`, `prove`, `unknown`, `found`, `finish`.
+//!
+//! Invariants: the same input and seed give the same bits; no selection and no fit uses test rows; the controller's tracking error is not a
+//! covariate.
 
 mod case;
 mod columns;
@@ -49,43 +55,47 @@ pub use unknown::Law;
 pub use view::Trace;
 pub use zone::Zone;
 
-/// A name that brings less than this share of what is left, on rows that took no part in its selection, tells nothing.
+/// Smallest relative increase of the residual on the validation set, when an effect is removed, for which the effect is kept.
 const TELLS: f64 = 1e-3;
-/// Rows that took no part in its selection bear a name out where it makes them likelier by so much, in log-likelihood, its numbers as unsure as they are without these.
+/// An effect that raises the predictive log-likelihood of the validation set (given the fit of the training set, with its parameter covariance) by at
+/// least this much is kept.
 const BEARS: f64 = 1.0;
-/// Stated masses, which carry no uncertainty, are doubted only where that explains so much more, in log-likelihood.
+/// Penalty, in log-likelihood, for fitting the stated masses too, although the model states no uncertainty for them.
 const DOUBTED: f64 = 20.0;
-/// Where names leave so many times as much within a zone as those that rows from there had a say in, a law was lost with these rows.
+/// A zone is dropped if its residual, with the effects selected without its rows, exceeds this multiple of the zone's earlier residual: the exclusion
+/// has then removed the evidence for a known effect.
 const LOST: f64 = 4.0;
-/// Rounds in which ripples are listened for.
+/// Repetitions of the selection for which new ripple frequencies are searched.
 const RIPPLE_ROUNDS: usize = 2;
 
-/// Why nothing can be said.
+/// Why a diagnosis is impossible.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Doubt {
-    /// Too few rows.
+    /// Too few rows remain after filtering.
     #[error(
         "{rows} rows of torque and motion without gaps are left, expected at least {least}: record more, or longer stretches"
     )]
     FewRows {
-        /// Found.
+        /// Rows that remain.
         rows: usize,
-        /// Needed.
+        /// Rows that are required.
         least: usize,
     },
-    /// Nothing moves.
+    /// No joint with recorded torque moves.
     #[error("no joint whose torque was recorded moves: move the arm")]
     Still,
 }
 
-/// Rows of one joint from which on anything can be said.
+/// Minimum number of rows for a diagnosis, and of moving rows for a joint to be diagnosed.
 const ROWS_LEAST: usize = 200;
 
-/// Diagnoses the torque of the arm of `stated`; `band_hz`: of the low-pass, none for the usual one. Recordings that are given away are dropped as soon as
-/// what is looked at is taken from them.
+/// Diagnoses the drive torques of the arm of `stated` from `recordings`.
+///
+/// `band_hz`: edge of the low-pass filter, Hz; `None` selects it from the sampling rate. `seed` determines the split of the data. Owned recordings
+/// are dropped as soon as the motion has been extracted, to save memory.
 ///
 /// # Errors
-/// Recordings that say nothing of torque.
+/// [`Doubt`] if too few rows of torque and motion remain, or no joint with recorded torque moves.
 pub fn diagnose<'r>(
     stated: &Stated<'_>,
     recordings: impl Into<Cow<'r, [Recording]>>,
@@ -113,7 +123,7 @@ pub fn diagnose<'r>(
         (always, selection)
     } else {
         case.estimate_noise();
-        // What such rows asked for may be nothing.
+        // Selected from scratch: effects selected because of rows in zones may be spurious.
         let zoned = named(&mut case, &[], &train);
         if reopened(&mut case, &mut zones, &zoned.1, &train) {
             case.estimate_noise();
@@ -139,7 +149,8 @@ pub fn diagnose<'r>(
     Ok(finish::finish(&case, stated, (&always, &weighed), zones))
 }
 
-/// Numbers that are searched, bent or met half-way by what others tell, by the weights that all numbers are told with.
+/// Final fit of the parameters that are not linear: searched parameters, temperature coefficients, and columns that depend on other parameters, with
+/// the row weights of the final fit.
 fn refit_nonlinear(case: &mut Case, stated: &Stated<'_>, always: &[usize], weighed: &[Weighed]) {
     let seen = case.rows.seen();
     let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
@@ -150,7 +161,7 @@ fn refit_nonlinear(case: &mut Case, stated: &Stated<'_>, always: &[usize], weigh
     refine::warm(case, &names, always, &seen, &|joint| stated.first("viscous_friction", joint));
 }
 
-/// Friction that falls with warmth needs friction: without, the name falls.
+/// Removes a temperature dependence of friction where the joint's viscous friction, stated plus found, is not positive.
 fn without_warm_friction_alone(
     case: &mut Case,
     stated: &Stated<'_>,
@@ -173,7 +184,7 @@ fn without_warm_friction_alone(
     kept
 }
 
-/// A name with what it brings and its rivals, by likelihoods that know how the noise remembers itself.
+/// A selected effect with its gain in log-likelihood and its alternatives, evaluated with the autocorrelated noise model.
 #[derive(Clone)]
 struct Weighed {
     name: usize,
@@ -182,7 +193,8 @@ struct Weighed {
     rivals: Vec<Rival>,
 }
 
-/// Names, each in the place of a likelier rival's; one whose rival is another form of a name that stands goes without.
+/// Replaces each effect by its most probable alternative if that is more probable. An effect is dropped if its replacement, or another form of it, is
+/// selected already.
 fn with_likelier_rivals(case: &Case, weighed: &[Weighed]) -> Vec<usize> {
     let families = &case.library.families;
     let mut names: Vec<usize> = Vec::new();
@@ -211,7 +223,8 @@ fn weighed(case: &Case, always: &[usize], names: &[usize]) -> Vec<Weighed> {
     names.iter().map(one).filter(pays).collect()
 }
 
-/// The names that the rows ask for, whether stated masses are believed or doubted, whichever explains more.
+/// Selects effects on the rows `used`, once with stated masses exact and once fitted within their prior; returns the always-fitted columns and the
+/// selection of the variant with the better score.
 fn named(case: &mut Case, start: &[usize], used: &[bool]) -> (Vec<usize>, Selection) {
     let exact = case.open.clone();
     let mut doubted = case.open.clone();
@@ -255,7 +268,7 @@ fn named(case: &mut Case, start: &[usize], used: &[bool]) -> (Vec<usize>, Select
     }
 }
 
-/// Sets zones of low speed apart that follow no law of the library.
+/// Finds low-speed zones that no candidate effect describes, and excludes their rows from the fit.
 fn zones(case: &mut Case, selection: &Selection, used: &[bool]) -> Vec<Zone> {
     let joints: Vec<usize> = case.table.joints().collect();
     let mut zones = Vec::new();
@@ -271,8 +284,8 @@ fn zones(case: &mut Case, selection: &Selection, used: &[bool]) -> Vec<Zone> {
     zones
 }
 
-/// Takes the rows back of zones where the names that are left without them leave much more than those did that stood with them: a law that is known
-/// holds there. Whether there was any.
+/// Includes the rows of a zone again if effects selected without them leave a much larger residual there than those selected with them: a known
+/// effect acts there. Returns whether any zone was reopened.
 fn reopened(case: &mut Case, zones: &mut Vec<Zone>, selection: &Selection, used: &[bool]) -> bool {
     let before = zones.len();
     zones.retain(|zone| {
@@ -294,8 +307,8 @@ fn reopened(case: &mut Case, zones: &mut Vec<Zone>, selection: &Selection, used:
     zones.len() < before
 }
 
-/// Drops the effects that the validation set does not support, neither as it is nor whitened; the others are then selected again, since the dropped ones may have
-/// displaced them.
+/// Drops the effects that the validation set does not support, by the residual itself and by the whitened residual; then selects again, since the
+/// dropped effects may have displaced others.
 fn confirmed(case: &Case, always: &[usize], mut selection: Selection) -> Selection {
     let products = case.products(&case.rows.train);
     let search = refine::search(case, &products, always);
@@ -309,7 +322,7 @@ fn confirmed(case: &Case, always: &[usize], mut selection: Selection) -> Selecti
     }
 }
 
-/// Removes the effects that the validation set does not support.
+/// Removes unsupported effects one by one, the least supported first; returns them, or `None` if all are supported.
 fn fallen(case: &Case, search: &Search<'_>, selection: &mut Selection) -> Option<Vec<usize>> {
     let look = &case.rows.validation;
     let left = |selection: &Selection| {

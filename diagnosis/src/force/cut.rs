@@ -1,10 +1,16 @@
-//! Forces compared with the model of a stated cut: differences, and the effects of cutter or sensor that explain them.
+//! Comparison of recorded forces with the cutting-force model of a stated cut: identifies the effects of cutter or sensor that explain the
+//! differences.
 //!
-//! Read in this order: `law` (predicted sensor reading), `rows` (which rows are compared), `ways` (entry and exit), `spindle` (angle and speed), `gross` (gross errors), `case` (linearisation, noise), `names` (candidates), `sets` (selection),
-//! `tone`, `found` (parameters and alternatives), `laws`, `rest` (unmodelled structure), `finish` (test and verdict), `view` (for the page).
+//! Method: the nonlinear tooth model of `physics` is linearised at the current parameters; effects are selected by stepwise and beam search with an
+//! information criterion and an AR noise model, refitted by Gauss-Newton iterations, confirmed on a validation set and tested on a test set. SI
+//! units.
 //!
-//! Promises: the same input gives the same bits; held-out rows are seen by no selection and no fit; if the statement of the cut is insufficient, the reason is given.
-//! Never: a file, a cutting law other than that of `physics`.
+//! Reading order: `law` (predicted sensor reading), `rows` (which rows are compared), `ways` (entry and exit), `spindle` (angle and speed), `gross`
+//! (gross errors), `case` (linearisation, noise), `names` (candidates), `sets` (selection), `tone`, `found` (parameters and alternatives), `laws`,
+//! `rest` (unmodelled structure), `finish` (test and verdict), `view` (for the page).
+//!
+//! Invariants: the same input gives the same bits; no selection and no fit uses test rows; if the statement of the cut is insufficient, the reason is
+//! given.
 
 mod case;
 mod finish;
@@ -39,47 +45,47 @@ pub use finish::Compared;
 pub use rest::Rest;
 pub use view::Traced;
 
-/// Rounds of selection, each with the law taken anew.
+/// Maximum number of selections, each with a new linearisation.
 const ROUNDS: usize = 6;
-/// Rounds in which a likelier rival takes a name's place.
+/// Maximum number of replacements of an effect by a more probable alternative.
 const SWAPS: usize = 4;
 /// Improvement in log-likelihood, beyond the penalty, from which another angle or speed of the spindle than the stated one is accepted.
 const INSISTS: f64 = 10.0;
-/// A name that brings less than this on rows that took no part in its selection, in log-likelihood, tells nothing.
+/// Minimum gain in log-likelihood on the validation set for an effect to be kept.
 const TELLS: f64 = 0.0;
-/// Rows of the cut from which on anything can be compared.
+/// Minimum number of rows in the cut for a comparison.
 const ROWS_LEAST: usize = 200;
 
-/// Why forces are not compared with the law of a cut.
+/// Why forces are not compared with a model of the cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Silence {
-    /// No cut.
+    /// No cut is stated.
     NoCut,
-    /// No coefficient.
+    /// No coefficient of the cutting forces is stated.
     NoCoefficient,
-    /// Turning, with a specific cutting force alone.
+    /// A turning cut with only the specific cutting force stated: one direction of three.
     OneDirection,
-    /// No force.
+    /// No force was recorded.
     NoForce,
-    /// No speed.
+    /// No spindle speed was recorded.
     NoSpeed,
-    /// No feed.
+    /// No feed was recorded.
     NoFeed,
-    /// Nothing is cut.
+    /// Too few rows in the cut.
     NoRows,
-    /// Channels are not where they are said to be.
+    /// Channels are swapped or inverted.
     Places,
-    /// Another size.
+    /// The forces have another magnitude than the stated cut.
     Size,
 }
 
 impl Silence {
-    /// Whether a cut was told that the recording should have been held against: then nothing else is claimed of it.
+    /// Whether a cut is stated and forces were recorded, but they cannot be compared; then nothing else is claimed of the recording.
     pub(super) fn is_grave(self) -> bool {
         !matches!(self, Self::NoCut | Self::NoCoefficient | Self::OneDirection | Self::NoForce)
     }
 
-    /// In words.
+    /// Reason as text, for users.
     #[must_use]
     pub fn why(self) -> &'static str {
         match self {
@@ -104,10 +110,10 @@ impl Silence {
     }
 }
 
-/// Compares forces with the cut that the recording tells of; `sigma`: of each value of each of the model's effects.
+/// Compares forces with the stated cut of the recording. `sigma`: standard uncertainty of each value of each of the model's effects, SI units.
 ///
 /// # Errors
-/// Why they cannot be compared.
+/// [`Silence`], the reason why they cannot be compared.
 pub(super) fn compare(
     model: &Model,
     sigma: &[Vec<f64>],
@@ -132,7 +138,8 @@ pub(super) fn compare(
     Ok(finish::finish(best.0, model, recording, &rows, &names))
 }
 
-/// Whether forces insist on a spindle that stands otherwise than is told: both are weighed on the same rows, by the same noise.
+/// Whether the forces support another spindle angle or speed than stated, after a penalty for these parameters; both variants are compared on the
+/// same rows with the same noise model.
 fn turns_otherwise(told: &(Case, Vec<usize>), other: &(Case, Vec<usize>)) -> bool {
     let mut as_told = told.0.clone();
     as_told.table.noise.clone_from(&other.0.table.noise);
@@ -149,7 +156,7 @@ fn turns_otherwise(told: &(Case, Vec<usize>), other: &(Case, Vec<usize>)) -> boo
     cost(&as_told, &told.1) - cost(&other.0, &other.1) > INSISTS + 0.5 * free * rows.ln()
 }
 
-/// The names that forces ask for where the spindle stands as is believed, or about there.
+/// Selects effects for the given spindle angle and speed, which are fitted too if `is_doubted`.
 fn answered(mut case: Case, model: &Model, rows: &Rows, is_doubted: bool) -> (Case, Vec<usize>) {
     let train = case.sets.train.clone();
     case.count(&rows.is_between);
@@ -197,14 +204,14 @@ fn answered(mut case: Case, model: &Model, rows: &Rows, is_doubted: bool) -> (Ca
     (case, names)
 }
 
-/// Whether a tone is named.
+/// Whether a spectral line is among the selected effects.
 fn rings(case: &Case, names: &[usize]) -> bool {
     names.iter().any(|name| !case.library.families[*name].settings.is_empty())
 }
 
-/// Asks for the loudest tone that these names leave, where none of them rings; whether there is one.
+/// Adds the strongest line of the residual as a candidate, unless a line is selected already; returns whether there is one.
 fn listen(case: &mut Case, names: &[usize], listened: &mut Option<Vec<usize>>) -> bool {
-    // Whatever was named or taken back since may have hidden a tone.
+    // Any effect selected or removed since the last search may have hidden a line.
     if rings(case, names) || listened.as_deref() == Some(names) {
         return false;
     }
@@ -216,7 +223,7 @@ fn listen(case: &mut Case, names: &[usize], listened: &mut Option<Vec<usize>>) -
     heard.is_some()
 }
 
-/// The names that the rows ask for, by slopes.
+/// Selects effects with the linearised model.
 fn chosen(case: &Case, start: &[usize], used: &[bool]) -> Vec<usize> {
     let products = case.products(used);
     let search = Search { library: &case.library, products: &products, always: &case.always };
@@ -229,7 +236,7 @@ fn chosen(case: &Case, start: &[usize], used: &[bool]) -> Vec<usize> {
     }
 }
 
-/// Believes names where the law itself fits best with them.
+/// Refits the selected effects by the nonlinear model and adopts their parameters.
 fn stand(case: &mut Case, names: &[usize], used: &[bool]) {
     let products = case.products(used);
     let search = Search { library: &case.library, products: &products, always: &case.always };
@@ -259,7 +266,7 @@ fn confirmed(case: &Case, mut names: Vec<usize>) -> Vec<usize> {
     }
 }
 
-/// Rows, measured forces and the law, nothing yet asked.
+/// Sets up rows, measured forces and the model of the cut, without candidates.
 fn begun(model: &Model, recording: &Recording, signal: &Signal) -> Result<(Case, Rows), Silence> {
     let cut = recording.about.cut.as_ref().ok_or(Silence::NoCut)?;
     if !signal.is_force {
@@ -269,7 +276,7 @@ fn begun(model: &Model, recording: &Recording, signal: &Signal) -> Result<(Case,
     if cut.cutting_pa.iter().chain(&cut.edge_n_per_m).all(|number| *number == 0.0) {
         return Err(Silence::NoCoefficient);
     }
-    // Who tells of turning the specific cutting force alone has told of one direction, and nothing of what rubs.
+    // A specific cutting force alone states one direction, and no edge force.
     let is_tangential = |three: &[f64; 3]| three[1] == 0.0 && three[2] == 0.0;
     if cut.turning && is_tangential(&cut.cutting_pa) && is_tangential(&cut.edge_n_per_m) {
         return Err(Silence::OneDirection);

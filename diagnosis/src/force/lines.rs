@@ -1,7 +1,7 @@
-//! Spectral lines of the cut compared with those in air, and their causes.
+//! Spectral lines of the cut, compared with those in air, and their causes.
 //!
-//! Promises: a harmonic of the spindle speed, aliased or not, is forced; a line that is also in air does not belong to the cut; other
-//! lines count as self-excited only if they carry a large part of the oscillation.
+//! Averaged spectra (Welch) of both phases. A harmonic of the spindle speed, aliased or not, is forced; a line that is also in air does not belong to
+//! the cut; other lines count as self-excited only if they carry a large share of the oscillation. Frequencies in Hz.
 
 use crate::engine::statistics::median;
 use recording::series::{Channel, Recording};
@@ -12,50 +12,50 @@ use spectrum::welch::Segments;
 use super::phases::{Phase, State};
 use super::signal::Signal;
 
-/// Length of a segment, s: lines this close are one.
+/// Length of a spectral segment, s; its inverse is the frequency resolution.
 const SEGMENT_S: f64 = 0.5;
-/// Multiples of the spindle's speed that are told.
+/// Largest harmonic of the spindle speed that is recognised.
 const MULTIPLES: u32 = 200;
-/// How far the spindle's speed is off, as a share.
+/// Relative uncertainty of the spindle speed.
 const SPEED_OFF: f64 = 3e-3;
-/// A tone is of the cut where it is so many times as large as in air.
+/// Minimum ratio of a line's amplitude in the cut to that in air for it to belong to the cut.
 const OVER_AIR: f64 = 3.0;
-/// The least share of what swings in the cut that a self-excited tone carries.
+/// Minimum share of the oscillation's energy in the cut that a self-excited line carries.
 const CARRIES: f64 = 0.15;
-/// Tones that are told, at most.
+/// Largest number of lines reported.
 const TOLD: usize = 12;
 
-/// What makes a tone.
+/// Cause of a spectral line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// A multiple of the spindle's speed.
+    /// Harmonic of the spindle speed, with its number.
     Spindle(u32),
-    /// It stands in air as well.
+    /// Present in air too.
     Air,
-    /// It stands in the cut alone, and is small.
+    /// Only in the cut, but small, or not comparable with air.
     Small,
-    /// It stands in the cut alone, forced by nothing, and carries a good part of what swings.
+    /// Only in the cut, not forced, and with a large share of the oscillation: self-excited.
     Unforced,
 }
 
-/// A tone of the cut.
+/// A spectral line of the cut.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tone {
-    /// Hz.
+    /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// Of the channel that has most of it.
+    /// Amplitude in the channel where it is largest, N or m/s².
     pub amplitude: f64,
-    /// The same in air; 0 without air.
+    /// Amplitude in air, N or m/s²; 0 without air.
     pub in_air: f64,
-    /// Its share of what swings in the cut.
+    /// Share of the oscillation's energy in the cut, 0 to 1.
     pub share: f64,
-    /// Which channel, from 0, of those that were looked at.
+    /// Index of the channel among the analysed ones.
     pub channel: usize,
-    /// What makes it.
+    /// Cause of the line.
     pub cause: Cause,
 }
 
-/// Tones, strongest first; the spindle's frequency where it is known; half a bin, Hz.
+/// Spectral lines, strongest first; the spindle frequency, Hz, if known; half the width of a frequency bin, Hz.
 pub(super) fn of(
     signal: &Signal,
     phases: &[Phase],
@@ -111,7 +111,7 @@ pub(super) fn of(
     (tones, spindle_hz, 0.5 * bin_hz)
 }
 
-/// The middle spindle speed in the cut, Hz: as recorded, or by the tacho's pulses.
+/// Median spindle frequency in the cut, Hz, as recorded or from the pulses of the tachometer.
 fn spindle(recording: &Recording, cut: &[&Phase], rate_hz: f64) -> Option<f64> {
     let of_pulses;
     let speed = match recording.column(Channel::Spindle) {
@@ -126,12 +126,12 @@ fn spindle(recording: &Recording, cut: &[&Phase], rate_hz: f64) -> Option<f64> {
     (rpm > 0.0).then_some(rpm / 60.0)
 }
 
-/// Which multiple of the spindle's speed a frequency is, as sampled.
+/// Number of the spindle harmonic that matches a frequency, aliasing included.
 fn multiple(frequency_hz: f64, spindle_hz: Option<f64>, rate_hz: f64, bin_hz: f64) -> Option<u32> {
     let spindle_hz = spindle_hz?;
     (1..=MULTIPLES).find(|k| {
         let true_hz = f64::from(*k) * spindle_hz;
-        // Where the multiples' own uncertainty fills half of the distance between them nothing can be told.
+        // Harmonics whose uncertainty reaches half their spacing match anything and are not used.
         let off = (SPEED_OFF * true_hz).max(bin_hz);
         off < 0.25 * spindle_hz.max(2.0 * bin_hz)
             && (folded_hz(true_hz, rate_hz) - frequency_hz).abs() < off

@@ -1,49 +1,48 @@
-//! Air, entry, cut and exit, detected from the signal: in the cut its mean or amplitude differs from that at rest.
+//! Detection of air, entry, cut and exit from the signal: in the cut, mean or amplitude differs from that at rest.
 //!
-//! Blocks of time have a level: distance of the mean from that of the quietest blocks, and amplitude. Two well-separated groups of levels are air
-//! and cut (Otsu 1979, on logarithms); the ends of a cut, up to where it first and last reaches most of its median level, are entry and exit.
-//!
-//! Promises: without two separate groups, no phases are reported. Never: a threshold in newtons.
+//! Each block of time has a level: the distance of its mean from that of the quietest blocks, combined with its standard deviation. Two
+//! well-separated groups of levels are air and cut (Otsu 1979, on logarithms); the ends of a cut, up to where the level first and last reaches most
+//! of its median, are entry and exit. Without two separate groups, no phases are distinguished. No threshold is in newtons.
 
 use super::Finding;
 use super::signal::Signal;
 use crate::engine::statistics::median;
 
-/// Length of a block, s, and the fewest rows that it has.
+/// Length of a block, s, and its minimum number of rows.
 const BLOCK_S: f64 = 0.02;
 const BLOCK_ROWS: usize = 16;
-/// The quietest blocks: this share of all.
+/// Share of the blocks that count as the quietest.
 const QUIET: f64 = 0.15;
-/// The middle level of a cut is at least so many times the upper level of air.
+/// Minimum ratio of the median level of the cut to the 90 % quantile of air.
 const APART: f64 = 2.0;
-/// Phases shorter than this, s, are not told apart.
+/// Shorter phases, s, are merged with their surroundings.
 const SHORT_S: f64 = 0.1;
-/// A cut has begun where its level reaches this share of its middle level.
+/// A cut begins where its level reaches this share of its median level.
 const WHOLE: f64 = 0.85;
-/// Every so many blocks of air are held out.
+/// One block of air out of this many is held out.
 const EVERY: usize = 5;
-/// Blocks of air whose level is so many times the middle one of air are not taken for the sensor's reading.
+/// Blocks of air whose level exceeds this multiple of their median are excluded from the bias.
 const STIRS: f64 = 3.0;
-/// A reading in air counts where it is so many times its own uncertainty.
+/// Minimum ratio of a bias to its standard uncertainty.
 const SURE: f64 = 4.0;
 
-/// What the tool does.
+/// State of the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// It touches nothing.
+    /// The tool is not in contact.
     Air,
-    /// It goes in.
+    /// The tool enters the workpiece.
     Entry,
-    /// It is in.
+    /// The tool is fully engaged.
     Cut,
-    /// It leaves.
+    /// The tool leaves the workpiece.
     Exit,
     /// Air and cut cannot be distinguished.
     Unknown,
 }
 
 impl State {
-    /// As files say it.
+    /// Name in result files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -56,26 +55,26 @@ impl State {
     }
 }
 
-/// A stretch of one state.
+/// A period of one state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Phase {
-    /// Of the tool.
+    /// State of the tool.
     pub state: State,
-    /// s.
+    /// Start time, s.
     pub from_s: f64,
-    /// s.
+    /// End time, s.
     pub to_s: f64,
-    /// Mean of each channel that was looked at.
+    /// Mean of each analysed channel, N or m/s².
     pub mean: Vec<f64>,
-    /// Scatter of single values of each.
+    /// Standard deviation of single values of each channel, N or m/s².
     pub scatter: Vec<f64>,
-    /// The blocks that it is made of.
+    /// Range of blocks.
     pub(super) blocks: std::ops::Range<usize>,
-    /// Its rows.
+    /// Range of rows.
     pub(super) rows: std::ops::Range<usize>,
 }
 
-/// One block of time.
+/// A block of time.
 pub(super) struct Block {
     rows: std::ops::Range<usize>,
     run: usize,
@@ -92,7 +91,7 @@ pub(super) struct Levels {
 }
 
 impl Levels {
-    /// Level over time.
+    /// Level over time, for plots: time in s, level.
     pub(super) fn plot(&self) -> Vec<(f64, f64)> {
         self.blocks.iter().map(|block| (self.t_s[block.rows.start], block.level)).collect()
     }
@@ -133,7 +132,7 @@ fn moments(samples: &[f64]) -> (f64, f64) {
     (mean, libm::sqrt(square / count))
 }
 
-/// The level between two groups, where there are two.
+/// Level that separates two groups (Otsu), if there are two.
 fn border(levels: &[f64]) -> Option<f64> {
     let mut logs: Vec<f64> = levels.iter().map(|x| x.max(1e-300).ln()).collect();
     logs.sort_by(f64::total_cmp);
@@ -154,7 +153,7 @@ fn border(levels: &[f64]) -> Option<f64> {
     if k == 0 || k >= count {
         return None;
     }
-    // What swings most in air against the middle of the cut.
+    // Compares the upper part of air with the median of the cut.
     let (air, cut) = (logs[k * 9 / 10], logs[k + (count - k) / 2]);
     (cut - air > APART.ln()).then_some((0.5 * (air + cut)).exp())
 }
@@ -168,7 +167,7 @@ pub(super) fn of(signal: &Signal, levels: &Levels) -> Vec<Phase> {
         all.iter().map(|x| if *x > border { State::Cut } else { State::Air }).collect();
     let block_s = levels.blocks.first().map_or(BLOCK_S, |b| b.rows.len() as f64 / signal.rate_hz);
     let short = (SHORT_S / block_s).ceil() as usize;
-    // What is short takes the state of what is around it: gaps first.
+    // Short periods take the state of their surroundings: first short gaps in a cut, then short cuts.
     for wanted in [State::Air, State::Cut] {
         for piece in same(&states, levels) {
             if states[piece.start] == wanted && piece.len() < short && piece.len() < states.len() {
@@ -223,7 +222,7 @@ fn stretches(signal: &Signal, levels: &Levels, states: &[State]) -> Vec<Phase> {
     same(states, levels).into_iter().map(one).collect()
 }
 
-/// The air that tells of the sensor: what comes before the first cut; after a cut it may still touch, or drift.
+/// The period of air used for the bias: the longest before the first cut, since afterwards the tool may still touch, or the sensor may have drifted.
 fn first_air(phases: &[Phase]) -> Option<&Phase> {
     let first_cut = phases.iter().position(|phase| phase.state == State::Cut);
     let is_air = |phase: &&Phase| phase.state == State::Air;
@@ -231,14 +230,14 @@ fn first_air(phases: &[Phase]) -> Option<&Phase> {
     before.max_by_key(|phase| phase.blocks.len()).or_else(|| phases.iter().find(is_air))
 }
 
-/// What the sensor reads in air, proved on blocks that were held out.
+/// Sensor bias in air, tested on held-out blocks.
 pub(super) fn bias(levels: &Levels, phases: &[Phase]) -> Option<Finding> {
     let air = first_air(phases)?;
     let blocks = &levels.blocks[air.blocks.clone()];
-    // The ends are on their way.
+    // The ends belong to transitions.
     let edge = (blocks.len() / 20).max(1);
     let blocks = blocks.get(edge..blocks.len().saturating_sub(edge))?;
-    // Where it stirs the tool begins to touch.
+    // A raised level indicates contact.
     let usual = median(blocks.iter().map(|block| block.level));
     let blocks: Vec<&Block> = blocks.iter().filter(|block| block.level < STIRS * usual).collect();
     if blocks.len() < 2 * EVERY {
@@ -251,7 +250,7 @@ pub(super) fn bias(levels: &Levels, phases: &[Phase]) -> Option<Finding> {
         let seen = blocks.iter().enumerate().filter(|(at, _)| at % EVERY != 0);
         let means: Vec<f64> = seen.map(|(_, block)| block.mean[k]).collect();
         let (mean, scatter) = moments(&means);
-        // Neighbours agree more than white noise would: the halves tell how much the reading wanders.
+        // Block means are autocorrelated, so the difference of the two halves is included in the uncertainty.
         let (a, b) = means.split_at(means.len() / 2);
         let wander = 0.5 * (moments(a).0 - moments(b).0).abs();
         let uncertain = (scatter / libm::sqrt(means.len() as f64)).hypot(wander);
@@ -269,7 +268,7 @@ pub(super) fn bias(levels: &Levels, phases: &[Phase]) -> Option<Finding> {
     (is_sure && heldout[1] < heldout[0]).then_some(Finding::Bias { force, sigma, heldout })
 }
 
-/// What the sensor reads in later air, where that is another thing than before.
+/// A note if the sensor's zero after the cut differs from that before.
 pub(super) fn drift(levels: &Levels, phases: &[Phase]) -> Option<String> {
     let first = first_air(phases)?;
     let last = phases.iter().rfind(|phase| phase.state == State::Air)?;
@@ -294,7 +293,7 @@ pub(super) fn drift(levels: &Levels, phases: &[Phase]) -> Option<String> {
     })
 }
 
-/// Scatter of single values in air; of all where there is no air.
+/// Standard deviation of single values in air; of all blocks if there is no air.
 pub(super) fn noise(levels: &Levels, phases: &[Phase]) -> f64 {
     let blocks =
         first_air(phases).map_or(&levels.blocks[..], |air| &levels.blocks[air.blocks.clone()]);

@@ -1,7 +1,6 @@
 //! Channels of a recording as runs of evenly spaced samples without gaps.
 //!
-//! Promises: an empty or constant channel is excluded and reported; a missing sample in any other channel ends a run.
-//! Never: interpolated samples.
+//! An empty or constant channel is excluded and reported; a missing sample in any other channel ends a run. Nothing is interpolated.
 
 use crate::engine::statistics::median;
 use recording::series::{Channel, Recording};
@@ -9,21 +8,22 @@ use std::ops::Range;
 
 use super::Doubt;
 
-/// Rows of a run from which on anything can be said.
+/// Minimum number of rows of a run.
 const LEAST: usize = 500;
-/// A step longer than so many usual ones is a hole.
+/// A step longer than this multiple of the median step is a gap.
 const HOLE: f64 = 1.5;
-/// A channel with fewer of its samples taken is empty.
+/// A channel with a smaller share of finite samples counts as empty.
 const TAKEN: f64 = 0.5;
 
-/// A channel is cut off where this share of its rows, and so many, stand at its end, so many times as many as at the value beside it.
+/// A channel is saturated if at least this share of its rows, and at least this number, have its extreme value, and this many times more than have
+/// the next value.
 const LIMITED: f64 = 0.01;
 const LIMITED_ROWS: f64 = 20.0;
 const CROWDED: f64 = 5.0;
-/// An end that is less than this share of the largest value is where a quiet channel rests.
+/// An extreme value smaller than this share of the largest absolute value is not a saturation limit.
 const FURTHEST: f64 = 0.8;
 
-/// What is looked at.
+/// The analysed channels.
 pub(super) struct Signal {
     pub(super) is_force: bool,
     /// Axis (0 to 2) and samples.
@@ -92,7 +92,7 @@ impl Signal {
         self.channels.iter().map(|(axis, _)| channel(*axis).base()).collect()
     }
 
-    /// Root mean square of single values.
+    /// RMS of single values.
     pub(super) fn rms(&self) -> f64 {
         let (mut sum, mut count) = (0.0, 0.0);
         for (_, samples) in &self.channels {
@@ -105,7 +105,7 @@ impl Signal {
     }
 }
 
-/// The value at which a channel is cut off, and in how much of its rows, where it is: many times as many rows stand there as at the value beside it.
+/// Value at which a channel saturates and the share of its rows there, if it does: many more rows have the extreme value than the next one.
 fn limit(taken: &[f64]) -> Option<(f64, f64)> {
     let mut sorted = taken.to_vec();
     sorted.sort_by(f64::total_cmp);

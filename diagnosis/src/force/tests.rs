@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use super::{Cause, Diagnosis, Doubt, Finding, State};
 use crate::diagnose::Verdict;
 
-/// A tool on nothing.
+/// A tool not in contact.
 pub(super) const NO_ARM: &str = r#"
 schema = "trued.model/1"
 name = "no arm"
@@ -30,7 +30,7 @@ const RATE_HZ: f64 = 5000.0;
 const BIAS: [f64; 3] = [5.0, -3.0, 0.0];
 const MEAN: [f64; 3] = [120.0, 80.0, 300.0];
 
-/// Even noise of a standard deviation of one.
+/// Uniform white noise with a standard deviation of one.
 fn noise(k: usize) -> f64 {
     let mut x = (k as u64).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     x ^= x >> 29;
@@ -39,7 +39,8 @@ fn noise(k: usize) -> f64 {
     (x as f64 / u64::MAX as f64 - 0.5) * 12_f64.sqrt()
 }
 
-/// Air for a second, in over 0.2 s, a cut until 3 s, out over 0.1 s, air; `tone`: Hz and N in the cut, `hum` in all of it.
+/// One second of air, entry over 0.2 s, cut until 3 s, exit over 0.1 s, air; `tone`: frequency in Hz and amplitude in N in the cut, `hum` at all
+/// times.
 fn made(tone: (f64, f64), hum: (f64, f64), spindle_rpm: Option<f64>) -> Recording {
     let rows = (4.5 * RATE_HZ) as usize;
     let t_s: Vec<f64> = (0..rows).map(|k| k as f64 / RATE_HZ).collect();
@@ -111,7 +112,7 @@ fn a_multiple_of_the_spindles_speed_is_no_chatter() {
     let found = diagnose(&made((8.0 * 85.5, 15.0), (0.0, 0.0), Some(60.0 * 85.5))).expect("sound");
     assert!(!found.findings.iter().any(|one| matches!(one, Finding::Chatter { .. })));
     assert_eq!(found.tones.first().map(|tone| tone.cause), Some(Cause::Spindle(8)));
-    // Above half of the sampling rate it shows folded.
+    // Above half the sampling rate, the line appears aliased.
     let folded = made((5000.0 - 40.0 * 85.5, 15.0), (0.0, 0.0), Some(60.0 * 85.5));
     let found = diagnose(&folded).expect("sound");
     assert!(!found.findings.iter().any(|one| matches!(one, Finding::Chatter { .. })));

@@ -1,7 +1,6 @@
-//! Scaled derivatives of the readings of each candidate pose by the identifiable parameters.
+//! Scaled derivatives of the readings of each candidate pose with respect to the identifiable parameters.
 //!
-//! Promises: columns are those that a fit of all candidates and all measurements would determine, extrinsic parameters first.
-//! Never: a choice.
+//! Columns are those that a fit of all candidates and all measurements would determine, extrinsic parameters first.
 
 use super::task::{Candidate, Task, campaign};
 use super::{Known, NoPlan};
@@ -14,25 +13,25 @@ use crate::triangle::Triangle;
 use nalgebra::DMatrix;
 use physics::Joints;
 
-/// See the head of this file.
+/// Scaled derivatives of all candidates, and the information of the existing measurements.
 #[derive(Clone, Debug)]
 pub(crate) struct Bank {
     pub(crate) candidates: Vec<Candidate>,
-    /// One matrix per candidate: readings by columns, in noises per width.
+    /// One matrix per candidate: rows are whitened readings, columns parameters scaled by their priors.
     pub(crate) rows: Vec<DMatrix<f64>>,
-    /// What is known before the first pose: priors and measurements.
+    /// Information matrix before the first pose: priors and existing measurements.
     pub(crate) before: DMatrix<f64>,
-    /// The same of measurements alone, and how many numbers were read.
+    /// Information matrix of the existing measurements alone, and the number of their scalar readings.
     pub(crate) measured: (DMatrix<f64>, usize),
-    /// How the tool's error follows from the columns, mean square over the poses asked, m².
+    /// Quadratic form that gives the mean square tool error over the test poses from the scaled parameters, m².
     pub(crate) focus: DMatrix<f64>,
-    /// Columns of a fit that are kept.
+    /// Indices of the kept columns.
     pub(crate) columns: Vec<usize>,
-    /// How many of the kept are the surroundings'.
+    /// Number of kept columns that are extrinsic parameters.
     pub(crate) nuisance: usize,
-    /// Scale of each kept column: its prior.
+    /// Scale of each kept column: the prior standard deviation of its parameter.
     pub(crate) widths: Vec<f64>,
-    /// By how much covariance is larger than that of independent readings.
+    /// Ratio of the covariance to that of independent readings (design effect).
     pub(crate) inflation: f64,
     pub(crate) undetermined: Vec<String>,
 }
@@ -86,7 +85,7 @@ impl Bank {
         })
     }
 
-    /// More candidates.
+    /// Adds candidates.
     pub(crate) fn add(&mut self, task: &Task, candidates: Vec<Candidate>) {
         let state = state(task);
         let all: Vec<usize> = (0..state.width()).collect();
@@ -100,7 +99,7 @@ pub(crate) fn state(task: &Task) -> State {
     State { surroundings: task.surroundings.clone(), hypothesis: task.hypothesis.clone() }
 }
 
-/// The rows of each candidate over the columns `columns`, in noises per SI.
+/// Derivatives of each candidate's whitened readings with respect to the parameters `columns`, per SI unit.
 pub(crate) fn rows_of(
     state: &State,
     candidates: &[Candidate],
@@ -121,7 +120,7 @@ pub(crate) fn rows_of(
         .collect()
 }
 
-/// The rows of what was measured, as its fit weighs them.
+/// Rows of the existing measurements, weighted as in their fit.
 fn old_rows(known: Known<'_>, state: &State, columns: &[usize]) -> DMatrix<f64> {
     let Known { campaign, fit } = known;
     let used = vec![true; campaign.poses.len()];
@@ -135,7 +134,7 @@ fn scaled(rows: &DMatrix<f64>, columns: &[usize], widths: &[f64]) -> DMatrix<f64
     DMatrix::from_fn(rows.nrows(), columns.len(), |i, j| rows[(i, columns[j])] * widths[j])
 }
 
-/// `Σ JᵀJ / n` over the poses asked, J how the TCP in base axes moves with each column: that of [`crate::expected`].
+/// `Σ JᵀJ / n` over the test poses, with J the derivative of the TCP in base axes with respect to each column, as in [`crate::expected`].
 fn focus(task: &Task, state: &State, columns: &[usize], widths: &[f64]) -> DMatrix<f64> {
     let mut focus = DMatrix::zeros(columns.len(), columns.len());
     let first = state.surroundings.numbers().len();
@@ -149,7 +148,7 @@ fn focus(task: &Task, state: &State, columns: &[usize], widths: &[f64]) -> DMatr
     focus / task.asked.len().max(1) as f64
 }
 
-/// How the TCP moves with each free number, m per SI.
+/// Derivative of the TCP position with respect to each free parameter, m per SI unit.
 fn tool_rows(hypothesis: &Hypothesis, q: &Joints) -> DMatrix<f64> {
     let inputs = physics::Inputs::at_rest(*q);
     let pose = crate::Pose {

@@ -1,14 +1,15 @@
-//! Check whether a model still holds: few poses that reveal damage, and the test of the measurements there.
+//! Test whether a model still holds: few poses that reveal damage, and the evaluation of measurements there.
 //!
-//! Damage is a joint's offset, a tilt of its axis, or a shifted or rotated tool. Nuisance parameters are an unknown measuring frame and targets,
-//! and the model's parameters within their stated uncertainty (correlations are not stated, so this is conservative).
-//! Each damage is tested by a likelihood ratio: the reduction of the sum of squares is χ² for an undamaged robot, noncentral χ² for a damaged one (Kay,
+//! Damage is a joint's zero offset, a tilt of its axis, or a shifted or rotated tool. Nuisance parameters are an unknown measuring frame and targets,
+//! and the model's parameters within their stated uncertainty (correlations are not stated, so this is conservative). Each damage is tested by a
+//! likelihood ratio: the reduction of the sum of squares is χ² distributed for an undamaged robot and noncentral χ² for a damaged one (Kay,
 //! Fundamentals of Statistical Signal Processing II, 6.5 and 7.6), combined by Bonferroni correction; a test of the whole sum detects other damage.
-//! The lower tail of the sum is tested with all nuisance parameters fitted freely: a sum far too small raises no alarm, but is reported, since overstated noise
-//! can mask damage.
 //!
-//! Promises: the requested false-alarm rate for an undamaged robot, if the form of the model and the stated noise are right. Never: a reported damage that the
-//! poses cannot show.
+//! The lower tail of the sum is tested with all nuisance parameters fitted freely: a sum far too small raises no alarm, but is reported, since
+//! overstated noise can mask damage.
+//!
+//! Invariants: the false-alarm rate for an undamaged robot is the requested one, if the form of the model and the stated noise are right; damage that
+//! the poses cannot show is not reported.
 
 mod evidence;
 
@@ -26,89 +27,90 @@ use physics::{AnyEffect, Given, JointKind, Joints, Model};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// The unit in which damage is counted: 1 mrad or 1 mm.
+/// Scale of the damage parameters: 1 mrad or 1 mm.
 const UNIT: f64 = 1e-3;
-/// Damage that shows less than a noise at this many units cannot be seen.
+/// Largest damage, in units of [`UNIT`], that must change the readings by their standard uncertainty for the damage to count as detectable.
 const UNSEEN: f64 = 30.0;
-/// Rivals are named within this much of the best explanation's gain.
+/// Alternatives are listed if their penalised gain is within this much of the best one's.
 const RIVAL: f64 = 6.0;
 
-/// What may have been damaged.
+/// Kinds of damage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Damage {
-    /// A joint stands off by an angle (a length), from 0.
+    /// Zero offset of a joint, numbered from 0.
     Offset(usize),
-    /// A joint's axis is tilted, or the link before it bent, from 0.
+    /// Tilted axis of a joint, numbered from 0, or bent link before it.
     Tilt(usize),
-    /// The tool was shifted.
+    /// Shifted tool.
     ToolShift,
-    /// The tool was turned.
+    /// Rotated tool.
     ToolTurn,
 }
 
-/// How often a sound robot may alarm, and how surely damage is to be seen.
+/// Required error rates of the test.
 #[derive(Clone, Copy, Debug)]
 pub struct Terms {
-    /// Share of sound robots that alarm.
+    /// Probability of an alarm for an undamaged robot.
     pub alarm: f64,
-    /// Share of damaged robots that alarm.
+    /// Probability of an alarm for a damaged robot (power).
     pub power: f64,
 }
 
-/// How small a damage shows.
+/// Minimum detectable size of a damage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detectable {
-    /// Which.
+    /// Kind of damage.
     pub damage: Damage,
-    /// The least that is seen as surely as asked, in its worst direction, rad or m; none where some direction cannot be seen at all.
+    /// Size detected with the required power in the least observable direction, rad or m; `None` if a direction is not observable.
     pub least: Option<f64>,
 }
 
 /// Poses for a check.
 #[derive(Clone, Debug)]
 pub struct Checkup {
-    /// In an order that keeps moves short, rad or m.
+    /// Joint positions in an order with short moves, rad or m.
     pub poses: Vec<Joints>,
-    /// What they show.
+    /// Minimum detectable damage with these poses.
     pub detectable: Vec<Detectable>,
 }
 
-/// A damage that explains what was measured.
+/// A damage that explains the measurements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Suspect {
-    /// Which.
+    /// Kind of damage.
     pub damage: Damage,
-    /// How large, rad or m: one number for an offset, two for a tilt, three for a tool (tool axes).
+    /// Size, rad or m: one value for an offset, two for a tilt, three for a tool (tool axes).
     pub size: Vec<f64>,
-    /// The length's standard uncertainty, rad or m.
+    /// Standard uncertainty of the length of `size`, rad or m.
     pub sigma: f64,
-    /// By how much it lowers the sum of squares, in noises.
+    /// Reduction of the whitened sum of squares.
     pub gain: f64,
 }
 
-/// What was measured against the model.
+/// Result of a check.
 #[derive(Clone, Debug)]
 pub struct Judgement {
     /// Whether the model still holds.
     pub holds: bool,
-    /// Sum of squares in noises, the model's own uncertainty allowed for.
+    /// Whitened sum of squares of the residuals, with nuisance parameters fitted within their priors.
     pub sum: f64,
-    /// What it is expected to be.
+    /// Its degrees of freedom.
     pub freedom: usize,
-    /// How probable such a sum, or a larger one, is for a sound robot.
+    /// p-value: probability of a sum at least as large for an undamaged robot.
     pub p: f64,
-    /// The noise that explains the residuals, as a share of the stated one; given where they scatter less than chance allows: overstated noise hides damage.
+    /// Ratio of the noise that explains the residuals to the stated noise, if they scatter significantly less than stated: overstated noise masks
+    /// damage.
     pub scatter: Option<f64>,
-    /// Damage that explains it, best first; none where the model holds.
+    /// Damages that explain the residuals, best first; empty if the model holds.
     pub suspects: Vec<Suspect>,
-    /// Whether one of the suspects explains all of it.
+    /// Whether the best of them explains the residuals completely.
     pub is_explained: bool,
-    /// What these poses could show.
+    /// Minimum detectable damage with these poses.
     pub detectable: Vec<Detectable>,
 }
 
 impl Judgement {
-    /// Whether damage of any kind would have been detected; else nothing is known of the robot.
+    /// Whether damage of any kind would have been detected; otherwise the check says nothing about the robot.
     #[must_use]
     pub fn is_informative(&self) -> bool {
         self.detectable.iter().any(|found| found.least.is_some())
@@ -116,7 +118,7 @@ impl Judgement {
 }
 
 impl Damage {
-    /// What it is called, for users.
+    /// Description for users.
     #[must_use]
     pub fn says(&self) -> String {
         match self {
@@ -127,7 +129,7 @@ impl Damage {
         }
     }
 
-    /// Whether it is an angle; else a length.
+    /// Whether the size is an angle; otherwise a length.
     #[must_use]
     pub fn is_angle(&self, model: &Model) -> bool {
         match self {
@@ -141,7 +143,7 @@ impl Damage {
         }
     }
 
-    /// The effect that stands for it, at zero; none where the arm has no such joint.
+    /// The effect that represents it, with parameters of zero; `None` if the arm has no such joint.
     #[must_use]
     pub fn effect(self, model: &Model) -> Option<AnyEffect> {
         let zeros = [0.0; 3];
@@ -155,12 +157,12 @@ impl Damage {
     }
 }
 
-/// A model, what may differ of it in a sound robot, and damages with their columns.
+/// A model with its nuisance parameters and the parameters of all damages.
 struct Watch {
     hypothesis: Hypothesis,
-    /// How many of the free numbers may differ in a sound robot: the first ones.
+    /// Number of free parameters with a stated uncertainty; they precede those of the damages.
     stated: usize,
-    /// Damage, its first free number, how many.
+    /// Damage, index of its first free parameter, number of its parameters.
     damages: Vec<(Damage, usize, usize)>,
 }
 
@@ -199,7 +201,7 @@ impl Watch {
         State { surroundings: surroundings.clone(), hypothesis: self.hypothesis.clone() }
     }
 
-    /// What each damage's columns are, after the surroundings' and the stated ones.
+    /// Columns of each damage, counted after those of the nuisance parameters.
     fn looks(&self) -> Vec<Look> {
         self.damages
             .iter()
@@ -219,17 +221,17 @@ impl Watch {
         .collect()
     }
 
-    /// Among how many tests the false alarms are shared: one per damage, and as much again for the sum.
+    /// Divisor of the false-alarm rate (Bonferroni): one test per damage, and the same share for the tests of the sum.
     fn tests(&self) -> f64 {
         2.0 * self.damages.len().max(1) as f64
     }
 }
 
-/// The poses that show any damage best, to be measured as `task` says; its hypothesis is not looked at beyond the model, whose stated uncertainty is `sigma`.
-/// `wish.criterion` is not looked at: what counts is the worst direction of each damage.
+/// Poses that best reveal any damage, with the measurement and constraints of `task`. Of its hypothesis only the model is used, with the stated
+/// uncertainties `sigma`; `wish.criterion` is ignored, since the least observable direction of each damage counts.
 ///
 /// # Errors
-/// Where fewer poses than wanted pass the constraints, or they show no damage.
+/// [`NoPlan`] if fewer poses than required satisfy the constraints, or they reveal no damage.
 pub fn poses(
     task: &Task,
     sigma: &[Vec<f64>],
@@ -264,8 +266,8 @@ pub fn poses(
     Ok(Checkup { poses: order.into_iter().map(|place| stops[place]).collect(), detectable })
 }
 
-/// Whether `model`, its stated uncertainty `sigma`, still holds for what was measured in `campaign`; what the campaign's surroundings leave open is found
-/// along. The noise is taken as stated.
+/// Tests whether `model`, with its stated uncertainties `sigma`, still holds for the measurements of `campaign`. Unknown extrinsic parameters of the
+/// campaign are fitted; the noise is taken as stated.
 #[must_use]
 pub fn judge(campaign: &Campaign, model: &Model, sigma: &[Vec<f64>], terms: &Terms) -> Judgement {
     let watch = Watch::of(model, sigma);
@@ -281,7 +283,7 @@ pub fn judge(campaign: &Campaign, model: &Model, sigma: &[Vec<f64>], terms: &Ter
     let p = evidence::p_above(freedom, sum);
     let (noise, noises) = evidence.noise();
     let is_quiet = evidence::p_below(noises, noise) < 0.5 * terms.alarm;
-    // The noise, as a share of the stated one, at which the whole sum of squares has its expected value: the model's own error counts as noise.
+    // Relative noise at which the whole sum of squares has its expected value; it includes the error of the model.
     let share = (sum.max(0.0) / freedom.max(1) as f64).sqrt();
     let scatter = Some(share).filter(|share| is_quiet && *share < 1.0);
     let mut suspects = Vec::new();

@@ -1,29 +1,27 @@
-//! Selection of poses: greedy start, then exchanges while they improve the criterion.
+//! Selection of poses: greedy start, then exchanges while they improve the criterion (Fedorov 1972; Mitchell's DETMAX 1974).
 //!
-//! Greedy start and exchange (Fedorov 1972; Mitchell's DETMAX 1974). The contribution of a pose follows from small determinants:
-//! `det(M + AᵀA) = det M · det(I + A M⁻¹ Aᵀ)`.
-//!
-//! Promises: an exchange never lowers the criterion; no candidate is taken twice. Never: use of measured values, other than their information.
+//! The contribution of a pose follows from small determinants: `det(M + AᵀA) = det M · det(I + A M⁻¹ Aᵀ)`. An exchange never lowers the criterion,
+//! and no candidate is selected twice.
 
 use super::bank::Bank;
 use nalgebra::{DMatrix, DVector};
 
-/// Passes of exchange, at most.
+/// Maximum number of passes of exchanges.
 const PASSES: usize = 4;
-/// A gain in the criterion below this is rounding.
+/// Smallest relative improvement of the criterion; less is rounding error.
 const GAIN: f64 = 1e-9;
 
-/// Best for what.
+/// Criterion of optimality.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Criterion {
-    /// All numbers together: the largest determinant of their information, the surroundings' projected out.
+    /// D-optimality of all parameters together, with the extrinsic parameters projected out.
     D,
-    /// The geometric mean of the singular values of the scaled derivatives over the root of the count of numbers read (Borm and Menq). With as many readings at
-    /// each pose it chooses as `D` does; where a pose shows fewer targets it asks what each reading brings.
+    /// Geometric mean of the singular values of the scaled derivatives divided by the square root of the number of scalar readings (Borm and Menq).
+    /// Equivalent to `D` if all poses have equally many readings; otherwise it rates the information per reading.
     O1,
-    /// The least expected error of the tool at the poses asked.
+    /// Smallest expected tool error at the test poses.
     Zone,
-    /// By chance, of those that pass: for validation, and where what the model lacks is larger than the noise.
+    /// Random valid poses: for validation, and if the errors of the model's form are larger than the noise.
     Random,
 }
 
@@ -31,7 +29,7 @@ pub enum Criterion {
 pub(crate) struct Design<'a> {
     bank: &'a Bank,
     criterion: Criterion,
-    /// All candidates' rows, one below the other.
+    /// Rows of all candidates, stacked.
     stacked: DMatrix<f64>,
     first: Vec<usize>,
 }
@@ -50,7 +48,7 @@ impl<'a> Design<'a> {
         Self { bank, criterion, stacked, first }
     }
 
-    /// What is known with these poses.
+    /// Information matrix with these poses.
     pub(crate) fn information(&self, picks: &[usize]) -> DMatrix<f64> {
         let mut information = self.bank.before.clone();
         picks.iter().for_each(|pick| {
@@ -59,7 +57,7 @@ impl<'a> Design<'a> {
         information
     }
 
-    /// What each candidate would add to the criterion.
+    /// Improvement of the criterion by each candidate.
     pub(crate) fn worths(&self, picks: &[usize]) -> Vec<f64> {
         let information = self.information(picks);
         let covariance = inverse(&information);
@@ -74,7 +72,7 @@ impl<'a> Design<'a> {
                     gain.cholesky().map_or(0.0, |gain| gain.solve(&fallen).trace())
                 })
             }
-            // What random poses bring is told as D is.
+            // Random poses are rated by D-optimality.
             Criterion::D | Criterion::O1 | Criterion::Random => {
                 let nuisance = self.bank.nuisance;
                 let around = inverse(&information.view((0, 0), (nuisance, nuisance)).into_owned());
@@ -102,7 +100,7 @@ impl<'a> Design<'a> {
     }
 }
 
-/// Chooses `count` candidates; `worths` says what each would add to those that are chosen.
+/// Selects `count` candidates; `worths` gives the improvement by each candidate in addition to those selected.
 pub(crate) fn choose(worths: &dyn Fn(&[usize]) -> Vec<f64>, count: usize) -> Vec<usize> {
     let mut picks = Vec::with_capacity(count);
     while picks.len() < count {
@@ -113,7 +111,7 @@ pub(crate) fn choose(worths: &dyn Fn(&[usize]) -> Vec<f64>, count: usize) -> Vec
     picks
 }
 
-/// Exchanges chosen candidates for better ones as long as that gains.
+/// Exchanges selected candidates for better ones while the criterion improves.
 pub(crate) fn exchange(worths: &dyn Fn(&[usize]) -> Vec<f64>, picks: &mut [usize]) {
     for _ in 0..PASSES {
         let mut gained = false;
@@ -143,10 +141,10 @@ fn best(worths: &[f64], taken: &[usize]) -> Option<usize> {
     open.max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0))).map(|(k, _)| k)
 }
 
-/// The inverse of a matrix that is at least the identity.
+/// Inverse of a matrix that is at least the identity.
 pub(crate) fn inverse(of: &DMatrix<f64>) -> DMatrix<f64> {
     let size = of.nrows();
-    // Columns brought to one length first: units of noise per width differ by orders.
+    // Scaled to a unit diagonal first, since the magnitudes of the columns differ by orders.
     let scale =
         DVector::from_iterator(size, (0..size).map(|k| 1.0 / of[(k, k)].max(1e-300).sqrt()));
     let even = DMatrix::from_fn(size, size, |i, j| of[(i, j)] * scale[i] * scale[j]);
@@ -154,7 +152,7 @@ pub(crate) fn inverse(of: &DMatrix<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(size, size, |i, j| found[(i, j)] * scale[i] * scale[j])
 }
 
-/// The logarithm of the determinant of a positive definite matrix; minus infinity where it is none.
+/// Logarithm of the determinant of a positive definite matrix; minus infinity for any other.
 pub(crate) fn log_det(of: DMatrix<f64>) -> f64 {
     of.cholesky().map_or(f64::NEG_INFINITY, |c| {
         2.0 * c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>()

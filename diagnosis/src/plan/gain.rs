@@ -1,6 +1,6 @@
 //! Contribution of each pose in sequence: reduced uncertainty of parameters and of the tool position.
 //!
-//! Promises: the values of the last pose are those of a fit of all of them, assuming the right form of the model.
+//! The values after the last pose are those of a fit of all poses, if the form of the model is right.
 
 use super::bank::{Bank, state};
 use super::choose::{inverse, log_det};
@@ -10,47 +10,47 @@ use crate::result::Names;
 use nalgebra::DMatrix;
 use physics::{JointKind, Joints};
 
-/// Numbers that are named for one pose.
+/// Number of parameters listed for each pose.
 const NAMED: usize = 2;
 
-/// A number that becomes surer.
+/// A parameter whose uncertainty decreases.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Falls {
-    /// Its name.
+    /// Name of the parameter.
     pub what: String,
-    /// Its standard uncertainty before, SI.
+    /// Standard uncertainty before, SI units.
     pub from: f64,
-    /// And after, SI.
+    /// Standard uncertainty after, SI units.
     pub to: f64,
-    /// Suffix of its unit in files, and that unit in SI.
+    /// Suffix of its unit in files, and the value of that unit in SI.
     pub unit: (&'static str, f64),
 }
 
-/// A pose with what it brings after all before it.
+/// A pose with its contribution in addition to all poses before it.
 #[derive(Clone, Debug)]
 pub struct Added {
     /// Joint positions, rad or m.
     pub q: Joints,
-    /// Numbers read there.
+    /// Number of scalar readings.
     pub readings: usize,
-    /// By how much the logarithm of the information's determinant rises.
+    /// Increase of the log determinant of the information matrix.
     pub log_det_gain: f64,
-    /// The O1 index with it; none as long as something is open.
+    /// The O1 index including this pose; `None` while a parameter is undetermined.
     pub o1: Option<f64>,
-    /// Expected error of the tool at the poses asked, root of the mean square, m: before and after.
+    /// RMS of the expected tool error at the test poses, m: before and after.
     pub tool_m: [f64; 2],
-    /// The numbers whose uncertainty falls most.
+    /// The parameters whose uncertainty decreases most.
     pub falls: Vec<Falls>,
 }
 
-/// What is known at one moment.
+/// State of knowledge after a number of poses.
 struct Now {
     covariance: DMatrix<f64>,
     log_det: f64,
     tool_m: f64,
 }
 
-/// Every number that is found, its uncertainty without and with `picks`.
+/// Standard uncertainty of every parameter, without and with `picks`.
 pub(super) fn numbers(task: &Task, bank: &Bank, picks: &[usize]) -> Vec<Falls> {
     let mut information = bank.before.clone();
     let before = now(bank, &information);
@@ -83,7 +83,7 @@ pub(super) fn square(bank: &Bank, pick: usize) -> DMatrix<f64> {
     bank.rows[pick].transpose() * &bank.rows[pick]
 }
 
-/// Expected error of the tool at the poses asked, m.
+/// RMS of the expected tool error at the test poses, m.
 pub(super) fn tool_m(bank: &Bank, information: &DMatrix<f64>) -> f64 {
     now(bank, information).tool_m
 }
@@ -96,7 +96,7 @@ fn now(bank: &Bank, information: &DMatrix<f64>) -> Now {
     Now { covariance, log_det, tool_m }
 }
 
-/// What each pick brings, in this order.
+/// Contribution of each of `picks` in this order.
 pub(super) fn gains(task: &Task, bank: &Bank, picks: &[usize]) -> Vec<Added> {
     let state = state(task);
     let names = Names(&state);
@@ -130,7 +130,7 @@ pub(super) fn gains(task: &Task, bank: &Bank, picks: &[usize]) -> Vec<Added> {
     added
 }
 
-/// The unit of a column of the hypothesis.
+/// Unit of a parameter: suffix in files and value in SI.
 fn unit(task: &Task, column: usize) -> (&'static str, f64) {
     let first = task.surroundings.numbers().len();
     let free = column.checked_sub(first).and_then(|k| task.hypothesis.free.get(k));
@@ -143,7 +143,7 @@ fn unit(task: &Task, column: usize) -> (&'static str, f64) {
     found.unwrap_or(("_mm", 1e-3))
 }
 
-/// `(s₁ … s_L)^(1/L) / √n` of the readings alone, the surroundings projected out.
+/// O1 index of the readings alone, `(s₁ … s_L)^(1/L) / √n`, with the extrinsic parameters projected out.
 fn o1(bank: &Bank, data: &DMatrix<f64>, read: usize) -> Option<f64> {
     let nuisance = bank.nuisance;
     let found = bank.columns.len() - nuisance;

@@ -1,8 +1,7 @@
-//! Inverse kinematics for the plan: tip on a surface, position and direction in a zone.
+//! Inverse kinematics for planning: a tool point on a surface, or position and direction of the tool in a zone.
 //!
-//! Damped least squares (Wampler 1986; Nakamura and Hanafusa 1986) on the controller's own geometry.
-//!
-//! Promises: results are accurate to a micrometre. Never: joint limits; the caller checks them.
+//! Damped least squares (Wampler 1986; Nakamura and Hanafusa 1986) on the controller's geometry, to 1e-6 m and rad. The caller must check joint
+//! limits.
 
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
@@ -11,13 +10,13 @@ use physics::{Arm, Chain, Joints};
 
 const STEPS: usize = 60;
 const DAMPING: f64 = 1e-3;
-/// m and rad.
+/// Tolerance of convergence, m and rad.
 const CLOSE: f64 = 1e-6;
-/// The longest step, rad or m.
+/// Largest step of a joint, rad or m.
 const STRIDE: f64 = 0.3;
 
-/// `q` moved so that the tool's point `tip` (tool frame, m) meets a surface: `off` gives the distance of a point (base frame) from it and the
-/// direction in which that grows.
+/// Joint positions near `q` for which the tool's point `tip` (tool frame, m) lies on a surface. `off` gives the signed distance of a point (base
+/// frame, m) from it and the gradient of that distance. `None` if not converged.
 #[must_use]
 pub fn onto(
     arm: &Arm,
@@ -35,13 +34,14 @@ pub fn onto(
     })
 }
 
-/// `q` moved so that the TCP is at `at` (base frame, m) and the tool's z axis along `along`; how it is turned about that axis stays open.
+/// Joint positions near `q` with the TCP at `at` (base frame, m) and the tool's z axis along `along`; the rotation about that axis is free. `None` if
+/// not converged.
 #[must_use]
 pub fn pointing(arm: &Arm, q: &Joints, at: DVec3, along: DVec3) -> Option<Joints> {
     solve(arm, q, |chain| {
         let axis = chain.base_from_tool.rotation * DVec3::Z;
         let (u, v) = physics::frame::normals(axis);
-        // Opposed axes have no turn of their own: any will do.
+        // For opposite axes, the axis of rotation is arbitrary.
         let turn = if axis.dot(along) < -0.999 { u } else { axis.cross(along) };
         let rows = [DVec3::X, DVec3::Y, DVec3::Z].map(|e| [e.x, e.y, e.z, 0.0, 0.0, 0.0]);
         let turns = [u, v].map(|e| [0.0, 0.0, 0.0, e.x, e.y, e.z]);
@@ -52,7 +52,7 @@ pub fn pointing(arm: &Arm, q: &Joints, at: DVec3, along: DVec3) -> Option<Joints
     })
 }
 
-/// `q` moved so that the TCP is at `at` (base frame, m), the tool turned as `base_from_tool`.
+/// Joint positions near `q` with the TCP at `at` (base frame, m) and orientation `base_from_tool`. `None` if not converged.
 #[must_use]
 pub fn placed(arm: &Arm, q: &Joints, at: DVec3, base_from_tool: &DMat3) -> Option<Joints> {
     solve(arm, q, |chain| {
@@ -64,7 +64,7 @@ pub fn placed(arm: &Arm, q: &Joints, at: DVec3, base_from_tool: &DMat3) -> Optio
     })
 }
 
-/// Steps of `wanted` (rows over the tool's motion, right-hand sides) until nothing is left.
+/// Iterates steps towards `wanted` (rows over the tool's motion, right-hand sides) until the right-hand side is below the tolerance.
 fn solve(
     arm: &Arm,
     q: &Joints,

@@ -1,9 +1,8 @@
-//! The test of ISO 9283: its five poses in a cube of the workspace, and the visits in a recording that belong to one pose.
+//! Poses of ISO 9283: its five poses in a cube of the workspace, and the visits in a recording that belong to one pose.
 //!
-//! Source: ISO 9283:1998, 6.8: P1 in the middle of a cube's diagonal plane, P2 to P5 on the plane's diagonals, a tenth of a diagonal from their ends; edges
-//! parallel to the base; one orientation of the tool.
-//!
-//! Promises: all five are reachable, with the same orientation of the wrist. Never: the standard's load, speed or temperature; these are the user's responsibility.
+//! Source: ISO 9283:1998, 6.8: P1 at the centre of a cube's diagonal plane, P2 to P5 on the plane's diagonals, a tenth of a diagonal from their ends;
+//! edges parallel to the base; all five with the same orientation of the tool. Load, speed and temperature of the standard are the user's
+//! responsibility.
 
 mod evaluation;
 
@@ -18,38 +17,38 @@ use physics::{Arm, Chain, Joints};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// Visits of each pose that the standard asks for.
+/// Number of visits of each pose that the standard requires.
 pub const VISITS: usize = 30;
-/// The share of the way from the middle to a corner: a tenth of the diagonal from its end.
+/// Share of the distance from the centre to a corner: a tenth of the diagonal from its end.
 const OUT: f64 = 0.8;
-/// Steps of the search for a cube.
+/// Number of grid steps in the search for a cube.
 const STEPS: u32 = 9;
-/// Joint positions that differ by less are one pose, rad or m.
+/// Joint positions that differ by less belong to the same pose, rad or m.
 const SAME: f64 = 1e-6;
 
 /// A cube and its five poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cube {
-    /// Its middle, base frame, m.
+    /// Centre, base frame, m.
     pub middle: DVec3,
-    /// Its edge, m.
+    /// Edge length, m.
     pub edge_m: f64,
-    /// P1 to P5, rad or m.
+    /// Joint positions of P1 to P5, rad or m.
     pub poses: [Joints; 5],
 }
 
 /// The visits of one pose.
 #[derive(Clone, Debug)]
 pub struct Visits {
-    /// Where the controller was told to be, rad or m.
+    /// Commanded joint positions, rad or m.
     pub q: Joints,
-    /// Where that is in the controller's geometry: the measured point of the tool, base frame.
+    /// Commanded placement of the measured point of the tool by the controller's geometry, base frame.
     pub command: Placement,
-    /// Where it was, measuring frame (base frame where that is known).
+    /// Measured placements, in the measuring frame (in the base frame if that is known).
     pub attained: Vec<Placement>,
 }
 
-/// The five poses in this cube; none where the arm cannot stand at all of them.
+/// The five poses in a cube; `None` if the arm cannot reach all of them.
 #[must_use]
 pub fn cube(
     arm: &Arm,
@@ -60,7 +59,7 @@ pub fn cube(
     seed: u64,
 ) -> Option<Cube> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    // Another stance of the arm may reach what the first does not.
+    // Another arm configuration may reach poses that the first does not.
     (0..4).find_map(|_| {
         let first = stand(arm, reach, &mut rng, middle, along)?;
         let turned = Chain::nominal(arm, &first).base_from_tool.rotation;
@@ -74,7 +73,7 @@ pub fn cube(
     })
 }
 
-/// The largest cube before the arm, of those on a grid, that it can stand in with its tool's z axis along `along`.
+/// The largest cube in front of the arm, among those on a grid, whose poses it reaches with the tool's z axis along `along`.
 #[must_use]
 pub fn largest_cube(arm: &Arm, reach: &Reach, along: DVec3, seed: u64) -> Option<Cube> {
     let length: f64 = (0..arm.count())
@@ -97,7 +96,7 @@ pub fn largest_cube(arm: &Arm, reach: &Reach, along: DVec3, seed: u64) -> Option
     None
 }
 
-/// The visits of each pose that was visited at least twice, in the order of first visits: by the first point that was measured.
+/// The visits of each pose that was visited at least twice, in the order of the first visits, by the first measured point.
 #[must_use]
 pub fn visits(arm: &Arm, campaign: &Campaign) -> Vec<Visits> {
     let mut all: Vec<Visits> = Vec::new();
@@ -162,7 +161,7 @@ mod tests {
             assert!((place.distance(places[0]) / diagonal - 0.4).abs() < 1e-4, "P{}", k + 1);
             assert!(reach.allows(&arm, &found.poses[k]));
         }
-        // P2 and P4, P3 and P5 are ends of one diagonal each.
+        // P2 and P4 are at the ends of one diagonal, P3 and P5 at those of the other.
         assert!((0.5 * (places[1] + places[3])).distance(places[0]) < 1e-5);
         assert!((0.5 * (places[2] + places[4])).distance(places[0]) < 1e-5);
         for tool in &tools {

@@ -1,6 +1,6 @@
 //! The next pose to measure, and the stopping rule.
 //!
-//! Promises: "enough" refers only to the expected tool error and its reduction by ten more poses. Never: to errors of the model's form.
+//! The stopping rule considers the expected tool error and its reduction by ten more poses only, not errors of the model's form.
 
 use super::bank::Bank;
 use super::choose::{Criterion, Design, choose};
@@ -11,27 +11,27 @@ use physics::Joints;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// Poses that are looked ahead.
+/// Number of poses of the look-ahead.
 pub const AHEAD: usize = 10;
-/// Of poses that are about as good (this share of the best), the nearest is taken.
+/// Among poses with at least this share of the best improvement, the nearest is selected.
 const AS_GOOD: f64 = 0.97;
 
-/// What to do next.
+/// The next measurement.
 #[derive(Clone, Debug)]
 pub struct Next {
-    /// The pose, and what it brings.
+    /// The pose and its contribution.
     pub pose: Added,
-    /// Expected error of the tool at the poses asked, m: now, and with [`AHEAD`] more poses.
+    /// RMS of the expected tool error at the test poses, m: now, and with [`AHEAD`] more poses.
     pub tool_m: [f64; 2],
-    /// Whether ten more would take off less than what was said to be worth it.
+    /// Whether [`AHEAD`] more poses would reduce the error by less than the required amount.
     pub enough: bool,
 }
 
-/// The pose that takes most off the tool's expected error, near the last one where several are about as good. `worth_m`: what ten more poses have to take off
-/// that error to be worth measuring.
+/// The pose that reduces the expected tool error most; among nearly equal ones, the nearest to the last pose. `worth_m`: smallest reduction of that
+/// error by ten more poses that justifies measuring, m.
 ///
 /// # Errors
-/// Where no pose passes the constraints, or none tells anything.
+/// [`NoPlan`] if no pose satisfies the constraints, or none determines a parameter.
 pub fn next(
     task: &Task,
     known: Option<Known<'_>>,

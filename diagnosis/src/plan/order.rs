@@ -1,12 +1,10 @@
-//! Order of the poses: nearest neighbour, then improved by 2-opt.
-//!
-//! 2-opt (Croes 1958) on the time that the slowest joint takes. Promises: a permutation, no longer than the nearest-neighbour one.
-//! Never: a collision check.
+//! Order of the poses: nearest neighbour, improved by 2-opt (Croes 1958) on the duration of the moves, which the slowest joint determines. Moves are
+//! not checked for collisions.
 
 use super::reach::Reach;
 use physics::{Arm, Joint, Joints};
 
-/// Where a tour begins and ends: all joints at zero where the arm may stand there, else in the middle of its limits.
+/// Start of a tour: all joints at zero if allowed, otherwise each as near to zero as its limits permit.
 #[must_use]
 pub fn home(arm: &Arm, reach: &Reach) -> Joints {
     let zero = Joints::default();
@@ -21,7 +19,7 @@ pub fn home(arm: &Arm, reach: &Reach) -> Joints {
     middle
 }
 
-/// The time of a move in which all joints arrive together, s; at 1 rad/s (m/s) where a joint's speed is not known.
+/// Duration of a synchronous move, s; joints without a stated speed move at 1 rad/s or 1 m/s.
 #[must_use]
 pub fn time_s(arm: &Arm, from: &Joints, to: &Joints) -> f64 {
     let each = arm.joints().iter().zip(from.iter().zip(to));
@@ -29,7 +27,7 @@ pub fn time_s(arm: &Arm, from: &Joints, to: &Joints) -> f64 {
     each.map(|(joint, (a, b))| (a - b).abs() / speed(joint)).fold(0.0, f64::max)
 }
 
-/// An order of `stops` (their places) that keeps the moves from `start` short.
+/// An order of `stops` (their indices) with short moves from `start`.
 #[must_use]
 pub fn visit(arm: &Arm, start: &Joints, stops: &[Joints]) -> Vec<usize> {
     let mut left: Vec<usize> = (0..stops.len()).collect();

@@ -1,34 +1,31 @@
-//! Reachability: joint limits with a margin, links as capsules against base, floor, each other and keep-out boxes.
+//! Reachability: joint limits with a margin, and collision checks of links as capsules against base, floor, each other and keep-out boxes.
 //!
-//! A link is the straight line between two neighbouring joints' points with a radius about it; the base is such a line along the first joint's axis.
-//! Distances between lines: Ericson, Real-Time Collision Detection (2005), 5.1.9.
-//!
-//! Promises: in an accepted pose these capsules are clear of everything described.
-//! Never: undescribed objects (fixtures, cables, the body of the spindle), or motions between poses.
+//! A link is the line segment between two neighbouring joint points, with a radius; the base is a segment along the first joint's axis. Distances
+//! between segments: Ericson, Real-Time Collision Detection (2005), 5.1.9. Objects that are not described (fixtures, cables, the body of the spindle)
+//! and motions between poses are not checked.
 
 use glam::DVec3;
 use physics::{Arm, Chain, JointKind, Joints};
 
-/// What keeps the arm from a pose. SI, base frame.
+/// Constraints of the arm; SI units, base frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reach {
-    /// Distance that a joint that turns keeps from its limits, rad.
+    /// Margin of a revolute joint to its limits, rad.
     pub margin_rad: f64,
-    /// Distance that a joint that slides keeps from its limits, m.
+    /// Margin of a prismatic joint to its limits, m.
     pub margin_m: f64,
-    /// Radius about each link, m.
+    /// Radius of the capsules around the links, m.
     pub link_radius_m: f64,
-    /// Radius about the base's line, m.
+    /// Radius of the capsule around the base, m.
     pub base_radius_m: f64,
-    /// Height that no link from the third joint on goes below, m; none: there is no floor.
+    /// Height that no link from the third joint on goes below, m; `None`: no floor.
     pub floor_m: Option<f64>,
-    /// Boxes that links stay out of: least and largest corner, m.
+    /// Boxes that the links must not enter: lowest and highest corner, m.
     pub keep_out: Vec<[DVec3; 2]>,
 }
 
 impl Reach {
-    /// What holds for an arm where nothing is said: radii of 8 % and 16 % of its length, 5 degrees and 10 mm from the limits, a floor at the foot of
-    /// an upright arm.
+    /// Default constraints of an arm: radii of 8 % and 16 % of its length, margins of 5 degrees and 10 mm, a floor at the foot of an upright arm.
     #[must_use]
     pub fn of(arm: &Arm) -> Self {
         let length: f64 = (0..arm.count())
@@ -47,7 +44,7 @@ impl Reach {
         }
     }
 
-    /// The limits of joint `i` less the margin; the middle where the margin leaves nothing.
+    /// Limits of joint `i` reduced by the margin, rad or m; both at the centre if the margin leaves no range.
     #[must_use]
     pub fn limits(&self, arm: &Arm, i: usize) -> (f64, f64) {
         let Some(joint) = arm.joints().get(i) else { return (0.0, 0.0) };
@@ -64,7 +61,7 @@ impl Reach {
         }
     }
 
-    /// Whether the arm may stand at `q`.
+    /// Whether joint positions `q` satisfy all constraints.
     #[must_use]
     pub fn allows(&self, arm: &Arm, q: &Joints) -> bool {
         let inside = |i: usize| {
@@ -77,7 +74,7 @@ impl Reach {
     fn is_free(&self, arm: &Arm, chain: &Chain) -> bool {
         let links = links(arm, chain);
         let apart = self.link_radius_m;
-        // The two links at the shoulder stand at the base and on it.
+        // The first two links are at the base by construction.
         let beyond: Vec<&Line> = links.iter().filter(|link| link.from >= 2).collect();
         let on_floor = |floor: f64| beyond.iter().any(|l| l.a.z.min(l.b.z) - apart < floor);
         if self.floor_m.is_some_and(on_floor) {
@@ -97,7 +94,7 @@ impl Reach {
     }
 }
 
-/// Whether two links meet that have at least four radii of arm between them: neighbours always touch, and are kept apart by their joint's limits.
+/// Whether two links collide that are separated by at least four radii of arm length. Closer links always touch, and are kept apart by joint limits.
 fn meet(links: &[Line], radius_m: f64) -> bool {
     links.iter().enumerate().any(|(i, one)| {
         let mut between = 0.0;
@@ -109,16 +106,16 @@ fn meet(links: &[Line], radius_m: f64) -> bool {
     })
 }
 
-/// A straight line between two points, m.
+/// A line segment between two points, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Line {
     pub(crate) a: DVec3,
     pub(crate) b: DVec3,
-    /// The joint that it begins at, from 0.
+    /// Joint at which the link begins, from 0.
     pub(crate) from: usize,
 }
 
-/// The arm's links as lines; those without length left out.
+/// The links of the arm as line segments; those of zero length are omitted.
 pub(crate) fn links(arm: &Arm, chain: &Chain) -> Vec<Line> {
     let count = arm.count();
     let point = |i: usize| if i < count { chain.point(i) } else { chain.base_from_tool.origin };
@@ -126,7 +123,7 @@ pub(crate) fn links(arm: &Arm, chain: &Chain) -> Vec<Line> {
     lines.filter(|line| line.a.distance(line.b) > 1e-6).collect()
 }
 
-/// The base's line: along the first joint's axis from the foot to the second joint's height; none where the first joint slides.
+/// Axis of the base: along the first joint's axis from the foot to the height of the second joint; `None` if the first joint is prismatic.
 fn base(arm: &Arm) -> Option<Line> {
     let first = arm.joints().first().filter(|joint| joint.kind == JointKind::Revolute)?;
     let on_axis = |p: DVec3| first.point + first.axis * first.axis.dot(p - first.point);
@@ -134,7 +131,7 @@ fn base(arm: &Arm) -> Option<Line> {
 }
 
 impl Line {
-    /// The least distance of two lines, m.
+    /// Smallest distance of two line segments, m.
     pub(crate) fn distance(&self, other: &Self) -> f64 {
         let (d1, d2, r) = (self.b - self.a, other.b - other.a, self.a - other.a);
         let (a, e, f) = (d1.length_squared(), d2.length_squared(), d2.dot(r));
@@ -152,7 +149,7 @@ impl Line {
     }
 }
 
-/// The distance of a line from a box, m: along a line it falls and rises once, since a box is convex.
+/// Distance of a line segment from a box, m, by ternary search: the distance is a convex function along the segment.
 fn distance_to_box(line: &Line, [low, high]: &[DVec3; 2]) -> f64 {
     let distance = |share: f64| {
         let point = line.at(share);

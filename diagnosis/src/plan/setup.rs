@@ -1,6 +1,6 @@
-//! How poses are measured and what restricts them: instrument, targets, constraints of a [`Task`].
+//! Measuring equipment and constraints of a [`Task`]: instrument, targets, probe, joint limits, obstacles.
 //!
-//! Positions on the tool are in the tool frame, all others in the base frame; SI.
+//! Positions on the tool are in the tool frame, all others in the base frame; SI units.
 
 use super::reach::Reach;
 use super::sight::Sight;
@@ -11,10 +11,10 @@ use glam::DVec3;
 use physics::{Arm, Frame};
 use recording::model::RobotModel;
 
-/// Standard uncertainty of a length where neither the setup nor a recording gives one, m. Origin: a laser tracker at a few metres.
+/// Standard uncertainty of a length if neither the setup nor a recording gives one, m. Origin: a laser tracker at a few metres.
 pub const LENGTH_SIGMA_M: f64 = 5e-5;
 
-/// How poses are measured, and what restricts them.
+/// Measuring equipment and constraints of the poses.
 ///
 /// ```
 /// use diagnosis::plan::setup::{MeasuringSetup, ToolTarget};
@@ -33,91 +33,92 @@ pub const LENGTH_SIGMA_M: f64 = 5e-5;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeasuringSetup {
-    /// Where the instrument stands, m. Default: none, so that no line of sight is required.
+    /// Position of the instrument, base frame, m. Default: none, so that no line of sight is required.
     pub instrument_base_m: Option<DVec3>,
-    /// Nearest and farthest distance that the instrument measures at, m. Default 0.3 and 30. Origin: data sheets of laser trackers.
+    /// Smallest and largest measuring distance of the instrument, m. Default 0.3 and 30. Origin: data sheets of laser trackers.
     pub range_m: [f64; 2],
-    /// Largest angle between a reflector's direction and the beam, rad; above 0. Default 25 degrees. Origin: data sheets of ball-mounted retroreflectors.
+    /// Largest angle between the axis of a reflector and the beam, rad; above 0. Default 25 degrees. Origin: data sheets of ball-mounted
+    /// retroreflectors.
     pub acceptance_rad: f64,
     /// Targets on the tool. Default: none, so that the TCP is measured.
     pub targets: Vec<ToolTarget>,
-    /// Least number of targets that have to be seen at a pose. Default 1.
+    /// Minimum number of targets that must be visible at a pose. Default 1.
     pub targets_seen_least: usize,
-    /// Whether the targets' places are known; otherwise they are fitted. Default false.
+    /// Whether the positions of the targets on the tool are known; otherwise they are fitted. Default false.
     pub targets_known: bool,
-    /// Whether the measuring frame is the robot's base; otherwise it is fitted. Default false.
+    /// Whether the measuring frame is the robot's base frame; otherwise it is fitted. Default false.
     pub frame_known: bool,
     /// Standard uncertainty of a length, m; above 0. Default: none, so that it is estimated from the recordings, or is [`LENGTH_SIGMA_M`].
     pub length_sigma_m: Option<f64>,
     /// Standard uncertainty of the tool's orientation, rad; above 0. Default: none, so that it is not measured.
     pub orientation_sigma_rad: Option<f64>,
-    /// A ballbar or cable, which measures distances instead of points. Default: none.
+    /// A ballbar or cable sensor, which measures distances instead of points. Default: none.
     pub ballbar: Option<Ballbar>,
-    /// Planes that a probe touches instead. Default: none.
+    /// Planes that a probe touches instead of point measurements. Default: none.
     pub planes: Vec<TouchedPatch>,
-    /// Spheres that a probe touches instead. Default: none.
+    /// Spheres that a probe touches instead of point measurements. Default: none.
     pub spheres: Vec<TouchedSphere>,
-    /// Distance kept from the limits of revolute joints, rad; 0 to π/2. Default 5 degrees. Origin: a choice.
+    /// Margin to the limits of revolute joints, rad; 0 to π/2. Default 5 degrees. Origin: a choice.
     pub margin_rad: f64,
-    /// Radius about each link, m; above 0. Default: none, so that it is that of [`Reach::of`].
+    /// Radius of the capsules around the links, m; above 0. Default: that of [`Reach::of`].
     pub link_radius_m: Option<f64>,
-    /// Radius about the base's column, m; above 0. Default: none, so that it is that of [`Reach::of`].
+    /// Radius of the capsule around the base, m; above 0. Default: that of [`Reach::of`].
     pub base_radius_m: Option<f64>,
-    /// The floor. Default: the base's foot for an upright arm.
+    /// The floor. Default: at the foot of the base for an upright arm.
     pub floor: Floor,
-    /// Boxes that links stay out of: least and largest corner, m. Default: none.
+    /// Boxes that the links must not enter: lowest and highest corner, base frame, m. Default: none.
     pub keep_out: Vec<[DVec3; 2]>,
-    /// Whether each pose is measured twice, all joints from below and from above. Default true.
+    /// Whether each pose is measured twice, with all joints approaching from below and from above. Default true.
     pub both_ways: bool,
 }
 
 /// A target on the tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolTarget {
-    /// Where it is, tool frame, m.
+    /// Position, tool frame, m.
     pub place_tool_m: DVec3,
-    /// Which way it looks, tool frame, unit length; none: it is seen from all sides.
+    /// Axis of the reflector, tool frame, unit length; `None` if visible from all directions.
     pub facing_tool: Option<DVec3>,
 }
 
-/// A ballbar or cable.
+/// A ballbar or cable sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ballbar {
-    /// About where its fixed end is, m; fitted.
+    /// Approximate position of its fixed end, base frame, m; fitted.
     pub anchor_base_m: DVec3,
-    /// Shortest and longest distance that it measures, m.
+    /// Shortest and longest measurable distance, m.
     pub length_m: [f64; 2],
 }
 
-/// Part of a plane that a probe touches; the plane is fitted.
+/// A region of a plane that a probe touches; the plane is fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TouchedPatch {
-    /// A point of it, m.
+    /// Centre of the region, base frame, m.
     pub middle_base_m: DVec3,
-    /// Its direction outwards, unit length.
+    /// Outward normal of the plane, base frame, unit length.
     pub normal_base: DVec3,
-    /// How far it extends from the point, m.
+    /// Radius of the region, m.
     pub within_m: f64,
 }
 
 /// A sphere that a probe touches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TouchedSphere {
-    /// About where its centre is, m; fitted.
+    /// Approximate centre, base frame, m; fitted.
     pub centre_base_m: DVec3,
-    /// Its radius, m; known.
+    /// Radius, m; known.
     pub radius_m: f64,
 }
 
-/// The floor beneath an arm.
+/// Floor below the arm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Floor {
-    /// At the base's foot for an upright arm, else none.
+    /// At the foot of the base for an upright arm, otherwise none.
     #[default]
     OfArm,
-    /// There is none.
+    /// No floor.
     None,
-    /// At this height, base frame, m.
+    /// At this height in the base frame, m.
     At(f64),
 }
 
@@ -147,7 +148,7 @@ impl Default for MeasuringSetup {
 }
 
 impl MeasuringSetup {
-    /// The task for a model before anything was measured; without poses at which the tool's error counts.
+    /// The task of a model without measurements; [`Task::asked`] is empty.
     #[must_use]
     pub fn task(&self, model: &RobotModel) -> Task {
         Task {
@@ -163,7 +164,7 @@ impl MeasuringSetup {
         }
     }
 
-    /// Adds what is known here to the campaign of a recording: the measuring frame, the targets' places.
+    /// Adds what this setup states to the campaign of a recording: a known measuring frame, known target positions.
     pub fn add_to(&self, campaign: &mut Campaign) {
         let Surroundings { frames, targets, .. } = &mut campaign.surroundings;
         frames.iter_mut().for_each(|frame| frame.free &= !self.frame_known);
@@ -174,13 +175,13 @@ impl MeasuringSetup {
         }
     }
 
-    /// Noise of lengths: as stated, otherwise `otherwise_m`.
+    /// Standard uncertainty of lengths, m: as stated, otherwise `otherwise_m`.
     #[must_use]
     pub fn noise(&self, otherwise_m: f64) -> Noise {
         Noise::Equal(self.length_sigma_m.unwrap_or(otherwise_m))
     }
 
-    /// Where the arm may go.
+    /// Constraints of the arm.
     #[must_use]
     pub fn reach(&self, arm: &Arm) -> Reach {
         let usual = Reach::of(arm);
@@ -198,7 +199,7 @@ impl MeasuringSetup {
         }
     }
 
-    /// The line of sight that is required; none without an instrument.
+    /// Line-of-sight constraint; `None` without an instrument.
     #[must_use]
     pub fn sight(&self) -> Option<Sight> {
         Some(Sight {

@@ -1,7 +1,7 @@
 //! Visibility of a target: range, acceptance angle of the reflector, and occlusion by the arm.
 //!
-//! Promises: a target counts as visible only if the straight line from the instrument to it keeps clear of the links' capsules.
-//! Never: fixtures, people, or the tool's own body, which are not described.
+//! A target is visible if the straight line from the instrument to it stays clear of the links' capsules. Fixtures, people and the tool's own body
+//! are not described, hence not considered.
 
 use super::reach::{Line, links};
 use crate::campaign::Place;
@@ -9,21 +9,21 @@ use crate::surroundings::Surroundings;
 use glam::DVec3;
 use physics::{Arm, Chain};
 
-/// Where an instrument that needs a line of sight stands, and what its targets take. SI.
+/// Line-of-sight instrument and its targets; SI units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sight {
-    /// Where it stands, base frame, m.
+    /// Position of the instrument, base frame, m.
     pub instrument_base: DVec3,
-    /// Nearest and farthest distance that it measures at, m.
+    /// Smallest and largest measuring distance, m.
     pub range_m: [f64; 2],
-    /// The largest angle between a reflector's axis and the beam, rad.
+    /// Largest angle between a reflector's axis and the beam, rad.
     pub acceptance_rad: f64,
-    /// Which way each target looks, tool axes, unit length; none: it is seen from all sides (a ball, a sphere of marks).
+    /// Axis of each target, tool axes, unit length; `None` if visible from all directions (a ball, a sphere of markers).
     pub facing_tool: Vec<Option<DVec3>>,
 }
 
 impl Sight {
-    /// Whether `place` is seen with the arm as in `chain`; `radius_m` is that of the links.
+    /// Whether `place` is visible with the arm as in `chain`; `radius_m` is the radius of the links.
     #[must_use]
     pub fn sees(
         &self,
@@ -50,7 +50,7 @@ impl Sight {
         };
         let turned = facing.copied().flatten().map(|facing| tool.rotation * facing);
         let accepts = |axis: DVec3| axis.dot(beam) >= self.acceptance_rad.cos();
-        // The line ends short of the target, which sits on the arm.
+        // The ray ends before the target, which is mounted on the arm.
         let end = at + beam * (1.5 * radius_m).min(distance);
         let ray = Line { a: self.instrument_base, b: end, from: 0 };
         turned.is_none_or(accepts) && links(arm, chain).iter().all(|l| l.distance(&ray) >= radius_m)
@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn the_arm_hides_the_tool_from_an_instrument_behind_it() {
-        // The arm reaches along +x at z = 1.19: from behind, the forearm stands in the line.
+        // The arm extends along +x at z = 1.19: from behind, the forearm obstructs the line of sight.
         assert!(sees(&sight(DVec3::new(4.0, 0.0, 1.2), None)));
         assert!(sees(&sight(DVec3::new(0.8, 4.0, 1.2), None)));
         assert!(!sees(&sight(DVec3::new(-4.0, 0.0, 1.2), None)));

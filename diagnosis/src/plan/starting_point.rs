@@ -15,28 +15,28 @@ use physics::Arm;
 use recording::model::RobotModel;
 use recording::series::Recording;
 
-/// A task, and what is known so far.
+/// A task, and the existing measurements.
 #[derive(Clone, Debug)]
 pub struct StartingPoint {
-    /// The task, without poses at which the tool's error counts.
+    /// The task; [`Task::asked`] is empty.
     pub task: Task,
-    /// What was measured, with its fit; none where there are no readings yet.
+    /// Measurements with their fit; `None` if there are no readings yet.
     pub measured: Option<(Campaign, Fit)>,
 }
 
-/// Why the recordings are no starting point.
+/// Why the recordings cannot be used as a starting point.
 #[derive(Debug, thiserror::Error)]
 pub enum NoStartingPoint {
     /// A recording cannot be used.
     #[error(transparent)]
     Unusable(#[from] Unusable),
-    /// A gross error.
+    /// A gross error in the recordings.
     #[error("what was measured does not fit the model: {0}")]
     GrossFault(String),
 }
 
 impl StartingPoint {
-    /// The task of a setup, complemented by what recordings of the robot tell.
+    /// The task of a setup, with frame, targets and noise estimated from recordings of the robot.
     ///
     /// ```
     /// use diagnosis::plan::setup::MeasuringSetup;
@@ -52,7 +52,7 @@ impl StartingPoint {
     /// ```
     ///
     /// # Errors
-    /// Recordings that cannot be used, or that do not fit the model.
+    /// [`NoStartingPoint`] if a recording cannot be used, or contradicts the model.
     pub fn of(
         model: &RobotModel,
         recordings: &[Recording],
@@ -75,7 +75,7 @@ impl StartingPoint {
         Ok(Self { task, measured: Some((campaign, found)) })
     }
 
-    /// What is known so far.
+    /// The existing measurements.
     #[must_use]
     pub fn known(&self) -> Option<Known<'_>> {
         self.measured.as_ref().map(|(campaign, fit)| Known { campaign, fit })
@@ -89,7 +89,7 @@ impl StartingPoint {
     }
 }
 
-/// What was measured; none where the recordings have no value yet.
+/// The measurements; `None` if the recordings contain no values yet.
 fn readings(arm: &Arm, recordings: &[Recording]) -> Result<Option<Campaign>, Unusable> {
     if recordings.is_empty() {
         return Ok(None);
@@ -101,7 +101,7 @@ fn readings(arm: &Arm, recordings: &[Recording]) -> Result<Option<Campaign>, Unu
     }
 }
 
-/// The standard uncertainty of a length from the fit's residuals, m.
+/// Standard uncertainty of a length, estimated from the residuals of the fit, m.
 fn length_sigma_m(campaign: &Campaign, found: &Fit) -> Option<f64> {
     let mut seen = campaign.poses.iter().flat_map(|pose| &pose.seen);
     let length = seen.find(|seen| seen.reading.is_length())?;

@@ -1,6 +1,5 @@
-//! The task of a plan: parameters, instruments, constraints; random poses that satisfy the constraints.
-//!
-//! Promises: random poses satisfy every constraint; the same generator gives the same poses. Never: a choice between poses.
+//! Task of a plan: parameters, instruments, constraints; random poses that satisfy the constraints. The same generator gives the same poses. SI
+//! units.
 
 use super::NoPlan;
 use super::inverse::onto;
@@ -18,76 +17,76 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// Poses that are drawn for each that is wanted, at most.
+/// Largest number of random poses per pose required.
 const PATIENCE: usize = 200;
 
-/// What is measured at each pose.
+/// Measurement at each pose.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sees {
-    /// The targets of [`Surroundings::targets`], the TCP where there are none: those that the instrument sees, at least this many.
+    /// Positions of the targets of [`Surroundings::targets`], or of the TCP if there are none: those visible to the instrument.
     Points {
-        /// At least 1.
+        /// Minimum number of visible targets; at least 1.
         least: usize,
-        /// Uncertainty of the tool's orientation, rad, where it is measured too.
+        /// Standard uncertainty of the tool's orientation, rad, if measured too.
         orientation_rad: Option<f64>,
     },
-    /// The distance of the first target (the TCP where there is none) from the first fixed point: a ballbar, a cable.
+    /// Distance of the first target (the TCP if there is none) from the first anchor: a ballbar or cable sensor.
     Distance {
-        /// Shortest and longest that it measures, m.
+        /// Shortest and longest measurable distance, m.
         length_m: [f64; 2],
     },
-    /// A probe at the first target (the TCP where there is none) touches planes and spheres.
+    /// Contacts of a probe at the first target (the TCP if there is none) with planes and spheres.
     Touch(Vec<Patch>),
 }
 
-/// Something that a probe touches.
+/// A surface that a probe touches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Patch {
-    /// A part of a plane of [`Surroundings::planes`], about a point of it.
+    /// A region of a plane of [`Surroundings::planes`].
     Plane {
-        /// Which.
+        /// Index of the plane.
         plane: usize,
-        /// Its middle, base frame, m.
+        /// Centre of the region, base frame, m.
         middle: DVec3,
-        /// How far from it, m.
+        /// Radius of the region, m.
         within_m: f64,
     },
-    /// A sphere of [`Surroundings::spheres`].
+    /// A sphere of [`Surroundings::spheres`], by its index.
     Sphere(usize),
 }
 
-/// All of it.
+/// Parameters, measurement and constraints of a plan.
 #[derive(Clone, Debug)]
 pub struct Task {
-    /// The model with the numbers that a fit will find.
+    /// The model with the parameters that are to be fitted.
     pub hypothesis: Hypothesis,
-    /// Frames, targets and things touched: about where they are, known or to be fitted.
+    /// Frames, targets and touched surfaces: approximate positions, known or to be fitted.
     pub surroundings: Surroundings,
-    /// What is measured.
+    /// Measurement at each pose.
     pub sees: Sees,
-    /// How well lengths are measured.
+    /// Standard uncertainty of lengths.
     pub noise: Noise,
-    /// Where the instrument stands; none: a line of sight is not asked for.
+    /// Line of sight from the instrument; `None` if not required.
     pub sight: Option<Sight>,
-    /// Where the arm may go.
+    /// Constraints of the arm.
     pub reach: Reach,
-    /// Whether each pose is measured twice, all joints from below and from above.
+    /// Whether each pose is measured twice, with all joints approaching from below and from above.
     pub both_ways: bool,
-    /// Poses to choose from, as those that are known to be free; empty: random poses.
+    /// Candidate poses, such as those known to be free of collisions; if empty, random poses.
     pub among: Vec<Joints>,
-    /// Joint positions at which the tool's error counts.
+    /// Test poses, at which the tool error is to be small.
     pub asked: Vec<Joints>,
 }
 
-/// A pose that may be chosen.
+/// A pose with its simulated measurements.
 #[derive(Clone, Debug)]
 pub(crate) struct Candidate {
     pub(crate) q: Joints,
     pub(crate) poses: Vec<Pose>,
 }
 
-/// What `trued calibrate` looks for first: the geometry and the effects that `model` has, with what is stated of them, and how each joint bends under the
-/// arm's weight where the masses are known.
+/// Hypothesis that `trued calibrate` starts from: the geometry and the effects of `model` with their stated uncertainties, and the compliance of each
+/// joint under gravity if masses are stated.
 #[must_use]
 pub fn believed(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     let mut hypothesis = geometry(model, sigma);
@@ -116,7 +115,7 @@ impl Task {
         &self.hypothesis.model.arm
     }
 
-    /// Poses that pass, about `wanted`, at least `least`.
+    /// Up to `wanted` poses that satisfy the constraints, at least `least`.
     pub(crate) fn draw(
         &self,
         rng: &mut ChaCha8Rng,
@@ -140,7 +139,7 @@ impl Task {
         enough(drawn, free, found, least)
     }
 
-    /// Poses near `q` that pass.
+    /// Random poses near `q` that satisfy the constraints.
     pub(crate) fn near(
         &self,
         rng: &mut ChaCha8Rng,
@@ -158,23 +157,23 @@ impl Task {
         found
     }
 
-    /// Poses that pass, by chance: what a plan is held against.
+    /// Random poses that satisfy the constraints, as a reference for a plan.
     ///
     /// # Errors
-    /// Where fewer pass.
+    /// [`NoPlan`] if fewer than `count` satisfy them.
     pub fn random(&self, count: usize, seed: u64) -> Result<Vec<Joints>, NoPlan> {
         let drawn = self.draw(&mut ChaCha8Rng::seed_from_u64(seed), count, count)?;
         Ok(drawn.into_iter().take(count).map(|candidate| candidate.q).collect())
     }
 
-    /// The campaign that measures these poses, without values; poses that do not pass are left out.
+    /// The campaign that measures these poses, without values; poses that violate a constraint are omitted.
     #[must_use]
     pub fn campaign(&self, stops: &[Joints]) -> Campaign {
         let poses = stops.iter().filter_map(|q| self.candidate(q)).flat_map(|found| found.poses);
         campaign(poses.collect(), &self.surroundings)
     }
 
-    /// Joint positions within the limits that the arm is free at, by chance.
+    /// Random joint positions within the limits and free of collisions.
     #[must_use]
     pub fn workspace(&self, count: usize, seed: u64) -> Vec<Joints> {
         let rng = &mut ChaCha8Rng::seed_from_u64(seed);
@@ -200,7 +199,7 @@ impl Task {
         q
     }
 
-    /// `q` moved to where it can be measured at all: onto what is touched, to a length that is measured.
+    /// `q` moved to where a measurement is possible: onto a touched surface, or to a measurable length.
     fn measurable(&self, rng: &mut ChaCha8Rng, q: &Joints) -> Option<Joints> {
         let arm = self.arm();
         let tip = self.tip();
@@ -234,7 +233,7 @@ impl Task {
         }
     }
 
-    /// The point of the tool that a rod or a probe has, tool frame, m.
+    /// The point of the tool at which a ballbar or probe is mounted, tool frame, m.
     fn tip(&self) -> DVec3 {
         self.surroundings.targets.first().map_or(DVec3::ZERO, |target| target.value)
     }
@@ -243,7 +242,7 @@ impl Task {
         if self.surroundings.targets.is_empty() { Place::Tcp } else { Place::Target(0) }
     }
 
-    /// `q` with what would be measured there; none where something bars it.
+    /// `q` with the measurements taken there; `None` if a constraint is violated.
     pub(crate) fn candidate(&self, q: &Joints) -> Option<Candidate> {
         if !self.reach.allows(self.arm(), q) {
             return None;
@@ -314,12 +313,12 @@ impl Task {
         Some(seen)
     }
 
-    /// What the probe touches: the patch that it is on.
+    /// The reading of the surface that the probe touches.
     fn touched(&self, chain: &Chain, patches: &[Patch]) -> Option<Reading> {
         let tip = chain.base_from_tool.point(self.tip());
         let place = self.tip_place();
         let inwards = -(chain.base_from_tool.rotation * DVec3::Z);
-        // The probe points into what it touches, give or take 60 degrees.
+        // The probe must point into the surface within 60 degrees.
         let points_in = |normal: DVec3| inwards.dot(normal) > 0.5;
         patches.iter().find_map(|patch| match *patch {
             Patch::Plane { plane, middle, within_m } => {
@@ -340,7 +339,7 @@ impl Task {
     }
 }
 
-/// A campaign of one instrument whose noise is known.
+/// A campaign of one instrument with known noise.
 pub(crate) fn campaign(poses: Vec<Pose>, surroundings: &Surroundings) -> Campaign {
     let name = "planned".to_owned();
     Campaign {
@@ -351,7 +350,7 @@ pub(crate) fn campaign(poses: Vec<Pose>, surroundings: &Surroundings) -> Campaig
     }
 }
 
-/// What was found, where it is enough.
+/// The poses found, or an error if they are too few.
 fn enough(
     drawn: usize,
     free: usize,

@@ -14,7 +14,7 @@ use rand_distr::StandardNormal;
 
 const SIGMA_M: f64 = 3e-5;
 
-/// One reflector on the IRB 1600's tool, a tracker beside it; the frame and the reflector's place are found along.
+/// One reflector on the IRB 1600's tool and a tracker beside it; the frame and the reflector's position are fitted.
 pub(super) fn task() -> Task {
     let model = nominal();
     let made = empty(1, 1);
@@ -43,7 +43,7 @@ fn wish(criterion: Criterion, count: usize, seed: u64) -> Wish {
     Wish { count, criterion, candidates: 300, seed }
 }
 
-/// A robot with geometry errors of the size that calibrations find, all within the hypothesis.
+/// A robot with geometry errors of typical size, all of them parameters of the hypothesis.
 fn erring(seed: u64) -> Model {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut hypothesis = geometry(&nominal(), &[]);
@@ -56,8 +56,7 @@ fn erring(seed: u64) -> Model {
     *hypothesis.model
 }
 
-/// Where the tool errs, root of the mean square over the poses asked, after measuring at `stops` and fitting, m; the controller's frame known, so that it is
-/// the arm alone that errs.
+/// RMS tool error at the test poses after measuring at `stops` and fitting, m. The controller's frame is known, so that only errors of the arm count.
 fn erred(task: &Task, stops: &[Joints], seed: u64) -> f64 {
     let truth = erring(seed);
     let campaign = task.campaign(stops);
@@ -75,7 +74,7 @@ fn erred(task: &Task, stops: &[Joints], seed: u64) -> f64 {
 }
 
 fn with_known_surroundings() -> Task {
-    // Three reflectors: one alone does not see the tool's turn.
+    // Three reflectors, since one alone does not determine the tool's orientation.
     let mut task = Task { surroundings: empty(3, 1).surroundings, ..task() };
     task.sight = None;
     let Surroundings { frames, targets, .. } = &mut task.surroundings;
@@ -96,7 +95,7 @@ fn planned_poses_are_within_limits_seen_and_out_of_the_base() {
         let tcp = chain.base_from_tool.origin;
         assert!(tcp.z > 0.0 && !(tcp.truncate().length() < 0.2 && tcp.z < 0.4865), "{tcp}");
         let towards = (task.sight.as_ref().expect("a sight").instrument_base - tcp).normalize();
-        // The reflector stands 0.1 m off the TCP and the tracker metres away.
+        // The reflector is 0.1 m from the TCP, and the tracker metres away.
         assert!((chain.base_from_tool.rotation * DVec3::Z).dot(towards) > 0.1);
     }
 }
@@ -153,7 +152,7 @@ fn the_error_that_is_said_falls_with_every_pose_and_ends_where_the_tool_errs() {
     let errors = (0..12).map(|seed| erred(&task, &stops, seed).powi(2)).sum::<f64>() / 12.0;
     let said = plan.poses.last().expect("poses").tool_m[1];
     let ratio = errors.sqrt() / said;
-    // Twelve campaigns of some thirty numbers.
+    // Twelve campaigns of about thirty parameters.
     assert!((0.8..1.25).contains(&ratio), "{ratio}");
 }
 

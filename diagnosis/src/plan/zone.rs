@@ -1,7 +1,4 @@
-//! The zone in which the tool error is minimised: a box with the directions of the tool.
-//!
-//! Promises: joint positions that put the TCP into the box with its z axis along one of the directions, if reachable. Never: a
-//! guess if the box cannot be reached.
+//! Working zone in which the tool error is minimised: a box with tool directions, and joint positions with the TCP in it, if reachable.
 
 use super::inverse::pointing;
 use super::reach::Reach;
@@ -11,20 +8,20 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// Tries for each position that is wanted.
+/// Number of inverse-kinematics starts per position.
 const TRIES: usize = 30;
 
-/// A milling zone, base frame.
+/// A working zone, base frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Zone {
-    /// Least and largest corner, m.
+    /// Lowest and highest corner, m.
     pub corners: [DVec3; 2],
     /// Directions of the tool's z axis, unit length; at least one.
     pub directions: Vec<DVec3>,
 }
 
 impl Zone {
-    /// About `count` joint positions in the zone, evenly by chance; fewer where the arm does not reach all of it, none where it reaches nothing.
+    /// About `count` uniformly random joint positions in the zone; fewer if the arm does not reach all of it, none if it reaches nothing.
     #[must_use]
     pub fn positions(&self, arm: &Arm, reach: &Reach, count: usize, seed: u64) -> Vec<Joints> {
         let rng = &mut ChaCha8Rng::seed_from_u64(seed);
@@ -41,7 +38,7 @@ impl Zone {
     }
 }
 
-/// Joint positions with the TCP at `at` (base frame, m) and the tool's z axis along `along`, where the arm may stand.
+/// Joint positions with the TCP at `at` (base frame, m) and the tool's z axis along `along`, if the constraints are satisfied.
 pub(super) fn stand(
     arm: &Arm,
     reach: &Reach,
@@ -53,7 +50,7 @@ pub(super) fn stand(
         let mut start = Joints::default();
         for (i, slot) in start.iter_mut().enumerate().take(arm.count()) {
             let (low, high) = reach.limits(arm, i);
-            // A start within half a turn: an answer a turn further on is none.
+            // Starts within half a turn avoid solutions that differ by whole turns.
             let (low, high) = (low.max(-3.0), high.min(3.0).max(low));
             *slot = low + (high - low).max(0.0) * rng.random::<f64>();
         }

@@ -1,6 +1,7 @@
-//! The data of one torque diagnosis: rows, what the model states, and the library of candidates.
+//! Data of one torque diagnosis: rows, torque predicted by the model, dictionary of candidates, and the data split.
 //!
-//! The torque that the model states is subtracted first; parameters with a stated uncertainty are fitted along with it as prior. Selects nothing.
+//! The predicted torque is subtracted from the recorded one first; parameters with a stated uncertainty are fitted with it as prior. Selects nothing.
+//! SI units.
 
 use physics::dynamics::INERTIAL;
 use recording::series::{Heldout, Recording};
@@ -20,7 +21,7 @@ use crate::engine::stepwise::Selection;
 use crate::engine::sums::Sums;
 use crate::engine::table::{Table, residual};
 
-/// Periods of the band's edge beside what is held out that train nothing.
+/// Gap between test rows and training rows, in periods of the band edge: the filter mixes rows closer together.
 const GAP_PERIODS: f64 = 2.0;
 
 pub(super) struct Case {
@@ -28,28 +29,29 @@ pub(super) struct Case {
     pub(super) table: Table,
     pub(super) library: Library,
     pub(super) rows: RowSets,
-    /// Columns that are in whatever is believed: masses of which nothing is known, numbers with a stated uncertainty.
+    /// Columns that every fit includes: inertial parameters of unstated masses, and parameters with a stated uncertainty.
     pub(super) open: Vec<usize>,
-    /// Of these, the model's own numbers: column, the number's effect and place, the effect whose first it is.
+    /// Those of `open` that are parameters of the model's effects: column, (effect, value) in the model, and the effect whose first parameter it is.
     pub(super) known: Vec<(usize, (usize, usize), Option<First>)>,
-    /// Columns of stated masses, in where these are doubted.
+    /// Columns of the stated masses, fitted only in the variant that questions them.
     pub(super) doubted: Vec<usize>,
-    /// Joints that never move, with what they hold beyond what the model states, row by row.
+    /// Joints that never move, each with its recorded minus predicted torque, row by row.
     pub(super) still: Vec<(usize, Vec<f64>)>,
-    /// Torque that the model states, per joint and row; and the part of it that its masses ask for.
+    /// Torque predicted by the model, per joint and row, and its rigid-body part.
     pub(super) stated: Vec<Vec<f64>>,
     pub(super) rigid: Vec<Vec<f64>>,
-    /// That part at every sample, per joint and run, where the torque's band is narrower than what turns sharply is told in; else empty.
+    /// Rigid-body part at every sample, per joint and run, from the motion of wider bandwidth; empty if the torque's band is equally wide or the
+    /// model states no masses.
     pub(super) sharp: Vec<Vec<Vec<f64>>>,
-    /// Friction that the model states to go with the load.
+    /// Load-dependent friction stated by the model.
     pub(super) rubbing: Vec<Rubbing>,
-    /// The first columns, those of the arm's own masses.
+    /// Number of columns of the arm's inertial parameters, which come first.
     pub(super) inertial: usize,
-    /// The sums that were taken last.
+    /// Buffer of the last computed sums of products, for reuse.
     pub(super) sums: RefCell<Option<Sums>>,
 }
 
-/// The runs of a motion, for the split: rows beside a border are mixed by the filter.
+/// Row ranges of the runs for the data split, with a gap as wide as the filter needs.
 fn runs(motion: &Motion, recordings: &[Recording]) -> Vec<RunRows> {
     let said = recordings.iter().any(|one| one.about.heldout != Heldout::Unsaid);
     let mut from = 0;
@@ -66,7 +68,7 @@ fn runs(motion: &Motion, recordings: &[Recording]) -> Vec<RunRows> {
 }
 
 impl Case {
-    /// Reads motion out of the recordings and lists what may be missing.
+    /// Extracts motion and torque from the recordings and sets up all candidates.
     pub(super) fn new(
         stated: &Stated<'_>,
         recordings: &[Recording],
@@ -105,7 +107,7 @@ impl Case {
         let several = recordings.len() > 1;
         let last_is_known = arm.joints().last().is_some_and(|joint| joint.link.is_some());
         if several || last_is_known {
-            // A mass that hangs there in every recording is one with the last link's where nothing is known of it.
+            // If the last link's mass is unknown, a payload present in all recordings is indistinguishable from it.
             let mut each: Vec<Option<usize>> = if last_is_known { vec![None] } else { Vec::new() };
             each.extend((0..recordings.len()).filter(|_| several).map(Some));
             each.iter().for_each(|one| library.payload(&motion, of_mass, arm.tool.tcp, *one));
@@ -135,7 +137,7 @@ impl Case {
         case
     }
 
-    /// Tells payloads about the places where this fit has them; whether any moved.
+    /// Recentres payload columns at the fitted centre of mass; returns whether any moved.
     pub(super) fn recentre(&mut self, selection: &Selection) -> bool {
         let of_inertia = self.inertial - 6..self.inertial;
         let mut moved = false;
@@ -146,25 +148,26 @@ impl Case {
         moved
     }
 
-    /// Everything that may be missing at once, on all rows that are seen.
+    /// Fit of all columns of the library at once to the training rows.
     pub(super) fn rich(&self) -> Solved {
         let products = self.products(&self.rows.train);
         products.solve(&(0..self.library.columns.len()).collect::<Vec<usize>>())
     }
 
-    /// Whether numbers that are fitted along, held by what is believed of them, explain as much as a name: then belief alone speaks for it.
+    /// Whether parameters that every fit includes, constrained by their priors, explain as much as a candidate. Data cannot distinguish the two, so
+    /// the candidate is exempt from the held-out tests.
     pub(super) fn is_belief(&self, name: usize, always: &[usize]) -> bool {
         self.library.families[name].revises || self.is_of_masses(name, always)
     }
 
-    /// Whether masses that are doubted may explain as much as a name.
+    /// Whether fitted stated masses can explain the same as a candidate.
     pub(super) fn is_of_masses(&self, name: usize, always: &[usize]) -> bool {
         let kind = self.library.families[name].kind;
         matches!(kind, "payload" | "inertia" | "gravity_torque")
             && self.doubted.iter().any(|k| always.contains(k))
     }
 
-    /// The sums over the rows that count and that `used` takes.
+    /// Normal equations over the rows that both `used` and the table's `counts` select.
     pub(super) fn products(&self, used: &[bool]) -> Products {
         let sums = Sums::taken(self.sums.take(), &self.table, &self.library.columns, used);
         let products = sums.products(self.library.prior.clone());
@@ -172,9 +175,9 @@ impl Case {
         products
     }
 
-    /// Learns each joint's noise from what no effect explains.
+    /// Estimates each joint's noise (AR model and size) from the residual of the fit of all candidates.
     pub(super) fn estimate_noise(&mut self) {
-        // The first look has no weights of joints, the second has.
+        // The first pass has equal weights for all joints, the second has the estimated ones.
         for _ in 0..2 {
             self.ignore_autocorrelation();
             let rich = self.rich();
@@ -183,19 +186,19 @@ impl Case {
         }
     }
 
-    /// From here on rows weigh by the size of their noise alone: numbers that shall hold for motions of any speed must not be drawn from the fast ones only, which is
-    /// what noise with a long memory leaves of a model that is not quite right. Their uncertainty is told by blocks of time.
+    /// Weights rows by noise size alone from here on. Whitening by a slowly decaying autocorrelation would emphasise fast motions, and a slightly
+    /// wrong model would then give parameters that hold only for these. Uncertainties are computed from blocks of time instead.
     pub(super) fn ignore_autocorrelation(&mut self) {
         self.table.noise.iter_mut().for_each(|(colour, _)| *colour = Colour::default());
     }
 
-    /// What is left of a joint's torque.
+    /// Residual torque of a joint, row by row, N m or N.
     pub(super) fn residual(&self, solved: &Solved, joint: usize) -> Vec<f64> {
         residual(&self.table, &self.library.columns, solved, joint)
     }
 }
 
-/// Lists what each joint that moves may lack; gives the joints that never do, with what they hold.
+/// Adds the candidates of each moving joint; returns the joints that never move with their residual torque.
 fn ask(
     stated: &Stated<'_>,
     motion: &Motion,

@@ -1,57 +1,56 @@
-//! Regressors: contribution of each parameter of an effect to the torque of each joint, row by row.
+//! Regressors: contribution of each parameter of an effect to the torque of each joint, row by row, as the term of docs/reference/effects.md per unit
+//! of its parameter.
 //!
-//! Laws that are not linear in the motion are evaluated at the rate of the run, on motion in a wider band, and then pass the filter of the torque; linear ones are evaluated on
-//! what has passed it, which is the same.
-//!
-//! Promises: a column is the term of docs/reference/effects.md per unit of its parameter. Never: a decision.
+//! Terms that are nonlinear in the motion are evaluated at the sampling rate of the run on motion of a wider bandwidth, and then pass the filter of
+//! the torque; linear terms are evaluated on filtered motion, which is equivalent. Friction with memory follows Dahl's law or a Maxwell-slip model.
 
 use crate::engine::table::Column;
 
 use super::motion::{Motion, ROOM_C, Track};
 
-/// Below this share of a joint's usual speed it counts as standing.
+/// A joint slower than this share of its RMS velocity is treated as at rest: the sign of the velocity is smoothed over it.
 pub(super) const STANDING: f64 = 2e-4;
 
-/// Springs that a friction with memory is made of where it is made of springs.
+/// Number of elements of the Maxwell-slip model.
 const SPRINGS: usize = 16;
 
-/// One law of one number.
+/// A law with one linear parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Law {
-    /// `sign(v)`.
+    /// Sign of the velocity, `sign(v)`: dry friction.
     Direction,
-    /// `v`.
+    /// Velocity `v`: viscous friction.
     Speed,
-    /// `exp(−(v/v_s)²) sign(v)`.
+    /// Stribeck friction, `exp(−(v/v_s)²) sign(v)`.
     Stribeck { speed: f64 },
-    /// 1.
+    /// Constant 1.
     One,
-    /// `|v|`.
+    /// Absolute velocity `|v|`.
     AbsoluteSpeed,
-    /// `v (1 − exp(−k (T − 20 °C)))/k`.
+    /// Decrease of viscous friction with temperature, `v (1 − exp(−k (T − 20 °C)))/k`; `k` in 1/K.
     Warmth { per_kelvin: f64 },
-    /// `v (T − 20 °C) exp(−k (T − 20 °C))`: what friction loses as `k` grows.
+    /// Minus the derivative of `v exp(−k (T − 20 °C))` with respect to `k`: `v (T − 20 °C) exp(−k (T − 20 °C))`.
     Warmer { per_kelvin: f64 },
-    /// `v exp(−k (T − 20 °C))`: what warmth leaves of friction.
+    /// Viscous friction at temperature `T`, `v exp(−k (T − 20 °C))`.
     Warm { per_kelvin: f64 },
-    /// `a`.
+    /// Acceleration `a`: inertia.
     Acceleration,
-    /// `cos q`.
+    /// `cos q`: gravity.
     Cosine,
-    /// `sin q`.
+    /// `sin q`: gravity.
     Sine,
-    /// `q`.
+    /// Position `q`: spring.
     Position,
-    /// `(q − q0)³`.
+    /// Cube of the deflection from the rest position, `(q − q0)³`: spring hardening.
     Cube { rest: f64 },
-    /// `z` of unit height that turns over after each reversal within a distance.
+    /// Dahl friction of unit height, with this reversal distance, rad or m.
     Memory { distance: f64 },
-    /// The same by many springs that slip one after the other.
+    /// Maxwell-slip friction of unit height, with this reversal distance, rad or m.
     Slip { distance: f64 },
 }
 
 impl Law {
-    /// The column of a law at one joint.
+    /// The column of the law at one joint.
     pub(super) fn column(self, motion: &Motion, joint: usize) -> Column {
         let mut all = Vec::new();
         for (run, samples) in motion.runs.iter().zip(self.at_samples(motion, joint)) {
@@ -64,13 +63,14 @@ impl Law {
         Column { parts: vec![(joint, all.into())] }
     }
 
-    /// Its values at every sample of each run.
+    /// Values of the law at every sample of each run.
     pub(super) fn at_samples(self, motion: &Motion, joint: usize) -> Vec<Vec<f64>> {
         let standing = STANDING * usual_speed(motion, joint);
         motion.runs.iter().map(|run| self.samples(&run.joints[joint], standing)).collect()
     }
 
-    /// Whether the law is not linear in the motion: then it is formed before the filter, as the torque was, since the filtered cube is not the cube of what was filtered.
+    /// Whether the law is nonlinear in the motion. It is then evaluated before filtering, as the torque arises: the filtered cube differs from the
+    /// cube of the filtered position.
     fn is_nonlinear(self) -> bool {
         !matches!(self, Self::One | Self::Speed | Self::Acceleration | Self::Position)
     }
@@ -120,7 +120,7 @@ impl Law {
     }
 }
 
-/// `sin n q` and `cos n q`, told as sharp laws are; n in cycles per revolution, or radians per metre.
+/// `sin n q` and `cos n q`, evaluated as nonlinear laws; n in cycles per revolution, or rad/m for a prismatic joint.
 pub(super) fn waves(motion: &Motion, joint: usize, cycles: f64) -> [Column; 2] {
     let mut all = [Vec::new(), Vec::new()];
     for run in &motion.runs {
@@ -133,7 +133,7 @@ pub(super) fn waves(motion: &Motion, joint: usize, cycles: f64) -> [Column; 2] {
     all.map(|values| Column { parts: vec![(joint, values.into())] })
 }
 
-/// `dz/d|q| = (sign(dq) − z)/s`, from nothing at the start (Dahl's law; the height is one).
+/// Dahl friction of unit height: `dz/d|q| = (sign(dq) − z)/s`, starting at zero.
 fn memory(q: &[f64], distance: f64) -> Vec<f64> {
     let mut z = 0.0;
     let mut before = q.first().copied().unwrap_or(0.0);
@@ -147,8 +147,8 @@ fn memory(q: &[f64], distance: f64) -> Vec<f64> {
     q.iter().map(step).collect()
 }
 
-/// Springs in parallel that slip once stretched so far, each its share of a height of one (Maxwell): loops within a loop close. After a whole reversal the sum turns
-/// over as [`memory`] does, as the distances at which springs slip are spread by `x exp(−x)`.
+/// Maxwell-slip friction of unit height: parallel springs that slip at different deflections, so that minor loops close. With slip deflections
+/// distributed by the density `x exp(−x)`, the sum after a full reversal equals that of [`memory`].
 pub(super) fn slip(q: &[f64], distance: f64) -> Vec<f64> {
     let yields: [f64; SPRINGS] =
         std::array::from_fn(|k| 0.5 * distance * quantile((k as f64 + 0.5) / SPRINGS as f64));
@@ -167,7 +167,7 @@ pub(super) fn slip(q: &[f64], distance: f64) -> Vec<f64> {
     q.iter().map(step).collect()
 }
 
-/// Where `1 − (1 + x) exp(−x)` reaches a share.
+/// The value `x` at which the distribution function `1 − (1 + x) exp(−x)` reaches a share.
 fn quantile(share: f64) -> f64 {
     let (mut low, mut high) = (0.0, 50.0);
     for _ in 0..50 {
@@ -177,7 +177,7 @@ fn quantile(share: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// The root mean square of a joint's speed in all runs.
+/// RMS velocity of a joint over all runs, rad/s or m/s.
 pub(super) fn usual_speed(motion: &Motion, joint: usize) -> f64 {
     let all = motion.runs.iter().flat_map(|run| {
         let track = &run.joints[joint];
@@ -187,7 +187,7 @@ pub(super) fn usual_speed(motion: &Motion, joint: usize) -> f64 {
     if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 }
 }
 
-/// The root mean square of a joint's acceleration in all runs.
+/// RMS acceleration of a joint over all runs, rad/s² or m/s².
 fn usual_acceleration(motion: &Motion, joint: usize) -> f64 {
     let all = motion.runs.iter().flat_map(|run| {
         let track = &run.joints[joint];
@@ -197,13 +197,14 @@ fn usual_acceleration(motion: &Motion, joint: usize) -> f64 {
     if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 }
 }
 
-/// The shortest way after a reversal that the band can tell from a sudden turn: what the joint's usual acceleration goes in two periods of the edge
-/// of the band that sharp laws are told from.
+/// The shortest reversal distance that the wider band can distinguish from an abrupt reversal, rad or m: the distance covered from rest at the joint's
+/// RMS acceleration in two periods of the band edge, `½ a (2/f)²`.
 pub(super) fn shortest_way(motion: &Motion, joint: usize) -> f64 {
     2.0 * usual_acceleration(motion, joint) / (motion.quick_hz * motion.quick_hz)
 }
 
-/// The lowest speed that the band can tell from rest: what the joint's usual acceleration reaches in a quarter of a period of its edge.
+/// The lowest velocity that the wider band can distinguish from rest, rad/s or m/s: what the joint's RMS acceleration reaches in a quarter of a
+/// period of the band edge.
 pub(super) fn lowest_speed(motion: &Motion, joint: usize) -> f64 {
     0.25 * usual_acceleration(motion, joint) / motion.quick_hz
 }
@@ -223,7 +224,7 @@ mod tests {
             pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
         };
         assert!(off(1000) < 0.1, "{}", off(1000));
-        // There, a little back, and there again: springs remember where they were, the other law does not.
+        // After a full stroke, a small reversal and a return, a Maxwell-slip model closes the minor loop; Dahl's law does not.
         let q: Vec<f64> = go(0.0, 1.0).chain(go(1.0, 0.98)).chain(go(0.98, 1.0)).collect();
         let gap = |z: Vec<f64>| (z[2999] - z[999]).abs();
         assert!(gap(slip(&q, 0.05)) < 1e-9 && gap(memory(&q, 0.05)) > 0.1);
@@ -235,7 +236,7 @@ mod tests {
         let q: Vec<f64> = there.clone().chain(there.rev()).collect();
         let z = memory(&q, 0.05);
         assert!((z[1000] - 1.0).abs() < 1e-6);
-        // Half a distance of ln 2 after the reversal it has lost all its height.
+        // After a reversal, friction crosses zero at a distance of ln 2 times the reversal distance.
         let crossing = (1000..2001).find(|k| z[*k] < 0.0).unwrap_or(0) - 1001;
         assert!((crossing as f64 * 1e-3 - 0.05 * std::f64::consts::LN_2).abs() < 2e-3);
         assert!((z[2001] + 1.0).abs() < 1e-6);

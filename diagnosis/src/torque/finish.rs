@@ -1,5 +1,5 @@
-//! The result of a torque diagnosis: effects with their parameters, improvement on the test set, residual. The test set is read here for the first time, and changes
-//! no selection.
+//! Assembles the result of a torque diagnosis: effects with parameters, improvement on the test set, residual, verdict. The test set is evaluated
+//! here for the first time: it can remove an effect, but selects none.
 
 use nalgebra::DMatrix;
 use physics::{Arm, JointKind};
@@ -19,7 +19,7 @@ use crate::engine::stepwise::{Search, Selection, others};
 use crate::engine::sums::Sums;
 use crate::engine::validation::{self, Listed};
 
-/// Standard share of a span, seen from one end, that a number lies anywhere within.
+/// RMS distance of a uniformly distributed value from one end of its interval, as a share of the interval: 1/√3.
 const ANYWHERE: f64 = 0.577_350_269_189_625_8;
 
 pub(super) fn finish(
@@ -91,11 +91,11 @@ pub(super) fn finish(
     }
 }
 
-/// A rival that is so much behind is listed, but the verdict no longer waits for it: where names differ by 5 in expectation, chance takes more than this of it only in
-/// one case in four, and where they do not differ it seldom gives as much.
+/// An alternative this far behind in log-likelihood is listed, but does not make the verdict ambiguous. If two hypotheses differ by 5 in expectation
+/// (standard deviation √10), the observed difference is below 3 in one case of four; if they are equivalent, it seldom reaches 3.
 const BEHIND: f64 = 3.0;
 
-/// The verdict; a law in the place of names leaves nothing explained.
+/// The verdict. A smooth law that replaces selected effects refutes them, so the explained share is then zero.
 fn verdict(
     case: &Case,
     findings: &[Finding],
@@ -115,7 +115,8 @@ fn verdict(
         let stand = instead_of.is_empty();
         if stand { (before - after) / (before - after + left).max(1e-300) } else { 0.0 }
     });
-    // Of names that explain the same the one with the fewest numbers is preferred (docs/reference/effects.md), claimed or not: a payload on one slide is its mass.
+    // Among effects that explain the same, the one with the fewest parameters is preferred (docs/reference/effects.md), claimed or not: a payload on
+    // a single slide is its mass.
     let takes_more = |one: &Finding, rival: &Rival| {
         let own: usize = one.numbers.iter().map(|number| number.values.len()).sum();
         let others = case.library.families.get(rival.place).map_or(0, Family::count);
@@ -130,20 +131,20 @@ fn verdict(
     decide_verdict(&weights, explained, &VerdictSettings::DRIVE_OR_CUT)
 }
 
-/// A fit of names with what is open of its numbers.
+/// A fit of selected effects with all contributions to the uncertainty of their parameters.
 pub(super) struct Told {
     selection: Selection,
     covariance: DMatrix<f64>,
-    /// Of searched numbers, as shares, per name.
+    /// Relative standard uncertainty of the searched parameter, per effect.
     spreads: Vec<(usize, f64)>,
-    /// The same names with the rows of zones.
+    /// The same effects fitted with the rows of zones included.
     unzoned: Option<Selection>,
-    /// By how much the numbers of loops differ under another law of memory, per column.
+    /// Change of each hysteresis parameter under the alternative law, per column.
     formed: Vec<(usize, f64)>,
 }
 
 impl Told {
-    /// Outside zones.
+    /// The fit without the rows of zones.
     fn of(case: &Case, stated: &Stated<'_>, search: &Search<'_>, names: &[usize]) -> Self {
         let seen = case.rows.seen();
         let selection = search.solve(names);
@@ -174,8 +175,8 @@ impl Told {
     }
 }
 
-/// The fit without the names whose size may be nothing by all that is open of it, by searched numbers and the form of a law as well; what rows set apart would
-/// say of it is no reason.
+/// Drops effects whose magnitude is not significant, the least significant first, refitting each time. The uncertainty includes searched parameters
+/// and the form of a law, but not the influence of excluded rows.
 pub(super) fn sized(
     case: &Case,
     stated: &Stated<'_>,
@@ -204,7 +205,7 @@ pub(super) fn sized(
     }
 }
 
-/// The names without which the error on all held-out rows, those of zones among them, would be smaller.
+/// Effects whose removal would reduce the error on all test rows, those of zones included.
 fn outside_alone(
     case: &Case,
     search: &Search<'_>,
@@ -217,7 +218,7 @@ fn outside_alone(
     selection.names.iter().copied().filter(harms).collect()
 }
 
-/// What was found; where that is nothing, and no law either, what joints hold that never move.
+/// The findings; if there are none and no smooth law either, the constant torques of joints that never move.
 fn or_still(
     case: &Case,
     stated: &Stated<'_>,
@@ -227,7 +228,7 @@ fn or_still(
     if findings.is_empty() && !is_law { still::findings(case, stated, always) } else { findings }
 }
 
-/// The model's own numbers as the fit has them.
+/// The parameters stated with an uncertainty, as refitted.
 fn refits(
     case: &Case,
     stated: &Stated<'_>,
@@ -242,7 +243,8 @@ fn refits(
     case.known.iter().filter_map(one).collect()
 }
 
-/// What holds of a column's number lies anywhere between the fits without and with the rows of zones: uniform, and seen from one end.
+/// Standard uncertainty of a column's parameter by excluded rows: its true value is taken as uniform between the fits without and with the rows of
+/// zones.
 fn moved(unzoned: Option<&Selection>, selection: &Selection, column: usize) -> f64 {
     let with = unzoned.and_then(|other| other.solved.value(column));
     let apart =
@@ -250,20 +252,20 @@ fn moved(unzoned: Option<&Selection>, selection: &Selection, column: usize) -> f
     ANYWHERE * apart
 }
 
-/// A joint's viscous friction, stated and found.
+/// Viscous friction of a joint, stated plus found.
 fn viscous(case: &Case, stated: &Stated<'_>, selection: &Selection, joint: usize) -> f64 {
     stated.first("viscous_friction", joint)
         + refine::found_viscous(case, &selection.names, &selection.solved, joint)
 }
 
-/// The gain that was found of a joint's drive.
+/// Fitted relative gain of a joint's drive.
 fn gain(case: &Case, selection: &Selection, joint: Option<usize>) -> f64 {
     let families = selection.names.iter().map(|name| &case.library.families[*name]);
     let mut gains = families.filter(|f| f.kind == "drive_gain" && f.joint == joint);
     gains.next().and_then(|f| selection.solved.value(f.columns[0])).unwrap_or(0.0)
 }
 
-/// What was done with the data, in words.
+/// Notes on the processing of the data, for users.
 fn notes(
     arm: &Arm,
     case: &Case,
@@ -313,7 +315,7 @@ fn of_joint(joint: Option<usize>) -> String {
     joint.map_or(String::new(), |joint| format!(" of joint {}", joint + 1))
 }
 
-/// The fit with the rows of the zones in it: what depends on them is no surer than that.
+/// The fit with the rows of zones included; its difference to the main fit contributes to the uncertainty.
 fn without_zones(
     case: &Case,
     always: &[usize],
@@ -326,7 +328,7 @@ fn without_zones(
     }
     let mut table = case.table.clone();
     table.counts.clone_from(&table.moves);
-    // In the memory of the case's sums, which are as large; the next question computes them again.
+    // Reuses the buffer of the case's sums to save memory; they are recomputed when next needed.
     let sums = Sums::taken(case.sums.take(), &table, &case.library.columns, seen);
     let products = sums.products(case.library.prior.clone());
     case.sums.replace(Some(sums));
@@ -349,7 +351,7 @@ fn proof(case: &Case, (given, selection): (&Selection, &Selection), joint: usize
     }
 }
 
-/// The joints' torques together, root mean square.
+/// RMS torque over all joints.
 fn signal(joints: &[JointProof]) -> f64 {
     let sum: f64 = joints.iter().map(|joint| joint.torque * joint.torque).sum();
     libm::sqrt(sum / joints.len().max(1) as f64)

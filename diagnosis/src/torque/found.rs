@@ -1,6 +1,5 @@
-//! Findings: converts columns to parameters of effects, and likelihoods to probabilities.
-//!
-//! Promises: parameter names of docs/reference/effects.md, in SI. Never: units of a file.
+//! Converts fitted columns to parameters of effects, and log-likelihoods to posterior probabilities. Parameter names as in docs/reference/effects.md,
+//! SI units.
 
 use glam::DVec3;
 use nalgebra::DMatrix;
@@ -11,53 +10,53 @@ use crate::engine::normal_equations::Solved;
 use crate::engine::posterior::posterior;
 use crate::engine::stepwise::{Search, Selection, others};
 
-/// The share of a number that stays open whatever the noise: scale, geometry, the form of a law.
+/// Relative standard uncertainty of a parameter that does not decrease with noise: scale factors, geometry, form of the law.
 const FLOOR: f64 = 5e-3;
-/// What a motor's constant is off by, gear losses included, as a standard share of what currents are called torque by.
+/// Relative standard uncertainty of a motor constant, gear losses included, where torque is computed from current.
 const CONSTANT: f64 = 0.1;
-/// A first moment that is open by as much, kg m, is one that nothing feels: no arm carries it.
+/// A first moment with a larger standard uncertainty, kg m, is unobservable: no arm carries as much.
 const UNFELT: f64 = 1e4;
-/// Names within so much log-likelihood cannot be distinguished.
+/// Effects whose log-likelihoods differ by less are indistinguishable.
 const ALIKE: f64 = 5.0;
-/// A rival explains at least this share of what the name does.
+/// Smallest share of an effect's gain that an alternative must explain to be listed.
 const SHARES: f64 = 0.5;
-/// Rivals that are further behind are not listed.
+/// Alternatives further behind in log-likelihood are not listed.
 const FAR: f64 = 12.0;
 
-/// A number of an effect, or several of one stem; SI.
+/// A parameter of an effect, or the components of a vector parameter, SI units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Number {
-    /// The key's stem.
+    /// Stem of the parameter's key, without unit.
     pub stem: &'static str,
-    /// SI.
+    /// Values, SI units.
     pub values: Vec<f64>,
-    /// Standard uncertainties.
+    /// Standard uncertainty of each value, SI units.
     pub sigma: Vec<f64>,
 }
 
-/// Another name that explains the same.
+/// An alternative effect that explains the same.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rival {
-    /// A name of the contract.
+    /// Name of the effect in docs/reference/effects.md.
     pub kind: &'static str,
-    /// From 0; none for the whole robot.
+    /// Joint from 0; `None` if the effect concerns the whole robot.
     pub joint: Option<usize>,
-    /// Its place in the library.
+    /// Index among the families of the library.
     pub(crate) place: usize,
-    /// Which numbers it takes.
+    /// Stems of its parameters.
     pub stems: Vec<&'static str>,
-    /// By how much it is behind in log-likelihood.
+    /// Log-likelihood of the finding minus that of this alternative.
     pub behind: f64,
-    /// How many more numbers it takes than what was found.
+    /// Number of its parameters minus that of the finding.
     pub dearer: f64,
-    /// Whether this recording cannot tell it from what was found.
+    /// Whether these recordings cannot distinguish it from the finding.
     pub alike: bool,
-    /// The probability of this name.
+    /// Posterior probability of this alternative, 0 to 1.
     pub confidence: f64,
 }
 
 impl Rival {
-    /// A name at this place of the library, so far behind another and dearer; its probability is not told yet.
+    /// An alternative at this index of the library; its probability is computed later.
     pub(super) fn of(family: &Family, place: usize, behind: f64, dearer: f64) -> Self {
         Self {
             kind: family.kind,
@@ -72,7 +71,7 @@ impl Rival {
     }
 }
 
-/// Stems of the numbers that a name takes.
+/// Stems of the parameters of a candidate.
 pub(super) fn stems(family: &Family) -> Vec<&'static str> {
     let mut stems = match family.form {
         Form::Plain(stems) => stems.to_vec(),
@@ -87,23 +86,23 @@ pub(super) fn stems(family: &Family) -> Vec<&'static str> {
     stems
 }
 
-/// What the numbers of a name are told with.
+/// Inputs of the conversion of columns to parameters.
 pub(super) struct Context<'a> {
-    /// Of the numbers of the fit.
+    /// Covariance of the fit's parameters.
     pub(super) covariance: &'a DMatrix<f64>,
-    /// Of its searched number, as a share.
+    /// Relative standard uncertainty of the searched parameter.
     pub(super) spread: f64,
-    /// By how much each column's number depends on rows that were set apart.
+    /// Additional standard uncertainty of a column's parameter: by rows in excluded zones, and by the form of a hysteresis law.
     pub(super) moved: &'a dyn Fn(usize) -> f64,
-    /// Torque is as sure as a motor's constant.
+    /// Whether torque is computed from current, so that the uncertainty of the motor constant applies.
     pub(super) by_current: bool,
-    /// The gain that was found of the joint's drive: what acts is what is recorded over `1 + g`.
+    /// Fitted relative gain `g` of the joint's drive: the acting torque is the recorded one divided by `1 + g`.
     pub(super) gain: f64,
-    /// The joint's viscous friction, stated and found, as recorded.
+    /// Viscous friction of the joint, stated plus found, in units of the recorded torque.
     pub(super) viscous: f64,
 }
 
-/// The numbers of a name in a fit.
+/// Parameters of an effect with their standard uncertainties.
 pub(super) fn numbers(family: &Family, solved: &Solved, context: &Context<'_>) -> Vec<Number> {
     let at = |column: usize| solved.columns.iter().position(|k| *k == column);
     let is_torque = goes_with_torque(family.kind);
@@ -127,7 +126,7 @@ pub(super) fn numbers(family: &Family, solved: &Solved, context: &Context<'_>) -
             let viscous = context.viscous;
             vec![one("per_K", -value(0) / viscous, sigma(0) / viscous.abs())]
         }
-        // The contract's amplitude is the whole height of the loop, the column's a half.
+        // `amplitude_N` is the full height of the loop, the column's parameter half of it.
         Form::Loop => vec![one("amplitude_N", 2.0 * value(0), 2.0 * sigma(0))],
         Form::Spring => {
             let (stiffness, rest) = (value(0), -value(1) / value(0));
@@ -135,7 +134,7 @@ pub(super) fn numbers(family: &Family, solved: &Solved, context: &Context<'_>) -
             vec![one("stiffness", stiffness, sigma(0)), one("rest_position", rest, of_rest)]
         }
         Form::Moment => {
-            // Along its axis a joint feels nothing: what comes out there is rounding.
+            // The component along the joint's axis is unobservable: its value is rounding error.
             let felt = |k: usize| if sigma(k) < UNFELT { value(k) } else { 0.0 };
             let values = (0..3).map(felt).collect();
             vec![Number { stem: "first_moment", values, sigma: (0..3).map(sigma).collect() }]
@@ -146,7 +145,7 @@ pub(super) fn numbers(family: &Family, solved: &Solved, context: &Context<'_>) -
             payload([0, 1, 2, 3].map(value), about, sigma(0), own)
         }
     };
-    // How often a wave turns is told by its phase alone, whatever its height.
+    // The cycles of a wave are determined by its phase, which scale errors do not affect.
     let of_form = if family.form == Form::Wave { 0.0 } else { FLOOR };
     all.extend(
         family
@@ -157,7 +156,7 @@ pub(super) fn numbers(family: &Family, solved: &Solved, context: &Context<'_>) -
     all
 }
 
-/// `a sin(x) + b cos(x) = A sin(x + φ)`.
+/// Amplitude and phase: `a sin(x) + b cos(x) = A sin(x + φ)`.
 fn wave([a, b]: [f64; 2], shared: impl Fn(usize, usize) -> f64, floor: f64) -> Vec<Number> {
     let amplitude = a.hypot(b);
     let square = amplitude * amplitude;
@@ -169,7 +168,7 @@ fn wave([a, b]: [f64; 2], shared: impl Fn(usize, usize) -> f64, floor: f64) -> V
     vec![one("amplitude", amplitude, of_amplitude), one("phase", libm::atan2(b, a), of_phase)]
 }
 
-/// Mass and centre from mass and first moment about a point. Both share the torque's scale, which leaves the centre alone.
+/// Mass and centre of mass from mass and first moment about a point. A scale error of the torque cancels in the centre of mass.
 fn payload(
     [mass, moment @ ..]: [f64; 4],
     about: DVec3,
@@ -178,7 +177,7 @@ fn payload(
 ) -> Vec<Number> {
     let com = |k: usize| about[k] + moment[k] / mass;
     let of_mass_alone = own(0).unwrap_or(0.0);
-    // Along an axis that no drive feels it may hang anywhere within reach.
+    // Along an axis that no drive torque depends on, the centre of mass is only known to be within reach.
     let of_com = |k: usize| {
         let told = |own| libm::hypot(own / mass, of_mass_alone * moment[k] / (mass * mass));
         own(k + 1).map_or(REACH_M, told)
@@ -192,12 +191,12 @@ fn one(stem: &'static str, value: f64, sigma: f64) -> Number {
     Number { stem, values: vec![value], sigma: vec![sigma] }
 }
 
-/// Whether an effect's first numbers are torques: as sure as the torque's scale.
+/// Whether an effect's leading parameters are torques, subject to the torque's scale error.
 fn goes_with_torque(kind: &str) -> bool {
     !matches!(kind, "load_friction" | "drive_gain" | "torque_delay" | "friction_temperature")
 }
 
-/// Other names for what a name explains, the likeliest first, with the probability of the name itself.
+/// Posterior probability of a selected effect, and its alternatives in order of decreasing probability.
 pub(super) fn rivals(search: &Search<'_>, selection: &Selection, name: usize) -> (f64, Vec<Rival>) {
     let families = &search.library.families;
     let others = others(&selection.names, name);
@@ -207,14 +206,14 @@ pub(super) fn rivals(search: &Search<'_>, selection: &Selection, name: usize) ->
     let is_other = |other: &usize| {
         let form = &families[*other];
         let is_more_of_it = form.is_kin(own) && form.columns.len() >= own.columns.len();
-        // What hardens a spring is on top of it, never in its place.
+        // Hardening adds to a spring and cannot replace it.
         let is_on_top = form.kind == "spring_hardening" && own.kind == "spring";
         !(selection.names.contains(other) || is_more_of_it || is_on_top)
     };
     let mut best: Vec<Rival> = Vec::new();
     for other in (0..families.len()).filter(is_other) {
         let family = &families[other];
-        // What another name would bring in any case is no rival to this one.
+        // Only what the alternative would explain in place of the effect counts, not what it would add beside it.
         let instead = search.could_bring(&without, other) - search.could_bring(selection, other);
         let behind = worth - instead;
         if instead < SHARES * worth {

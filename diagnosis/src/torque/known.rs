@@ -1,8 +1,7 @@
-//! Drive effects stated by the model: their torque, and their parameters with stated uncertainty.
+//! Drive effects stated by the model: their torque, and columns for their parameters with stated uncertainty.
 //!
-//! Computed by the effects of `physics`, at the sampling rate and with motion of a wider bandwidth; their contribution then passes the filter of the torque.
-//!
-//! Promises: a deviation within the stated uncertainty is not a finding, since the parameter is fitted with it as prior.
+//! Computed by the effects of `physics` at the sampling rate, from motion of a wider bandwidth, and then filtered as the torque is. A parameter with
+//! a stated uncertainty is fitted with it as prior, so that a deviation within it is not a finding.
 
 use physics::dynamics::inverse_dynamics;
 use physics::spec::Range;
@@ -13,51 +12,51 @@ use super::found::Number;
 use super::motion::{Motion, Run};
 use crate::engine::table::Column;
 
-/// What a model states of an arm and its drives.
+/// What the model states of an arm and its drives.
 #[derive(Clone, Copy, Debug)]
 pub struct Stated<'a> {
-    /// With the effects that drives feel.
+    /// The model, with its drive effects.
     pub model: &'a Model,
-    /// For each effect: the standard uncertainty of each of its values, SI; 0 where none is stated.
+    /// For each effect, the standard uncertainty of each of its values, SI units; 0 if none is stated.
     pub sigma: &'a [Vec<f64>],
-    /// By how much torques are recorded late, s.
+    /// Delay of the recorded torques, s.
     pub delay_s: f64,
 }
 
-/// What effects add to the rigid body, row by row.
+/// Torque of the stated effects, row by row.
 pub(super) struct Known {
-    /// Per joint, N m or N.
+    /// Torque beyond the rigid body's, per joint, N m or N.
     pub(super) torque: Vec<Vec<f64>>,
-    /// A column for each number of stated uncertainty.
+    /// A column for each parameter with a stated uncertainty.
     pub(super) open: Vec<Open>,
 }
 
-/// The name and the joint of an effect of which something is the first number.
+/// Name and joint of an effect, identifying its first parameter.
 pub(super) type First = (&'static str, Option<usize>);
 
-/// A number of stated uncertainty.
+/// A parameter with a stated uncertainty.
 pub(super) struct Open {
     pub(super) column: Column,
     pub(super) sigma: f64,
-    /// The effect whose first number it is.
+    /// The effect, if this is its first parameter.
     pub(super) first_of: Option<First>,
-    /// Place among the model's effects, and among that one's values.
+    /// Index among the model's effects, and among the effect's values.
     pub(super) of: (usize, usize),
 }
 
-/// A number that the model states with an uncertainty, as the fit has it.
+/// A parameter that the model states with an uncertainty, as refitted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refit {
-    /// A name of the contract.
+    /// Name of the effect in docs/reference/effects.md.
     pub kind: &'static str,
-    /// From 0.
+    /// Joint from 0; `None` if the effect concerns the whole robot.
     pub joint: Option<usize>,
-    /// The difference to what is stated, and how sure the number is now; SI.
+    /// Difference to the stated value, with the standard uncertainty after the fit; SI units.
     pub number: Number,
 }
 
 impl Stated<'_> {
-    /// Whether the model has an effect of this name there, one whose found numbers are differences to its own.
+    /// Whether the model states this effect at this joint, of a kind whose found parameters are differences to the stated ones.
     pub(super) fn has(&self, kind: &str, joint: Option<usize>) -> bool {
         let same = |effect: &AnyEffect| effect.spec().kind == kind && effect.joint() == joint;
         match kind {
@@ -68,7 +67,8 @@ impl Stated<'_> {
         }
     }
 
-    /// A number of an effect as a fit has it that finds it `off`; what the effect cannot have stays within what it can. None of an effect with lists.
+    /// A refitted parameter that differs by `off` from the stated one, SI units, limited to its physical range; `None` for effects with list
+    /// parameters or values outside a range that cannot be limited.
     pub(super) fn refit(
         &self,
         (effect, value): (usize, usize),
@@ -90,12 +90,12 @@ impl Stated<'_> {
         Some(Refit { kind: spec.kind, joint: effect.joint(), number })
     }
 
-    /// The first number of a joint's effects of one name, SI; 0 where it has none.
+    /// First parameter of a joint's effects of one kind, summed, SI units; 0 if it has none.
     pub(super) fn first(&self, kind: &str, joint: usize) -> f64 {
         self.of(kind, joint).map(|effect| effect.values()[0]).sum()
     }
 
-    /// Whether a joint has an effect of this name whose number is believed with doubt.
+    /// Whether a joint has an effect of this kind whose first parameter has a stated uncertainty.
     pub(super) fn revises(&self, kind: &str, joint: usize) -> bool {
         let with_sigma = self.model.effects().zip(self.sigma);
         let mut same = with_sigma
@@ -103,12 +103,12 @@ impl Stated<'_> {
         same.any(|(_, sigma)| sigma.first().is_some_and(|sigma| *sigma > 0.0))
     }
 
-    /// Where the spring of a joint rests, rad or m; 0 where it has none.
+    /// Rest position of the spring of a joint, rad or m; 0 if it has none.
     pub(super) fn rest(&self, joint: usize) -> f64 {
         self.of("spring", joint).map(|effect| effect.values()[1]).sum()
     }
 
-    /// Whether the model has a spring at a joint.
+    /// Whether the model states a spring at this joint.
     pub(super) fn has_spring(&self, joint: usize) -> bool {
         self.of("spring", joint).next().is_some()
     }
@@ -119,7 +119,7 @@ impl Stated<'_> {
         self.model.effects().filter(same)
     }
 
-    /// Runs the model's effects over the motion.
+    /// Evaluates the model's effects over the motion.
     pub(super) fn known(&self, motion: &Motion) -> Known {
         let wanted: Vec<(usize, usize, f64)> = self
             .sigma
@@ -145,7 +145,7 @@ impl Stated<'_> {
         Known { torque, open: open.map(one).collect() }
     }
 
-    /// Per joint, what effects add at the rows, where `torque` is asked for; and a column for each number that is wanted.
+    /// Torque of the effects per joint at the rows (zero unless `torque`), and a column for each parameter in `wanted` (effect, value).
     fn over_all(
         &self,
         motion: &Motion,
@@ -177,7 +177,7 @@ impl Stated<'_> {
         (all, columns.into_iter().map(column).collect())
     }
 
-    /// Per joint and sample of one run: what effects add, and by how much it changes with each number that is wanted; empty where it never does.
+    /// Per joint and sample of one run: torque of the effects, and its derivative with respect to each parameter in `wanted`, empty if always zero.
     fn over(
         &self,
         run: &Run,
@@ -224,7 +224,7 @@ impl Stated<'_> {
     }
 }
 
-/// Columns for the first moment of each body whose masses the model states, where a drive feels it.
+/// Columns for the first moment of each body with stated masses, if any drive's torque depends on it.
 pub(super) fn moments(arm: &Arm, motion: &Motion) -> Vec<(usize, Vec<Column>)> {
     let is_stated = |joint: &usize| arm.joints()[*joint].link.is_some();
     let given: &[(&str, &[f64])] = &[("first_moment", &[0.0; 3])];
@@ -233,7 +233,7 @@ pub(super) fn moments(arm: &Arm, motion: &Motion) -> Vec<(usize, Vec<Column>)> {
     let effects: Vec<AnyEffect> = joints.iter().filter_map(|joint| build(*joint)).collect();
     let Ok(model) = Model::new(*arm, &effects) else { return Vec::new() };
     let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
-    // One body at a time: all their samples at once are many.
+    // One body at a time, to limit memory.
     let each = joints.iter().enumerate().map(|(effect, joint)| {
         let wanted = [0, 1, 2].map(|value| (effect, value));
         (*joint, stated.over_all(motion, &wanted, false).1)
@@ -241,7 +241,7 @@ pub(super) fn moments(arm: &Arm, motion: &Motion) -> Vec<(usize, Vec<Column>)> {
     each.filter(|(_, three)| three.iter().any(|column| !column.parts.is_empty())).collect()
 }
 
-/// The state of the arm at one sample; a joint that moves less than `standing` stands.
+/// State of the arm at one sample; velocities below `standing` are set to zero.
 fn inputs(run: &Run, sample: usize, standing: &[f64], before: Option<[f64; JOINTS_MAX]>) -> Inputs {
     let mut inputs = run.quick(sample);
     inputs.q_before = before.unwrap_or(inputs.q);

@@ -1,7 +1,6 @@
-//! Candidates for the torque of each joint: every effect of the torque domain with the columns of its parameters.
+//! Candidate dictionary of a torque diagnosis: every effect of the torque domain with the columns of its parameters.
 //!
-//! Promises: signs and limits as in docs/reference/effects.md; an effect whose condition never occurs in the recording is not a candidate, and the reason is given.
-//! Never: a selection.
+//! Signs and limits as in docs/reference/effects.md. An effect that these recordings cannot show is not a candidate, and the reason is listed.
 
 use crate::engine::library::{Family, Form, Library, Sign};
 use crate::engine::table::Column;
@@ -12,24 +11,24 @@ use super::known::{Open, Stated, moments};
 use super::load::of_delay;
 use super::motion::Motion;
 
-/// Speeds at which a Stribeck friction may have fallen off, in shares of the joint's usual speed.
+/// Initial Stribeck velocities, as shares of the joint's RMS velocity.
 const STRIBECK: [f64; 5] = [0.02, 0.05, 0.1, 0.2, 0.4];
-/// Distances within which a memory may turn over, in shares of the joint's span.
+/// Initial reversal distances of a hysteresis, as shares of the joint's span.
 const REVERSALS: [f64; 4] = [0.002, 0.005, 0.015, 0.05];
-/// Temperatures that span less say nothing, K.
+/// Minimum range of temperature for a temperature dependence to be a candidate, K.
 const STEADY_K: f64 = 1.0;
 
-/// A drive pushes at least this share less, or more, than its plate says: beyond, something else is wrong.
+/// Range of a drive's relative gain error; a larger one has another cause.
 pub(super) const GAIN: [f64; 2] = [-0.8, 1.0];
 
 impl Library {
-    /// A joint of which nothing can be asked.
+    /// Lists all effects of a joint that does not move as not testable.
     pub(super) fn skip_joint(&mut self, joint: usize) {
         let all = KINDS.iter().map(|kind| (*kind, Some(joint), "the joint does not move"));
         self.untested.extend(all);
     }
 
-    /// Every name that one joint's torque may lack.
+    /// Adds all candidate effects of one joint.
     pub(super) fn add_joint(&mut self, stated: &Stated<'_>, motion: &Motion, joint: usize) {
         let arm = &stated.model.arm;
         let [low, high] = motion.span(joint);
@@ -91,7 +90,7 @@ impl Library {
         self.add_warmth(motion, joint);
     }
 
-    /// A spring that hardens: of a joint that has a spring, stated or found; `cube`: the cube of the way from where it rests.
+    /// A cubic stiffness added to a stated or found spring; `cube`: third power of the deflection from its rest position.
     pub(super) fn add_hardening(&mut self, joint: usize, cube: Column) {
         let family = Family {
             kind: "spring_hardening",
@@ -106,7 +105,8 @@ impl Library {
         self.add(family, vec![cube]);
     }
 
-    /// A number that the model has takes the column of what the model says of it: two forms of one law would name their difference.
+    /// Gives a candidate that revises a stated parameter the same column as that parameter, so that two evaluations of one law do not give a spurious
+    /// difference.
     pub(super) fn revise(&mut self, open: &[Open]) {
         let is_plain =
             |family: &&Family| matches!(family.form, Form::Plain(_)) && family.settings.is_empty();
@@ -118,7 +118,7 @@ impl Library {
         }
     }
 
-    /// Friction that falls with the joint's temperature.
+    /// Viscous friction that decreases with the joint's temperature.
     fn add_warmth(&mut self, motion: &Motion, joint: usize) {
         let kind = "friction_temperature";
         if temperatures(motion, joint) < STEADY_K {
@@ -139,7 +139,7 @@ impl Library {
         self.add(family, vec![Law::Warmth { per_kelvin: 0.0 }.column(motion, joint)]);
     }
 
-    /// First moments of the bodies whose masses are stated, on top of these. The only joint there is feels of one what its sine and cosine say.
+    /// First moments of the bodies with stated masses, as corrections. An arm of one joint has them already as sine and cosine.
     pub(super) fn add_moments(&mut self, arm: &Arm, motion: &Motion) {
         if arm.count() == 1 {
             return;
@@ -159,7 +159,7 @@ impl Library {
         }
     }
 
-    /// A wave of so many cycles at a joint: per revolution, or radians per metre.
+    /// A ripple of the given number of cycles per revolution, or rad/m for a prismatic joint.
     pub(super) fn ripple(&mut self, motion: &Motion, joint: usize, cycles: f64) {
         let columns = waves(motion, joint, cycles).into();
         let family = Family {
@@ -175,8 +175,8 @@ impl Library {
         self.add(family, columns);
     }
 
-    /// What comes of the torques themselves: a drive's gain on what the model states, and what all of them lag the motion by, as the model with all
-    /// that it may lack has them.
+    /// Effects proportional to torque itself: each drive's gain error, on the torque that the model states, and a common delay of all torques, on the
+    /// torque of the model fitted with all candidates.
     pub(super) fn of_torque(
         &mut self,
         motion: &Motion,
@@ -212,7 +212,7 @@ impl Library {
     }
 }
 
-/// The names that need a moving joint.
+/// Effects that need a moving joint.
 const KINDS: [&str; 12] = [
     "coulomb_friction",
     "viscous_friction",
@@ -228,7 +228,7 @@ const KINDS: [&str; 12] = [
     "drive_gain",
 ];
 
-/// By how much the temperature of a joint changes, K.
+/// Range of a joint's temperature, K.
 fn temperatures(motion: &Motion, joint: usize) -> f64 {
     let all = motion.runs.iter().flat_map(|run| run.joints[joint].temperature.iter());
     let [low, high] =

@@ -1,6 +1,5 @@
-//! Effects proportional to the torque itself: load-dependent friction, gain, delay; updated with fitted masses.
-//!
-//! Promises: fitted masses are included in the load of stated and of candidate friction. Never: a selection.
+//! Effects proportional to torque: load-dependent friction, gain, delay. Their columns depend on fitted masses and are updated with them, both for
+//! stated and for candidate friction.
 
 use std::sync::Arc;
 
@@ -16,39 +15,38 @@ use crate::engine::stepwise::Selection;
 use crate::engine::table::Column;
 
 const KIND: &str = "load_friction";
-/// Rounds in which masses and the friction that is stated to go with their load are fitted by turns: each leaves at most the coefficient's share of what
-/// the one before left.
+/// Iterations between masses and stated load-dependent friction; each reduces the error by a factor of the friction coefficient at least.
 const TURNS: usize = 3;
 
-/// Friction of a joint that the model states to go with the load. Of masses the model may say nothing, and it does not know what else hangs there.
+/// Load-dependent friction of a joint stated by the model. Its load includes masses that the model does not state, which must be fitted.
 #[derive(Clone, Debug)]
 pub(super) struct Rubbing {
     joint: usize,
     coefficient: f64,
-    /// What is taken off the torque for it, row by row, beyond what stated masses ask for; empty before anything is known.
+    /// Correction subtracted from the recorded torque for the load beyond the stated masses, row by row, N m or N; empty before the first fit.
     beyond: Vec<f64>,
 }
 
 impl Rubbing {
-    /// Of every joint whose model states any.
+    /// The stated load-dependent friction of all joints.
     pub(super) fn stated(stated: &Stated<'_>) -> Vec<Self> {
         let of = |joint| (joint, stated.first(KIND, joint));
         let all = (0..stated.model.arm.count()).map(of).filter(|(_, share)| *share != 0.0);
         all.map(|(joint, coefficient)| Self { joint, coefficient, beyond: Vec::new() }).collect()
     }
 
-    /// How much is taken off, all rows together, N m or N.
+    /// Norm of the correction over all rows, N m or N.
     pub(super) fn size(&self) -> f64 {
         libm::sqrt(self.beyond.iter().map(|x| x * x).sum())
     }
 }
 
 impl Case {
-    /// Laws that go with the torque itself need a first fit of all the others.
+    /// Adds the candidates proportional to torque, after a fit of all others.
     pub(super) fn of_torques(&mut self, stated: &Stated<'_>) {
         let joints: Vec<usize> = self.table.joints().collect();
         let is_open: Vec<bool> = (0..self.inertial).map(|k| self.open.contains(&k)).collect();
-        // Of the masses alone of which nothing is known: what is named or doubted comes once it is found.
+        // Only unstated masses count as load at first; candidate and questioned masses are included once they are selected.
         let of = |k: usize| is_open.get(k) == Some(&true);
         let mut rich = self.rich();
         for _ in 0..if self.rubbing.is_empty() { 0 } else { TURNS } {
@@ -75,7 +73,7 @@ impl Case {
         }
     }
 
-    /// Torque of a joint by the columns that `of` takes, without what the model states.
+    /// Torque of a joint by the model and the fitted columns that `of` accepts, N m or N.
     fn modelled(&self, solved: &Solved, joint: usize, of: &dyn Fn(usize) -> bool) -> Vec<f64> {
         let chosen = solved.columns.iter().zip(&solved.values).filter(|(k, _)| of(**k));
         let parts: Vec<(&Column, f64)> =
@@ -85,17 +83,18 @@ impl Case {
         torque
     }
 
-    /// The torque of a joint that masses ask for: stated ones and those of the columns that `of` takes.
+    /// Rigid-body torque of a joint: that of the stated masses and of the fitted columns that `of` accepts, N m or N.
     fn load(&self, solved: &Solved, joint: usize, of: &dyn Fn(usize) -> bool) -> Vec<f64> {
         let mut load = self.modelled(solved, joint, of);
-        // What the model states of friction is no load.
+        // Stated friction is not a load.
         let other = self.stated[joint].iter().zip(&self.rigid[joint]);
         load.iter_mut().zip(other).for_each(|(load, (all, rigid))| *load -= all - rigid);
         load
     }
 
-    /// `|τ| sign(v)`, the rigid body's torque given row by row. A size is not what its band says: where the torque's is narrow, what stated masses ask for is taken
-    /// as it is before it passes the filter, and what masses are told to ask for beyond between the rows.
+    /// Column of load-dependent friction, `|τ| sign(v)`, for the rigid-body torque `load` at the rows. An absolute value must be taken before
+    /// filtering: if the torque's band is narrower, the stated masses' torque is used at every sample, and the fitted remainder is interpolated
+    /// between rows.
     fn load_column(&self, joint: usize, load: &[f64]) -> Column {
         let Some(sharp) = self.sharp.get(joint) else {
             let direction = Law::Direction.column(&self.motion, joint);
@@ -117,7 +116,7 @@ impl Case {
         Column { parts: vec![(joint, all.into())] }
     }
 
-    /// Takes off the torque what friction that is stated to go with the load exerts under the load that this fit tells.
+    /// Subtracts from the torque the stated load-dependent friction under the load of this fit.
     fn restate(&mut self, solved: &Solved, of: &dyn Fn(usize) -> bool) {
         for place in 0..self.rubbing.len() {
             let Rubbing { joint, coefficient, ref beyond } = self.rubbing[place];
@@ -132,11 +131,12 @@ impl Case {
             target.zip(&more).for_each(|(left, more)| *left -= more);
             self.rubbing[place].beyond = new;
         }
-        // They were of another right-hand side.
+        // The sums were computed for another right-hand side.
         self.sums.replace(None);
     }
 
-    /// Gives a delay that stands what it does to the torque that this fit tells: for what is late by much the first order is not enough. Whether it changed.
+    /// Recomputes the column of a selected delay at its fitted value, since the first order is inaccurate for large delays. Returns whether a delay
+    /// is selected.
     pub(super) fn late(&mut self, selection: &Selection) -> bool {
         let families = &self.library.families;
         let mut delays =
@@ -156,7 +156,7 @@ impl Case {
         true
     }
 
-    /// Gives friction that goes with the load the load that this fit tells, and springs that harden the place where the spring rests.
+    /// Recomputes columns of load-dependent friction with the fitted load, and those of spring hardening at the fitted rest position of the spring.
     pub(super) fn reload(&mut self, selection: &Selection) {
         let solved = &selection.solved;
         for name in &selection.names {
@@ -200,14 +200,14 @@ impl Case {
     }
 }
 
-/// What values at rows, run by run, change by where they come `by_s` later, per second.
+/// Change of values at the rows per second of a delay `by_s`, run by run: the difference quotient, or minus the derivative for a small delay.
 pub(super) fn of_delay(motion: &Motion, values: &[f64], by_s: f64) -> Vec<f64> {
     let mut all = Vec::with_capacity(values.len());
     for run in &motion.runs {
         let stride = run.rows.get(1).map_or(1, |second| second - run.rows[0]);
         let row_s = stride as f64 * run.step_s;
         let piece = &values[all.len()..all.len() + run.rows.len()];
-        // Of less than a hundredth of a row only the first order is left.
+        // Below one hundredth of a row interval the first order is used.
         if by_s.abs() < WITHIN_A_STEP * row_s {
             all.extend(derivative(piece, row_s).into_iter().map(|rate| -rate));
         } else {

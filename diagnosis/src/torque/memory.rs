@@ -1,9 +1,8 @@
-//! Uncertainty of the parameters by the AR noise model.
+//! Lower bound on the uncertainty of parameters by an AR noise model.
 //!
-//! Uncertainties from blocks of time need no noise model, but rely on few blocks, of which every fitted parameter takes a share. They are therefore compared with
-//! those of the noise model of the residual: `Var β = A Xᵀ Σ X A`, Σ autoregressive.
-//!
-//! Promises: uncertainties are only increased, and covariances with them. Never: a changed parameter.
+//! Cluster-robust uncertainties from blocks of time need no noise model, but rely on few blocks, of which every fitted parameter takes a share. They
+//! are therefore compared with those of the AR model of the residual: `Var β = A Xᵀ Σ X A`. Variances are only increased, covariances with them;
+//! parameters do not change.
 
 use nalgebra::DMatrix;
 
@@ -11,7 +10,7 @@ use crate::engine::noise;
 use crate::engine::normal_equations::Solved;
 use crate::engine::table::{Column, Table, residual, whitened_columns};
 
-/// A covariance of all numbers of a fit, those at `places` as unsure at least as noise with the memory of what is left makes them.
+/// The covariance of a fit, with the variances of the parameters at `places` increased to at least those of the AR noise model.
 pub(super) fn at_least(
     mut covariance: DMatrix<f64>,
     (table, columns): (&Table, &[Column]),
@@ -30,7 +29,7 @@ pub(super) fn at_least(
     covariance
 }
 
-/// The variances of the numbers at these places.
+/// Variances of the parameters at `places` by the AR noise model.
 fn variances(
     (table, columns): (&Table, &[Column]),
     solved: &Solved,

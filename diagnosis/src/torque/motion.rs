@@ -1,7 +1,8 @@
-//! Resampled recordings of torque: position, speed, acceleration and torque of every joint, all in one frequency band.
+//! Position, velocity, acceleration and torque of every joint from recordings, resampled to even time steps and filtered into one frequency band.
 //!
-//! Promises: gaps are never bridged; cubic interpolation through the four nearest samples; motion and torque pass the same filter.
-//! Never: physics, extrapolation beyond the recording.
+//! Motion and torque pass the same zero-phase low-pass, so that both sides of the equation of motion remain equal; motion for nonlinear laws is kept
+//! in a wider band as well. Recordings are split into runs at gaps, which are never bridged, and nothing is extrapolated. Units: rad or m, N m or N,
+//! s, °C.
 
 use crate::engine::statistics::median;
 use std::borrow::Cow;
@@ -14,76 +15,77 @@ use super::resample::resampled;
 use super::stops::{digit, stops};
 use super::stretches::Stretches;
 
-/// The band that drives and links of industrial arms move in, Hz: beyond it lies what a rigid body does not do.
+/// Default band, Hz: industrial drives and links move as rigid bodies up to about here.
 const BAND_HZ: f64 = 40.0;
-/// Of the sampling rate, the band takes at most this.
+/// Largest band as a share of the sampling rate.
 const BAND_SHARE: f64 = 0.1;
-/// What turns sharply with motion is told from motion in a wider band, up to [`BAND_HZ`] and this share of the sampling rate: smoothed motion turns too late.
+/// Nonlinear laws (sign changes, reversals) are evaluated on motion in a wider band, up to [`BAND_HZ`] and this share of the sampling rate, because
+/// filtered motion reverses too gradually.
 const QUICK_SHARE: f64 = 0.25;
-/// Samples per period of the band's edge that are kept as rows.
+/// Rows per period of the band edge.
 const ROWS_PER_PERIOD: f64 = 5.0;
-/// Periods of the band's edge that are left out at the ends of a run: the filter does not know what was before.
+/// Periods of the band edge omitted at each end of a run, where the filter lacks the preceding samples.
 const ENDS: f64 = 2.0;
-/// A joint that goes less than this share of its whole way in [`REST_S`] is at rest.
+/// A joint that moves less than this share of its span within [`REST_S`] is at rest.
 const REST: f64 = 1e-4;
-/// A joint that goes no further at all does not move, rad or m.
+/// A joint whose whole span is smaller never moves, rad or m.
 const STILL: f64 = 1e-3;
-/// s.
+/// Duration for the detection of rest, s.
 const REST_S: f64 = 0.2;
-/// A pause of so many steps is a gap.
+/// A pause longer than this many time steps is a gap.
 const GAP: f64 = 3.5;
-/// Runs of fewer samples say nothing.
+/// Minimum number of samples of a run.
 const SHORTEST: usize = 64;
-/// Temperature where nothing was recorded, °C; no column depends on it then.
+/// Reference temperature of the temperature laws, and value of samples without any recorded one, °C.
 pub(super) const ROOM_C: f64 = 20.0;
 
-/// What one joint did, at the run's rate and in its band; rad or m, N m or N.
+/// Motion and torque of one joint in a run, in the torque's band; rad or m, N m or N.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Track {
     pub(super) q: Vec<f64>,
     pub(super) v: Vec<f64>,
     pub(super) a: Vec<f64>,
-    /// Position, speed and acceleration in the wider band of what turns sharply; none where that is the torque's.
+    /// Position, velocity and acceleration in the wider band; `None` if the torque's band is as wide.
     quick: Option<[Vec<f64>; 3]>,
-    /// The same as recorded, in no band at all; empty where the torque's is as wide as the other.
+    /// Position, velocity and acceleration unfiltered; empty if the torque's band is as wide as the wider one.
     raw: [Vec<f64>; 3],
-    /// None where no torque of this joint was recorded.
+    /// `None` if no torque of this joint was recorded.
     pub(super) torque: Option<Vec<f64>>,
-    /// Whether the recorded position stays the same about each sample.
+    /// Whether the recorded position is constant around each sample.
     stops: Vec<bool>,
-    /// °C; empty where none was recorded.
+    /// Temperature, °C; empty if none was recorded.
     pub(super) temperature: Vec<f64>,
 }
 
-/// A stretch without gaps.
+/// A section of a recording without gaps.
 #[derive(Clone, Debug)]
 pub(super) struct Run {
-    /// Which recording, from 0.
+    /// Index of the recording, from 0.
     pub(super) recording: usize,
     pub(super) segment: i64,
     pub(super) step_s: f64,
     pub(super) start_s: f64,
     pub(super) joints: Vec<Track>,
     pub(super) filter: LowPass,
-    /// Samples that are rows.
+    /// Samples that are used as rows.
     pub(super) rows: Vec<usize>,
 }
 
-/// All runs, and how they were made.
+/// All runs of the recordings, with the frequency bands used.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
     pub(super) runs: Vec<Run>,
     pub(super) band_hz: f64,
-    /// The band of motion that turns sharply, at least as wide.
+    /// Edge of the wider band for nonlinear laws, Hz; at least `band_hz`.
     pub(super) quick_hz: f64,
-    /// What was done, for users.
+    /// Notes on the processing, for users.
     pub(super) notes: Vec<String>,
-    /// Whether torque comes from currents and a constant that was told.
+    /// Whether torque is computed from current and stated torque constants.
     pub(super) by_current: bool,
 }
 
 impl Track {
-    /// Position, speed and acceleration in the wider band of what turns sharply.
+    /// Position, velocity and acceleration in the wider band.
     pub(super) fn quick(&self) -> [&[f64]; 3] {
         let Self { q, v, a, quick, .. } = self;
         quick.as_ref().map_or([q, v, a], |[q, v, a]| [q, v, a])
@@ -91,17 +93,18 @@ impl Track {
 }
 
 impl Run {
-    /// The state of the arm at a sample, in the band of the torque.
+    /// State of the arm at a sample, in the torque's band.
     pub(super) fn inputs(&self, sample: usize) -> Inputs {
         self.state(|Track { q, v, a, .. }| [q, v, a].map(|list| list[sample]))
     }
 
-    /// The same in the wider band of what turns sharply.
+    /// State of the arm at a sample, in the wider band.
     pub(super) fn quick(&self, sample: usize) -> Inputs {
         self.state(|track| track.quick().map(|list| list[sample]))
     }
 
-    /// The same as recorded: what is linear in it and passes the filter then is what smoothed motion says, and what is not linear is right.
+    /// State of the arm at a sample, unfiltered. Terms are computed from it first and filtered afterwards, as the recorded torque is; this is exact
+    /// for terms that are nonlinear in the motion too.
     pub(super) fn raw(&self, sample: usize) -> Inputs {
         self.state(|track| track.raw.each_ref().map(|list| list[sample]))
     }
@@ -114,12 +117,12 @@ impl Run {
         inputs
     }
 
-    /// Sharp samples in the band of the torque, at the rows.
+    /// Samples of a nonlinear law, low-pass filtered into the torque's band, at the rows.
     pub(super) fn at_rows(&self, samples: &[f64]) -> Vec<f64> {
         self.each_at_rows(&[samples]).remove(0)
     }
 
-    /// The same of several lists of samples.
+    /// [`Run::at_rows`] for several lists of samples at once.
     pub(super) fn each_at_rows<L: AsRef<[f64]>>(&self, lists: &[L]) -> Vec<Vec<f64>> {
         let lists: Vec<&[f64]> = lists.iter().map(AsRef::as_ref).collect();
         let mut all = vec![vec![0.0; self.rows.len()]; lists.len()];
@@ -138,7 +141,7 @@ impl Run {
         all
     }
 
-    /// Values at the rows as values at every sample, straight in between.
+    /// Values at the rows interpolated linearly to every sample.
     pub(super) fn between(&self, values: &[f64]) -> Vec<f64> {
         let samples = self.joints.first().map_or(0, |track| track.q.len());
         let value = |sample: usize| {
@@ -162,7 +165,8 @@ impl Run {
         self.start_s + sample as f64 * self.step_s
     }
 
-    /// Whether a joint goes at least `least` about all that is within `after` samples of each row, and stops nowhere within half of that.
+    /// Whether a joint moves at each row: all windows of [`REST_S`] within `after` samples span at least `least`, and no stop lies within half as
+    /// many samples.
     fn moves(&self, joint: usize, least: f64, after: usize) -> Vec<bool> {
         let Track { q, stops, .. } = &self.joints[joint];
         let half = (0.5 * REST_S / self.step_s).ceil() as usize;
@@ -180,7 +184,8 @@ impl Run {
     }
 }
 
-/// Whether the recordings hold torque along a path, or current with its constants. At settled poses stiction may hold anything: nothing is asked of them.
+/// Whether the recordings contain torque along a path, or current with torque constants. Settled poses do not count, since static friction there can
+/// hold any torque.
 #[must_use]
 pub fn has_torque(recordings: &[Recording]) -> bool {
     let some = |torque: Cow<'_, [f64]>| torque.iter().any(|torque| torque.is_finite());
@@ -189,7 +194,7 @@ pub fn has_torque(recordings: &[Recording]) -> bool {
     })
 }
 
-/// The torque of a joint, as recorded or from its current, N m or N.
+/// Torque of a joint, as recorded or computed from its current, N m or N.
 fn torque(recording: &Recording, joint: usize) -> Option<Cow<'_, [f64]>> {
     if let Some(torque) = recording.column(Channel::Torque(joint)) {
         return Some(Cow::Borrowed(torque));
@@ -199,13 +204,13 @@ fn torque(recording: &Recording, joint: usize) -> Option<Cow<'_, [f64]>> {
     Some(current.iter().map(|ampere| constant * ampere).collect())
 }
 
-/// Positions: measured on the motor side where they were, since torque goes with what happened, not with what was asked for.
+/// Position of a joint: on the motor side if measured, since torque follows the actual motion; otherwise the command.
 fn position(recording: &Recording, joint: usize) -> Option<&[f64]> {
     recording.column(Channel::Motor(joint)).or_else(|| recording.column(Channel::Command(joint)))
 }
 
 impl Motion {
-    /// Motion of `arm`, its torques recorded `delay_s` late, in `band_hz` (none: [`BAND_HZ`], or a tenth of the slowest rate).
+    /// Motion of `arm`, with torques recorded `delay_s` late, in the band `band_hz` (`None`: [`BAND_HZ`], or a tenth of the lowest sampling rate).
     pub(super) fn of(
         arm: &Arm,
         delay_s: f64,
@@ -250,12 +255,12 @@ impl Motion {
     pub(super) fn moves(&self, joint: usize) -> Vec<bool> {
         let [low, high] = self.span(joint);
         let least = if high - low > STILL { REST * (high - low) } else { f64::INFINITY };
-        // The filter rings where a joint stops.
+        // The filter rings around a stop, so rows near one are excluded.
         let after = |run: &Run| (ENDS / (run.step_s * self.band_hz)).ceil() as usize;
         self.runs.iter().flat_map(|run| run.moves(joint, least, after(run))).collect()
     }
 
-    /// Where a joint was, from the lowest to the highest, rad or m.
+    /// Range of a joint's position over all rows, lowest and highest, rad or m.
     pub(super) fn span(&self, joint: usize) -> [f64; 2] {
         let rows = |run| {
             let Run { rows, joints, .. }: &Run = run;
@@ -265,7 +270,7 @@ impl Motion {
     }
 }
 
-/// The lowest and the highest.
+/// Lowest and highest value.
 pub(super) fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
 }
@@ -274,14 +279,14 @@ fn report_hz(band_hz: f64) -> String {
     format!("{band_hz:.3}").trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// The median step of a recording.
+/// Median time step of a recording, s.
 fn step_s(recording: &Recording) -> Option<f64> {
     let pairs = recording.t_s.windows(2).zip(recording.segment.windows(2));
     let step = median(pairs.filter(|(_, s)| s[0] == s[1]).map(|(t, _)| t[1] - t[0]));
     (step > 0.0).then_some(step)
 }
 
-/// Rows that are whole and follow each other without a gap, long enough to be told of.
+/// Indices of complete rows, in sections without gaps and of sufficient length.
 fn pieces(recording: &Recording, step_s: f64, whole: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
     let mut pieces: Vec<Vec<usize>> = Vec::new();
     for row in (0..recording.len()).filter(|row| whole(*row)) {
@@ -300,12 +305,12 @@ fn pieces(recording: &Recording, step_s: f64, whole: impl Fn(usize) -> bool) -> 
     pieces
 }
 
-/// Samples from a row to the next.
+/// Number of samples between rows.
 fn stride(step_s: f64, band_hz: f64) -> usize {
     (1.0 / (step_s * band_hz * ROWS_PER_PERIOD)).round().max(1.0) as usize
 }
 
-/// Rows that a recording of torque has, if it is whole.
+/// Number of rows of a torque recording, if it has no gaps.
 fn rows(recording: &Recording, band_hz: f64) -> usize {
     let step_s = step_s(recording).filter(|_| has_torque(std::slice::from_ref(recording)));
     step_s.map_or(0, |step_s| recording.len() / stride(step_s, band_hz))
@@ -377,7 +382,7 @@ fn runs_of(
     pieces.iter().map(run).collect()
 }
 
-/// Slow samples where none was taken: the last that was.
+/// Samples of a slowly varying quantity, missing ones replaced by the last recorded value.
 fn filled(column: &[f64]) -> Vec<f64> {
     let first = column.iter().copied().find(|value| value.is_finite()).unwrap_or(ROOM_C);
     let mut last = first;

@@ -1,6 +1,7 @@
-//! Unmodelled payload: four linear parameters about a point; a mass elsewhere also has inertia about that point.
+//! Unmodelled payload: mass and first moment about a point, four linear parameters.
 //!
-//! Promises: linearised about its estimated position, a point mass is exact to first order. Never: a selection.
+//! A mass away from that point also has inertia about it; the columns are therefore recentred at the fitted centre of mass, about which a point mass
+//! is represented to first order.
 
 use glam::DVec3;
 use physics::dynamics::INERTIAL;
@@ -11,14 +12,15 @@ use crate::engine::library::{Family, Form, Library, Sign};
 use crate::engine::normal_equations::Solved;
 use crate::engine::table::Column;
 
-/// A payload is found within this of the tool centre point, m; a fit that says more says nothing of the place.
+/// Largest distance of a payload's centre of mass from the tool centre point, m; fits beyond it are ignored, and it is the uncertainty of an
+/// unobservable component.
 pub(super) const REACH_M: f64 = 2.0;
 
-/// A shift of the place below this changes nothing, m.
+/// Smallest shift of the centre of mass that recentres the columns, m.
 const NEAR_M: f64 = 1e-3;
 
 impl Library {
-    /// In all recordings, or in one; `of_mass`: mass and first moment about `about`.
+    /// Adds a payload in all recordings or in one; `of_mass`: columns of mass and first moment about `about`.
     pub(super) fn payload(
         &mut self,
         motion: &Motion,
@@ -40,7 +42,8 @@ impl Library {
         self.add(family, felt(columns.collect()));
     }
 
-    /// Tells a payload about the place where a fit has it, and whether that is another; `inertia`: the columns of the last body's inertia.
+    /// Recentres the columns of a payload at its fitted centre of mass, and returns whether it moved; `inertia`: the columns of the last body's
+    /// inertia.
     pub(super) fn recentre(
         &mut self,
         motion: &Motion,
@@ -74,10 +77,10 @@ impl Library {
     }
 }
 
-/// Below this share of what a mass asks for, a moment is rounding.
+/// A first-moment column smaller than this share of the mass column is rounding error.
 const ROUNDING: f64 = 1e-9;
 
-/// Mass and first moment, those that no drive feels as nothing.
+/// The columns of mass and first moment, with those that affect no drive emptied.
 fn felt(mut columns: Vec<Column>) -> Vec<Column> {
     let square =
         |column: &Column| column.parts.iter().flat_map(|(_, x)| x.iter()).map(|x| x * x).sum();
@@ -88,7 +91,7 @@ fn felt(mut columns: Vec<Column>) -> Vec<Column> {
     columns
 }
 
-/// What a column is in one recording, nothing elsewhere; in all, itself.
+/// The column restricted to the rows of one recording; unchanged if `None`.
 fn within(motion: &Motion, column: &Column, recording: Option<usize>) -> Column {
     let here = |run: usize| recording.is_none_or(|wanted| wanted == motion.runs[run].recording);
     let runs = motion.runs.iter().enumerate();

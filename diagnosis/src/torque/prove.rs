@@ -1,7 +1,7 @@
-//! The test: errors on rows that nothing has used, effect by effect; and the uncertainty of each parameter.
+//! Residuals on held-out rows, and the uncertainty of each parameter.
 //!
-//! Uncertainties come from blocks of time (`blocks`), so that autocorrelated noise does not make them too small; an interval is never narrower than scale factors and
-//! the form of the law allow. Test rows are used for nothing else.
+//! Uncertainties are cluster-robust, from blocks of time (`crate::blocks`), so that autocorrelated noise does not make them too small, and at least
+//! those of an AR noise model (`memory`). Searched parameters enter by the derivative of the torque.
 
 use nalgebra::DMatrix;
 
@@ -15,22 +15,23 @@ use crate::engine::table::Column;
 use crate::engine::table::Table;
 use crate::engine::validation::{rms_of, sum, supported};
 
-/// Of what a law would bring on rows unseen if it were true, it brings at least this share.
+/// Smallest share of the gain expected on held-out rows that a true law must reach.
 const BORNE_OUT: f64 = 0.2;
-/// Where within a step between rows a motion reverses is not known better than to this share, and friction turns there.
+/// The instant of a reversal between two rows, at which friction changes sign, is known to this share of a time step at best.
 pub(super) const WITHIN_A_STEP: f64 = 0.01;
 
-/// Root mean square of what is left on `used` rows, whitened by each joint's noise and in units of their geometric mean, N m.
+/// RMS residual on `used` moving rows, weighted by each joint's noise and scaled by the geometric mean of these, N m or N.
 pub(super) fn rms(case: &Case, solved: &Solved, used: &[bool]) -> f64 {
     rms_of(&case.table, &case.library.columns, solved, used, &case.table.moves)
 }
 
-/// The same without the rows of zones, of which no name claims anything.
+/// RMS residual as [`rms`], without the rows of zones.
 pub(super) fn rms_outside(case: &Case, solved: &Solved, used: &[bool]) -> f64 {
     rms_of(&case.table, &case.library.columns, solved, used, &case.table.counts)
 }
 
-/// Root mean square of what is new in what is left, in units of the noise: what a law that is quick beside the noise's memory changes.
+/// RMS innovation (whitened residual) on `used` rows, in units of the noise. Sensitive to laws that vary fast compared with the noise's
+/// autocorrelation.
 pub(super) fn news(case: &Case, solved: &Solved, used: &[bool]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for joint in case.table.joints() {
@@ -44,7 +45,8 @@ pub(super) fn news(case: &Case, solved: &Solved, used: &[bool]) -> f64 {
     libm::sqrt(sum / f64::max(count, 1.0))
 }
 
-/// Whether rows that took no part bring at least a share of what they would if what changes a joint's torque so were true, as far as chance lets them.
+/// Whether held-out rows reach at least a share of the gain that they would show if the change from `left[0]` to `left[1]` of a joint's residual were
+/// true, with an allowance for noise.
 pub(super) fn is_borne_out(
     table: &Table,
     joint: usize,
@@ -59,7 +61,7 @@ pub(super) fn is_borne_out(
     gain > BORNE_OUT * wanted - libm::sqrt(wanted)
 }
 
-/// Root mean square of one joint on `used` rows, N m or N.
+/// RMS residual of one joint on `used` rows, N m or N.
 pub(super) fn of_joint(case: &Case, solved: &Solved, joint: usize, used: &[bool]) -> f64 {
     let left = case.residual(solved, joint);
     let kept = left.iter().zip(used).filter(|(_, used)| **used).map(|(x, _)| x * x);
@@ -67,7 +69,7 @@ pub(super) fn of_joint(case: &Case, solved: &Solved, joint: usize, used: &[bool]
     if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 }
 }
 
-/// How many times its uncertainty, by blocks of time, a column's number is among these names.
+/// Ratio of a column's parameter to its standard uncertainty, from blocks of time, when fitted with these effects.
 pub(super) fn sure(
     case: &Case,
     search: &Search<'_>,
@@ -81,20 +83,20 @@ pub(super) fn sure(
     at.map_or(0.0, |at| solved.values[at].abs() / covariance[(at, at)].sqrt())
 }
 
-/// The names that held-out rows do not speak against, and those that make the error larger there. Nothing is chosen in their place.
+/// Splits effects into those that held-out rows do not contradict, and those that increase the error there. None is replaced.
 pub(super) fn borne_out(
     case: &Case,
     search: &Search<'_>,
     names: Vec<usize>,
     held: &[bool],
 ) -> (Vec<usize>, Vec<usize>) {
-    // Within zones no law that is known holds: they have half a say, and what is plain outside stands against them.
+    // No known law holds within zones, so the rows there get half the weight: the geometric mean of both residuals.
     let left =
         |solved: &Solved| libm::sqrt(rms(case, solved, held) * rms_outside(case, solved, held));
     supported(search, names, &left, &|name| case.is_belief(name, search.always))
 }
 
-/// The covariance of the numbers of a selection, by blocks of time; at least what white noise would leave. A delay is no surer than a share of a step.
+/// Covariance of a fit's parameters from blocks of time, at least that of white noise. A delay is at best as certain as a share of a time step.
 pub(super) fn covariance(case: &Case, solved: &Solved, used: &[bool]) -> DMatrix<f64> {
     let mut all = table::covariance(&case.table, &case.library.columns, solved, used);
     let step_s = case.motion.runs.iter().map(|run| run.step_s).fold(0.0, f64::max);
@@ -107,8 +109,8 @@ pub(super) fn covariance(case: &Case, solved: &Solved, used: &[bool]) -> DMatrix
     all
 }
 
-/// The same with what searched numbers and the bend of warmth leave open, and how sure searched numbers are: per name, the standard uncertainty as a
-/// share of the number. `viscous`: a joint's friction, stated and found.
+/// Covariance including the searched parameters and the exponential temperature law, and the relative standard uncertainty of the searched parameter
+/// per effect. `viscous`: viscous friction of a joint, stated plus found.
 pub(super) fn sureness(
     case: &Case,
     selection: &Selection,
@@ -139,7 +141,7 @@ pub(super) fn sureness(
         selection.solved.columns.iter().map(|column| case.library.prior[*column]).collect();
     prior.resize(columns.len(), 0.0);
     let all: Vec<usize> = (0..columns.len()).collect();
-    // The fit as a straight one about where it stands: what is left is left.
+    // Linearised about the estimate: the target is the residual.
     let mut table = case.table.clone();
     for joint in case.table.joints() {
         table.target[joint] = Some(case.residual(&selection.solved, joint));
@@ -155,7 +157,7 @@ pub(super) fn sureness(
     let at = |column: usize| solved.columns.iter().position(|k| *k == column);
     let count = selection.solved.columns.len();
     let all = DMatrix::from_fn(count, count, |i, j| match (at(i), at(j)) {
-        // Freedom more leaves nothing surer.
+        // Additional free parameters cannot reduce a variance.
         (Some(a), Some(b)) if i == j => whole[(a, b)].max(covariance[(i, j)]),
         (Some(a), Some(b)) => whole[(a, b)],
         _ => covariance[(i, j)],
@@ -164,7 +166,7 @@ pub(super) fn sureness(
     (all, slopes.iter().enumerate().map(|(k, (name, _))| (*name, spread(k))).collect())
 }
 
-/// Whether a column's number is told: a name's or the model's own.
+/// Whether a column's parameter is reported: of a selected effect, or of the model itself.
 fn is_told(case: &Case, selection: &Selection, column: usize) -> bool {
     let families = &case.library.families;
     selection.names.iter().any(|name| families[*name].columns.contains(&column))

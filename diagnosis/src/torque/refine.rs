@@ -1,7 +1,8 @@
-//! Nonlinear parameters that no column represents: the speed of a Stribeck friction, the distance of a hysteresis, the cycles of a ripple.
+//! Searches the parameters in which a column is nonlinear: Stribeck speed, reversal distance of a hysteresis, cycles of a ripple; updates columns
+//! that depend on other fitted parameters.
 //!
-//! Each is moved to the vertex of a parabola through three values of the likelihood, with the others fitted again at each; its uncertainty comes from its derivative
-//! in `prove`. A step is taken only where the likelihood rises. Changes no selection.
+//! Each parameter moves to the vertex of a parabola through three values of the log-likelihood, with all others refitted at each; its uncertainty
+//! follows from the derivative of the torque (`prove`). Changes no selection.
 
 use std::f64::consts::TAU;
 
@@ -14,29 +15,29 @@ use crate::engine::normal_equations::{Products, Solved};
 use crate::engine::stepwise::{Search, Selection};
 use crate::engine::table::Column;
 
-/// First and last share by which a number is moved to see the bend.
+/// Relative steps of the parabola search, from the first to the last iteration.
 const STEPS: [f64; 4] = [0.3, 0.15, 0.07, 0.03];
-/// A number leaves by at most so many times its step.
+/// Largest move per iteration, in steps.
 const LEAP: f64 = 2.0;
-/// Of a joint's span, a memory turns over within this share: one that takes longer is a spring.
+/// Largest reversal distance of a hysteresis, as a share of the joint's span; a longer one is indistinguishable from a spring.
 const LONGEST: f64 = 0.15;
-/// Rounds until a bend and its number agree, to this share.
+/// Maximum number of iterations of a fixed point, and relative tolerance of its convergence.
 const ROUNDS: usize = 10;
 const AGREES: f64 = 1e-4;
-/// Rows that are summed side by side.
+/// Number of rows per SIMD vector.
 const LANES: usize = 8;
-/// Rows whose waves are turned through all steps before the next ones are looked at: so many stay near.
+/// Rows per block of the ripple search, small enough for the cache.
 const PIECE: usize = 512;
-/// Waves between the longest and the shortest that are looked for at most.
+/// Largest number of half cycles per span in the ripple search.
 const WAVES: usize = 400;
-/// Places within a joint's span that what is left is gathered at: twenty for each cycle of the shortest wave, which loses a hundredth of its height.
+/// Bins over a joint's span for the ripple search: twenty per cycle of the shortest wave, which loses one hundredth of its amplitude.
 const PLACES: usize = 4096;
-/// The fewest half cycles in the whole span that a ripple has.
+/// Smallest number of half cycles per span of a ripple.
 const FEWEST: usize = 3;
-/// Rows per cycle, at least, that a ripple needs at the usual speed.
+/// Minimum number of rows per cycle of a ripple, at the joint's mean speed.
 const ROWS_PER_CYCLE: f64 = 4.0;
 
-/// The columns of a law with a searched number, at another value of it.
+/// The columns of an effect for another value of its searched parameter.
 fn columns(case: &Case, name: usize, value: f64) -> Option<Vec<Column>> {
     let family = &case.library.families[name];
     let joint = family.joint?;
@@ -49,7 +50,7 @@ fn columns(case: &Case, name: usize, value: f64) -> Option<Vec<Column>> {
     }
 }
 
-/// What a name adds more as its searched number grows by a share, with the other numbers as they are solved; none where it has none.
+/// Derivative of an effect's torque with respect to the logarithm of its searched parameter, the other parameters fixed; `None` if it has none.
 pub(super) fn slope(case: &Case, name: usize, solved: &Solved) -> Option<Column> {
     let family = &case.library.families[name];
     let &(_, value) = family.settings.first()?;
@@ -70,11 +71,11 @@ pub(super) fn slope(case: &Case, name: usize, solved: &Solved) -> Option<Column>
     Some(Column { parts: parts.into_iter().map(|(joint, sum)| (joint, sum.into())).collect() })
 }
 
-/// The share by which a searched number may be moved at first.
+/// Largest relative step of a searched parameter.
 fn widest(case: &Case, name: usize, value: f64) -> f64 {
     let family = &case.library.families[name];
     match (family.form, family.joint) {
-        // A wave keeps its phase over the span only within a fraction of a cycle.
+        // A larger step would shift the wave by more than a fraction of a cycle at the end of the span.
         (Form::Wave, Some(joint)) => {
             let [low, high] = case.motion.span(joint);
             let cycles = value * (high - low) / TAU;
@@ -84,7 +85,7 @@ fn widest(case: &Case, name: usize, value: f64) -> f64 {
     }
 }
 
-/// Brings every searched number of a selection to where it fits best.
+/// Moves every searched parameter of a selection to the maximum of the likelihood.
 pub(super) fn settle(case: &mut Case, selection: &Selection, always: &[usize], used: &[bool]) {
     for &name in &selection.names {
         let Some(&(_, start)) = case.library.families[name].settings.first() else { continue };
@@ -98,7 +99,7 @@ pub(super) fn settle(case: &mut Case, selection: &Selection, always: &[usize], u
             (shortest_way(&case.motion, joint), lowest_speed(&case.motion, joint));
         let [low, high] = case.motion.span(joint);
         let longest = LONGEST * (high - low);
-        // What falls off beyond the speeds that the joint has is dry friction.
+        // At a higher Stribeck speed the effect is indistinguishable from dry friction.
         let highest = usual_speed(&case.motion, joint);
         for step in STEPS.map(|step| step * widest / STEPS[0]) {
             let mut gains = [0.0; 3];
@@ -124,7 +125,8 @@ pub(super) fn settle(case: &mut Case, selection: &Selection, always: &[usize], u
     }
 }
 
-/// Bends each friction that falls with warmth by as much as its own number says, until both agree; `viscous`: the stated friction of a joint.
+/// Iterates the temperature coefficient in each exponential friction law until it agrees with the fitted parameter. `viscous`: stated viscous
+/// friction of a joint, N m s/rad or N s/m.
 pub(super) fn warm(
     case: &mut Case,
     names: &[usize],
@@ -146,7 +148,8 @@ pub(super) fn warm(
             if !told.is_finite() || off.abs() <= AGREES * told.abs() {
                 break;
             }
-            // What is told falls as steeply as the bend rises, or more: put in as it is, it would swing.
+            // A fixed-point step would oscillate or diverge, since the fitted coefficient falls at least as steeply as the assumed one rises; hence a
+            // secant step.
             let secant = before.map(|(k, o)| per_kelvin - off * (per_kelvin - k) / (off - o));
             before = Some((per_kelvin, off));
             per_kelvin = secant.filter(|k| k.is_finite() && k * told > 0.0).unwrap_or(told);
@@ -155,7 +158,8 @@ pub(super) fn warm(
     }
 }
 
-/// Where friction falls with warmth: by how much torque changes with its numbers as they stand, in the place of the columns that say it as a whole.
+/// For temperature-dependent friction: derivatives of the torque with respect to its parameters at the estimate, to replace the corresponding columns
+/// (index, column) for the covariance.
 pub(super) fn bent(
     case: &Case,
     selection: &Selection,
@@ -180,8 +184,8 @@ pub(super) fn bent(
     all
 }
 
-/// Numbers that columns were made with agree with those that they give: the place of a payload, the load that friction goes with, what a delay makes of the
-/// torque, where a spring rests.
+/// Iterates the columns that depend on fitted parameters until these converge: payload position, load of load-dependent friction, delayed torque,
+/// rest position of a spring.
 pub(super) fn agree(case: &mut Case, names: &[usize], always: &[usize], used: &[bool]) {
     let families = &case.library.families;
     let is_of_load = |name: &usize| {
@@ -208,7 +212,7 @@ pub(super) fn agree(case: &mut Case, names: &[usize], always: &[usize], used: &[
     }
 }
 
-/// The viscous friction of a joint beyond what the model states: found, or fitted along within its doubt.
+/// Viscous friction of a joint beyond the stated value: a selected effect, or the refit within the stated uncertainty.
 pub(super) fn found_viscous(case: &Case, names: &[usize], solved: &Solved, joint: usize) -> f64 {
     let families = names.iter().map(|name| &case.library.families[*name]);
     let mut viscous = families.filter(|f| f.kind == "viscous_friction" && f.joint == Some(joint));
@@ -219,8 +223,8 @@ pub(super) fn found_viscous(case: &Case, names: &[usize], solved: &Solved, joint
     found + case.known.iter().filter_map(own).sum::<f64>()
 }
 
-/// By how much the number of each loop's column changes where the loop is made of springs that slip: how a friction remembers is not known, and motion that turns back
-/// within a loop tells a height by it.
+/// Change of each hysteresis parameter if the loop is modelled by slipping springs instead of Dahl's law, per column. The law is unknown, and motion
+/// that reverses within a loop gives amplitudes that depend on it.
 pub(super) fn otherwise(case: &Case, selection: &Selection, used: &[bool]) -> Vec<(usize, f64)> {
     let families = selection.names.iter().map(|name| &case.library.families[*name]);
     let loops: Vec<(usize, Column)> = families
@@ -249,7 +253,7 @@ pub(super) fn otherwise(case: &Case, selection: &Selection, used: &[bool]) -> Ve
     loops.iter().filter_map(moved).collect()
 }
 
-/// Gives a name's searched number another value.
+/// Sets the searched parameter of a candidate and recomputes its columns.
 fn put(case: &mut Case, name: usize, value: f64) {
     let Some(columns) = columns(case, name, value) else { return };
     let places = case.library.families[name].columns.clone();
@@ -259,7 +263,7 @@ fn put(case: &mut Case, name: usize, value: f64) {
     }
 }
 
-/// The log-likelihood that a selection gains with this value of a name's searched number.
+/// Gain in log-likelihood of a selection with this value of a candidate's searched parameter.
 fn gain(
     case: &mut Case,
     selection: &Selection,
@@ -272,7 +276,7 @@ fn gain(
     search(case, &products, always).solve(&selection.names).solved.gain
 }
 
-/// Lists the ripple that fits best what is left of each joint; whether any was found that is worth asking for.
+/// Adds the best-fitting ripple of each joint's residual to the library; returns whether any was added.
 pub(super) fn find_ripple(case: &mut Case, selection: &Selection, used: &[bool]) -> bool {
     let mut heard = false;
     let joints: Vec<usize> = case.table.joints().collect();
@@ -286,7 +290,7 @@ pub(super) fn find_ripple(case: &mut Case, selection: &Selection, used: &[bool])
     heard
 }
 
-/// The number of cycles per revolution (radians per metre) whose wave explains most of what is left of a joint.
+/// Spatial frequency with the largest power in the residual of a joint, in cycles per revolution (rad/m for a prismatic joint).
 fn loudest(case: &Case, joint: usize, left: &[f64], used: &[bool]) -> Option<f64> {
     let [low, high] = case.motion.span(joint);
     let one = TAU / (high - low);
@@ -309,14 +313,15 @@ fn loudest(case: &Case, joint: usize, left: &[f64], used: &[bool]) -> Option<f64
     }
     let highest = TAU / (per_row * ROWS_PER_CYCLE);
     let count = ((highest / (0.5 * one)) as usize).clamp(1, WAVES);
-    // Fewer cycles than one and a half in the whole span are a slope or a bow.
+    // Fewer than one and a half cycles per span are indistinguishable from a slope or a curvature.
     let step = 0.5 * one;
     let powers = powers(&gathered(rows, [low, high]), FEWEST, step, count);
     let waves = (FEWEST..=count).map(|k| step * k as f64).zip(powers);
     waves.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(cycles, _)| cycles)
 }
 
-/// Rows `(q, r)` as fewer places with all that is left near each, where there are more rows than [`PLACES`]: a row counts at the two places beside it, the nearer the more.
+/// Rows `(q, r)` binned on a grid over the span if there are more than [`PLACES`]; each row is distributed to its two neighbouring grid points by
+/// linear weights.
 fn gathered(rows: Vec<(f64, f64)>, [low, high]: [f64; 2]) -> Vec<(f64, f64)> {
     if rows.len() <= PLACES {
         return rows;
@@ -333,7 +338,7 @@ fn gathered(rows: Vec<(f64, f64)>, [low, high]: [f64; 2]) -> Vec<(f64, f64)> {
     places
 }
 
-/// `|Σ r e^{i k step q}|²` of rows `(q, r)` for `k` from `from` to `to`: each wave is the one before, turned by a step.
+/// `|Σ r e^{i k step q}|²` of rows `(q, r)` for `k` from `from` to `to`, by rotating each phasor by one step (no sine per wave).
 fn powers(rows: &[(f64, f64)], from: usize, step: f64, to: usize) -> Vec<f64> {
     let mut sums: Vec<(f64, f64)> = (from..=to).map(|_| (0.0, 0.0)).collect();
     for piece in rows.chunks(PIECE) {
@@ -366,7 +371,7 @@ fn powers(rows: &[(f64, f64)], from: usize, step: f64, to: usize) -> Vec<f64> {
     sums.into_iter().map(|(sine, cosine)| sine * sine + cosine * cosine).collect()
 }
 
-/// What is asked with the library as it stands.
+/// A search over the library in its present state.
 pub(super) fn search<'a>(
     case: &'a Case,
     products: &'a Products,

@@ -1,5 +1,5 @@
-//! Prefers the simpler of two effects that explain nearly the same: a spring for a hardening spring, an asymmetric friction for a spring, dry friction for a hysteresis that
-//! is too narrow for the band. Adds no effect.
+//! Prefers the simpler of two effects that explain nearly the same: a spring for spring hardening without a spring, an asymmetric friction for a
+//! spring, dry friction for a hysteresis that is too narrow for the band. Adds no effect.
 
 use super::Stated;
 use super::case::Case;
@@ -8,12 +8,12 @@ use super::refine;
 use crate::engine::library::Form;
 use crate::engine::stepwise::{Search, others};
 
-/// A spring brings at least this share of its gain beyond what a force brings that is the same at every place.
+/// Minimum share of an effect's gain that must be lost under the simpler effect for it to be kept.
 const EVEN: f64 = 0.05;
-/// Or it brings so many times its penalty.
+/// Or this multiple of a spring's penalty.
 const FEW: f64 = 4.0;
 
-/// What hardens is a spring: where none is stated or named, what is named so is the spring itself.
+/// Replaces spring hardening by a spring where no spring is stated or selected.
 pub(super) fn hardening_as_spring(case: &Case, stated: &Stated<'_>, names: &[usize]) -> Vec<usize> {
     let families = &case.library.families;
     let is_spring =
@@ -30,7 +30,7 @@ pub(super) fn hardening_as_spring(case: &Case, stated: &Stated<'_>, names: &[usi
     names.iter().map(one).collect()
 }
 
-/// What pulls alike wherever the joint stands is no spring: one that brings hardly more than that is called what differs by direction.
+/// Replaces a spring by an asymmetric friction, which is constant over position, where that explains almost as much.
 pub(super) fn spring_as_asymmetry(search: &Search<'_>, mut names: Vec<usize>) -> Vec<usize> {
     let families = &search.library.families;
     let springs: Vec<usize> =
@@ -53,7 +53,7 @@ pub(super) fn spring_as_asymmetry(search: &Search<'_>, mut names: Vec<usize>) ->
     names
 }
 
-/// A memory that turns over as soon as the band can tell from a sudden turn is dry friction, where that brings hardly less.
+/// Replaces a hysteresis whose reversal distance is the shortest resolvable by dry friction, where that explains almost as much.
 pub(super) fn hysteresis_as_friction(
     case: &Case,
     always: &[usize],

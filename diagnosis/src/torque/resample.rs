@@ -1,8 +1,6 @@
-//! Resampling to even time steps.
-//!
-//! Promises: cubic interpolation through the four nearest samples. Never: a value beyond the first and the last.
+//! Resampling to even time steps by cubic interpolation through the four nearest samples, without extrapolation.
 
-/// Samples at even times by the cubic through the four nearest (Lagrange).
+/// Samples at even times, in s, by the cubic through the four nearest (Lagrange); the end values are held.
 pub(super) fn resampled(
     times: &[f64],
     samples: &[f64],
@@ -13,7 +11,7 @@ pub(super) fn resampled(
     let last_s = times.last().copied().unwrap_or(start_s);
     let mut at = 0;
     let value = |k: usize| {
-        // What was delayed is not known beyond the ends.
+        // Delayed samples are unknown beyond the ends.
         let time = (start_s + k as f64 * step_s).clamp(times[0], last_s);
         while at + 2 < times.len() && times[at + 1] <= time {
             at += 1;

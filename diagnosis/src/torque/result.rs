@@ -1,6 +1,4 @@
-//! Result of a torque diagnosis.
-//!
-//! Promises: SI, joints from 0. Never: a unit of a file, a sentence.
+//! Result of a torque diagnosis. SI units; joints are numbered from 0.
 
 use crate::diagnose::Verdict;
 
@@ -8,85 +6,85 @@ use crate::size::Size;
 
 use super::{Law, Number, Refit, Rival, Trace, Zone};
 
-/// Something that is missing in the model of the drives, or wrong in it.
+/// An effect that the model of the drives lacks, or states with wrong parameters.
 #[derive(Clone, Debug)]
 pub struct Finding {
-    /// A name of the contract.
+    /// Name of the effect in docs/reference/effects.md.
     pub kind: &'static str,
-    /// From 0; none for the whole robot.
+    /// Joint from 0; `None` if the effect concerns the whole robot.
     pub joint: Option<usize>,
-    /// The one recording in which it acts, from 0; none: all.
+    /// The one recording in which it acts, from 0; `None`: all recordings.
     pub recording: Option<usize>,
-    /// Whether the model has the effect, and this is what its numbers are off by.
+    /// Whether the model states the effect; `numbers` are then differences to its stated parameters.
     pub is_change: bool,
-    /// SI.
+    /// Parameters of the effect, SI units.
     pub numbers: Vec<Number>,
-    /// The probability that the name is right.
+    /// Posterior probability of the effect among its alternatives, 0 to 1.
     pub confidence: f64,
-    /// By how much log-likelihood is higher with it than without.
+    /// Gain in log-likelihood compared with the fit without it.
     pub gain: f64,
-    /// Other names.
+    /// Alternative effects that explain the same.
     pub rivals: Vec<Rival>,
-    /// Held-out root mean square without it (all before it in the list at work) and with it, N m or N.
+    /// RMS residual on test rows with all earlier findings of the list applied: without this one, and with it; N m or N.
     pub heldout: [f64; 2],
-    /// Held-out root mean square where it alone is left out and all else is fitted anew, N m or N.
+    /// RMS residual on test rows if only this effect is removed and all others are refitted, N m or N.
     pub heldout_without: f64,
-    /// What it alone does to the torques or forces that it acts on, N m or N.
+    /// Contribution of this effect to the torques or forces on which it acts, N m or N.
     pub size: Size,
 }
 
-/// The proof of one joint, N m or N.
+/// Test of the fit for one joint, N m or N.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointProof {
-    /// From 0.
+    /// Joint from 0.
     pub joint: usize,
-    /// Root mean square of the torque itself on held-out rows.
+    /// RMS torque on test rows.
     pub torque: f64,
-    /// What the model as given is off by, its open masses fitted.
+    /// RMS residual of the given model on test rows, with unstated masses fitted.
     pub before: f64,
-    /// What it is off by with all that was found.
+    /// RMS residual on test rows with all findings.
     pub after: f64,
-    /// The same without the zones of low speed.
+    /// RMS residual on test rows with all findings, excluding the low-speed zones.
     pub after_outside: f64,
-    /// Noise: what no effect explains on rows that train.
+    /// Noise: RMS residual of the fit of all candidates to the training rows, corrected for the degrees of freedom.
     pub noise: f64,
 }
 
-/// All that was found in torque.
+/// Result of a torque diagnosis.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
-    /// The verdict.
+    /// Verdict on the model.
     pub verdict: Verdict,
-    /// What is claimed, most important first.
+    /// Claimed effects, most important first.
     pub findings: Vec<Finding>,
-    /// Less probable than that: no claims. The fit, the proof and the model hold them too.
+    /// Selected effects with too low a probability to be claimed. They are part of the fit, of the tested residuals and of the written model.
     pub candidates: Vec<Finding>,
-    /// The model's own numbers of stated uncertainty, fitted along: no findings, but what the proof is with.
+    /// Parameters that the model states with an uncertainty, as refitted. They are not findings, but part of the tested fit.
     pub refits: Vec<Refit>,
-    /// Structure beyond them.
+    /// Structure in the residual that no candidate effect explains.
     pub unexplained: Option<Law>,
-    /// Where the torque follows no known law, set apart.
+    /// Low-speed zones excluded from the fit because no known law describes the torque there.
     pub zones: Vec<Zone>,
-    /// Held-out root mean square as given and with what was found, N m or N; see the contract for joints of different noise.
+    /// RMS residual on test rows, of the given model and with all findings, N m or N; joints are weighted by their noise (docs/reference/results.md).
     pub heldout: [f64; 2],
-    /// The noise likewise.
+    /// RMS residual on training and validation rows with all findings, weighted likewise, N m or N.
     pub noise: f64,
-    /// Per joint.
+    /// Test per joint.
     pub by_joint: Vec<JointProof>,
-    /// Root mean square of the torque on held-out rows, all joints.
+    /// RMS torque on test rows over all joints, N m or N.
     pub signal: f64,
-    /// The filter's band, Hz.
+    /// Edge of the low-pass filter, Hz.
     pub band_hz: f64,
-    /// Rows of one joint.
+    /// Number of rows per joint.
     pub rows: usize,
-    /// How rows were held out.
+    /// How the test rows were chosen, as text.
     pub says: String,
-    /// What could not have shown: effect, joint from 0, why.
+    /// Effects that these recordings cannot show: name, joint from 0, reason.
     pub not_tested: Vec<(&'static str, Option<usize>, &'static str)>,
-    /// Whether joints turn or slide: N m or N.
+    /// Whether all joints are prismatic: forces in N instead of torques in N m.
     pub slides: bool,
-    /// What was done with the data, in words.
+    /// Notes on the processing of the data, as text.
     pub notes: Vec<String>,
-    /// Torque over time, for the page.
+    /// Torque over time, for the HTML page.
     pub traces: Vec<Trace>,
 }

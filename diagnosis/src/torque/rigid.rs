@@ -1,8 +1,7 @@
-//! Rigid-body torques: the part stated by the model, and its unknown inertial parameters.
+//! Rigid-body torques: the part predicted from stated masses, and the regressor of the inertial parameters.
 //!
-//! The parameters of a body refer to a point near it (its centre of mass, or its joint's pivot if unknown), so that each can have its own uncertainty.
-//!
-//! Promises: ten numbers per body, the payload's four at the TCP. Never: identifiability of the parameters.
+//! Ten parameters per body (mass, first moment, inertia) and four of a payload at the TCP. Those of a body refer to a point near it (its centre of
+//! mass, or the joint's point if unknown), so that each can have an independent prior. Identifiability is not decided here.
 
 use glam::{DMat3, DVec3};
 use physics::dynamics::{INERTIAL, Inertial, Regressor};
@@ -11,24 +10,26 @@ use physics::{Arm, Body, Chain, JOINTS_MAX};
 use super::motion::{Motion, Run};
 use crate::engine::table::Column;
 
-/// What may be believed of masses that nothing is known of: kg, kg m, kg m².
+/// Prior standard deviations of unstated inertial parameters: mass in kg, first moment in kg m, inertia in kg m².
 const UNKNOWN: [f64; 3] = [100.0, 50.0, 50.0];
-/// What stated masses may be off by: share of the mass, distance of its centre, m, and radius of gyration, m.
+/// Prior standard deviations of stated masses, when questioned: share of the mass, shift of its centre, m, and radius of gyration of the inertia
+/// error, m.
 const DOUBT: (f64, f64, f64) = (0.05, 0.02, 0.1);
 
-/// The arm's masses over the rows: what they ask for, and columns for what may be wrong in them.
+/// Rigid-body torque of the stated masses, and columns of the inertial parameters.
 pub(super) struct Rigid {
-    /// Per joint, the stated masses' torque, row by row.
+    /// Torque of the stated masses per joint, row by row, N m or N.
     pub(super) stated: Vec<Vec<f64>>,
-    /// Per joint and run, the same at every sample, from motion in the band of what turns sharply; empty where that is the torque's band, or nothing is stated.
+    /// Torque of the stated masses per joint and run at every sample, from motion of the wider bandwidth; empty if the torque's band is as wide, or
+    /// no masses are stated.
     pub(super) sharp: Vec<Vec<Vec<f64>>>,
     /// Ten columns per body, then mass and first moment of a payload about the TCP.
     pub(super) columns: Vec<Column>,
-    /// What is believed of each number but the payload's: its standard deviation.
+    /// Prior standard deviation of each inertial parameter, without the payload's.
     pub(super) beliefs: Vec<f64>,
 }
 
-/// A unit mass at a point, and a unit of first moment about it along each axis, as inertial parameters.
+/// Inertial parameters of a unit mass at a point, and of unit first moments about it along each axis.
 fn at_point(point: DVec3) -> [[f64; INERTIAL]; 4] {
     let moment = |axis: DVec3| {
         let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
@@ -41,7 +42,7 @@ fn at_point(point: DVec3) -> [[f64; INERTIAL]; 4] {
     [Inertial::of(&Body::point_mass(1.0, point)).values(), x, y, z]
 }
 
-/// Columns of one body about `point`, one joint after the other: mass, first moment, inertia.
+/// Regressor of one joint for the inertial parameters of a body about `point`: mass, first moment, inertia.
 fn about(table: &[[f64; INERTIAL]; JOINTS_MAX], point: DVec3, joint: usize) -> [f64; INERTIAL] {
     let row = &table[joint];
     let dot = |p: [f64; INERTIAL]| p.iter().zip(row).map(|(a, b)| a * b).sum::<f64>();
@@ -49,7 +50,7 @@ fn about(table: &[[f64; INERTIAL]; JOINTS_MAX], point: DVec3, joint: usize) -> [
     [mass, x, y, z, row[4], row[5], row[6], row[7], row[8], row[9]]
 }
 
-/// Mass and first moment of a body about a point, told about another that lies `by` from it, m; `columns`: its ten about the first.
+/// Columns of mass and first moment about a point displaced by `by`, m, from the ten columns of a body about the original point.
 pub(super) fn carried(columns: [&Column; INERTIAL], by: DVec3) -> [Column; 4] {
     at_point(by).map(|numbers| {
         let sum = |joint: usize, rows: usize| {
@@ -76,7 +77,8 @@ impl Rigid {
         let is_narrow = motion.quick_hz > motion.band_hz;
         for run in &motion.runs {
             let (of_columns, of_stated) = over(arm, run, &points, is_narrow);
-            // What is not linear in motion is not what smoothed motion says of it: it is told from motion as recorded, and passes the torque's filter itself.
+            // Terms that are nonlinear in the motion are computed from unfiltered motion and filtered afterwards, since they would differ if computed
+            // from filtered motion.
             let extend = |all: &mut Vec<Vec<f64>>, own: Vec<Vec<f64>>| {
                 let own = if is_narrow { run.each_at_rows(&own) } else { own };
                 all.iter_mut().zip(own).for_each(|(all, own)| all.extend(own));
@@ -102,7 +104,7 @@ impl Rigid {
     }
 }
 
-/// Per joint and run, what stated masses ask for at every sample.
+/// Torque of the stated masses per joint and run, at every sample.
 fn sharp(arm: &Arm, motion: &Motion) -> Vec<Vec<Vec<f64>>> {
     let mut all = vec![Vec::with_capacity(motion.runs.len()); arm.count()];
     for run in &motion.runs {
@@ -116,12 +118,12 @@ fn sharp(arm: &Arm, motion: &Motion) -> Vec<Vec<Vec<f64>>> {
     all
 }
 
-/// How many joints, from the first on, feel the body of a column.
+/// Number of joints, from the first on, whose torque depends on the body of a column.
 fn felt_by(column: usize, count: usize) -> usize {
     (column / INERTIAL).min(count - 1) + 1
 }
 
-/// Columns and stated torque of one run: at every sample as recorded, or at its rows in the band.
+/// Columns and predicted torque of one run: at every sample from unfiltered motion, or at its rows from filtered motion.
 fn over(
     arm: &Arm,
     run: &Run,

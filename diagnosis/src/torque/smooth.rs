@@ -1,10 +1,11 @@
 //! Unmodelled structure in torques: a torque, dry friction or drag whose size varies smoothly with a covariate.
 //!
-//! Each function is a series of Chebyshev polynomials of one or two covariates times what it scales (a varying-coefficient model: Hastie and Tibshirani 1993). It is
-//! tried beside the selected effects and in place of those of its joint, with the AR noise model estimated again once the function is subtracted: slow
-//! structure would otherwise be taken for slow noise. It also shows whether the size of a selected effect varies with speed or position: then it is not that effect.
+//! Each law is a torque, a sign of the velocity or a velocity, multiplied by a series of Chebyshev polynomials in one or two covariates (a
+//! varying-coefficient model: Hastie and Tibshirani 1993). It is fitted beside the selected effects, and in place of those of its joint, with the AR
+//! noise model estimated again from the residual of the law: slowly varying structure would otherwise be taken for autocorrelated noise. The
+//! comparison also shows whether the size of a selected effect varies with its covariates, in which case the effect is refuted.
 //!
-//! The criterion includes penalties for parameters and for the number of functions tried; a function is reported only if it raises the likelihood of the test set.
+//! The criterion includes penalties for parameters and for the number of laws tried; a law is reported only if it raises the likelihood of the test set.
 
 use std::cell::RefCell;
 
@@ -20,70 +21,70 @@ use crate::engine::table::Column;
 use crate::engine::table::Table;
 use crate::engine::validation::sum;
 
-/// Polynomials of one word; of time, which may swing more often; of each word of a pair.
+/// Polynomial degree for one covariate; for time, which may vary faster; for each covariate of a pair.
 const DEGREE: usize = 5;
 const DEGREE_OF_TIME: usize = 9;
 const DEGREE_OF_PAIR: usize = 3;
-/// So many laws are shown to held-out rows, the one that is worth most first.
+/// Number of laws tested on the test set at most, in order of decreasing score.
 const LIKELY: usize = 6;
-/// What a law must bring beyond its penalty, in log-likelihood.
+/// Minimum gain of a law beyond its penalty, in log-likelihood.
 const MARGIN: f64 = 15.0;
-/// Beside names a law explains at least this share of what is left, as energy: less may be what the band does to a turn.
+/// Minimum share of the residual energy that a law explains beside the selected effects; less may be an artefact of the filter at reversals.
 const SHARE: f64 = 0.02;
-/// Rounds of hearing the noise and asking.
+/// Number of passes, each estimating the noise and then evaluating the laws.
 const ROUNDS: usize = 2;
 
-/// A law, with what stands beside it.
+/// A smooth law of a joint's residual.
 pub(super) struct Beyond {
     pub(super) law: Law,
-    /// By how much log-likelihood is higher with it than with the names alone.
+    /// Gain in log-likelihood compared with the selected effects alone.
     gain: f64,
-    /// Names in whose place it stands: they were patches on it.
+    /// Selected effects that it replaces: they had only approximated it.
     pub(super) instead_of: Vec<usize>,
 }
 
-/// One law: words, and columns of growing degree; the first says that the size is always the same.
+/// A candidate law: covariates, and columns of increasing degree, the first of which is constant in the covariate.
 struct Asked {
     words: Vec<String>,
     columns: Vec<Column>,
-    /// Whether fewer of its columns are a law too.
+    /// Whether the first few columns alone are a valid law too.
     nested: bool,
 }
 
-/// The law of one joint that is worth most.
+/// The best-scoring degree of one law.
 struct Best {
-    /// Which names stand beside it.
+    /// Index of the set of effects fitted with it, in `Question::kept`.
     kept: usize,
     asked: usize,
     count: usize,
     worth: f64,
 }
 
-/// What is asked of one joint: columns of names and laws, and the names' prices.
+/// Regression problem of one joint: columns of effects and laws, and the effects' penalties.
 struct Question<'a> {
     case: &'a Case,
     joint: usize,
     columns: Vec<Column>,
     prior: Vec<f64>,
     laws: &'a [Asked],
-    /// Places of each law's columns.
+    /// Indices of each law's columns.
     places: Vec<Vec<usize>>,
-    /// Names that stand, their columns' places and prices: all, and without the joint's.
+    /// Sets of effects (indices, their columns, total penalty): all of them, and those without this joint's.
     kept: Vec<(Vec<usize>, Vec<usize>, f64)>,
-    /// What was summed last, of this joint's question or another's.
+    /// Buffer of sums of products, shared between joints.
     sums: &'a RefCell<Option<Sums>>,
 }
 
-/// What a look at a question says.
+/// Result of evaluating all laws.
 struct Looked {
-    /// Laws that are worth their penalty, the one that is worth most first.
+    /// Laws that exceed their penalty by the margin, best first.
     found: Vec<Best>,
-    /// The fit of the names without any.
+    /// Fit of the effects without a law.
     bare: Solved,
     products: Products,
 }
 
-/// A word in all its Chebyshev polynomials, its values mapped to −1 to 1: row by row, `T_{k+1} = 2 x T_k − T_{k−1}`.
+/// Chebyshev polynomials of a covariate scaled to −1 to 1, by the recurrence `T_{k+1} = 2 x T_k − T_{k−1}`.
 fn series(word: &Word) -> Vec<Vec<f64>> {
     let most = if word.name == "t_s" { DEGREE_OF_TIME } else { DEGREE };
     let [low, high] = span(word.values.iter().copied());
@@ -103,12 +104,12 @@ fn times(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a * b).collect()
 }
 
-/// Everything that is asked of a joint.
+/// All candidate laws of a joint.
 fn laws(motion: &Motion, joint: usize) -> Vec<Asked> {
     let words = words(motion, joint);
     let series: Vec<Vec<Vec<f64>>> = words.iter().map(series).collect();
     let own = |stem: &str| format!("{stem}{}", joint + 1);
-    // A smooth size passes the filter as its carrier does.
+    // A slowly varying factor passes the filter practically unchanged, so filtered columns are multiplied.
     let carrier = |law: Sized| law.column(motion, joint).parts.remove(0).1;
     let column = |values: Vec<f64>| Column { parts: vec![(joint, values.into())] };
     let mut all = Vec::new();
@@ -120,11 +121,11 @@ fn laws(motion: &Motion, joint: usize) -> Vec<Asked> {
     };
     let one = carrier(Sized::One);
     let [q, v, a, t] = [0, 1, 2, 3];
-    // What bends with acceleration is torque and motion that do not quite meet in time.
+    // Acceleration is excluded: a dependence on it may be a small time offset between torque and motion.
     (0..words.len()).filter(|word| *word != a).for_each(|word| add(&one, None, word));
-    // What rubs or drags by the place of another joint does so by the load: that has a name.
+    // Friction that depends on another joint's position does so through the load, which is a candidate effect of its own.
     let sized = [
-        // By speed or acceleration friction seems to change where it turns round, as the band does not tell when exactly it does.
+        // Speed and acceleration are excluded: the band limits the knowledge of the instant of reversal, which would look like such a dependence.
         (Sized::Direction, own("direction_"), &[q, t][..]),
         (Sized::Speed, own("v"), &[q, t]),
     ];
@@ -180,7 +181,7 @@ impl<'a> Question<'a> {
         Self { case, joint, columns, prior, laws, places, kept, sums }
     }
 
-    /// The laws by what `table` believes of the noise.
+    /// Scores all laws with the noise model of `table`.
     fn look(&self, table: &Table, used: &[bool]) -> Looked {
         let sums = Sums::taken(self.sums.take(), table, &self.columns, used);
         let products = sums.products(self.prior.clone());
@@ -200,7 +201,7 @@ impl<'a> Question<'a> {
                 for count in fewest..=own.len() {
                     let (gain, _) = products.more(&names, &own[..count]);
                     let worth = names.gain - of_names + gain - penalty(count);
-                    // What is always of the same size is no law.
+                    // A law whose size does not vary with its covariate is not reported.
                     let changes = gain - steady > penalty(count - 1);
                     if changes && best.as_ref().is_none_or(|best| worth > best.worth) {
                         best = Some(Best { kept, asked, count, worth });
@@ -213,14 +214,14 @@ impl<'a> Question<'a> {
         Looked { found: all, bare, products }
     }
 
-    /// The fit of a law with the names beside which it stands.
+    /// The fit of a law together with its set of effects.
     fn solved(&self, products: &Products, best: &Best) -> Solved {
         let mut places = self.kept[best.kept].1.clone();
         places.extend(&self.places[best.asked][..best.count]);
         products.solve(&places)
     }
 
-    /// What is left of the joint's torque.
+    /// Residual torque of the joint.
     fn left(&self, solved: &Solved) -> Vec<f64> {
         let parts: Vec<(&Column, f64)> = solved
             .columns
@@ -234,8 +235,8 @@ impl<'a> Question<'a> {
     }
 }
 
-/// Whether rows that took no part bear a law out: freed of the noise's memory, and as they are. Beside autocorrelated noise a level hardly counts, and a law
-/// that leaves one makes the torque no better known.
+/// Whether test rows support a law, by the whitened residual and by the residual itself. Autocorrelated noise gives a constant offset little weight,
+/// and a law that introduces one does not improve the prediction.
 pub(super) fn is_borne_out(
     table: &Table,
     joint: usize,
@@ -246,7 +247,7 @@ pub(super) fn is_borne_out(
     after < before && prove::is_borne_out(table, joint, left, held)
 }
 
-/// The law of one joint, where held-out rows bear it out.
+/// The best law of one joint that the test set supports.
 fn of_joint(case: &Case, question: &Question<'_>) -> Option<Beyond> {
     let (seen, held, joint) = (&case.rows.seen(), &case.rows.test, question.joint);
     let mut table = case.table.clone();
@@ -285,12 +286,12 @@ fn of_joint(case: &Case, question: &Question<'_>) -> Option<Beyond> {
     })
 }
 
-/// The law that brings most, of the joint that it is of.
+/// The law with the largest gain over all joints.
 pub(super) fn law(case: &Case, always: &[usize], names: &[usize]) -> Option<Beyond> {
     let products = case.products(&case.rows.seen());
     let search = refine::search(case, &products, always);
     let penalty = |name: usize| search.penalty(&case.library.families[name]);
-    // In the room of the case's sums, which are as large and are computed again where they are needed.
+    // Reuses the buffer of the case's sums, which are recomputed when next needed.
     let sums = RefCell::new(case.sums.take());
     let one = |joint: usize| {
         let laws = laws(&case.motion, joint);

@@ -1,6 +1,5 @@
-//! Final checks of selected effects: significance, physical range of parameters, confirmation on held-out rows.
-//!
-//! Promises: held-out rows can remove an effect, never select one.
+//! Final checks of selected effects: significance, physical range of parameters, support by the test set. Test rows can remove an effect, never
+//! select one.
 
 use super::case::Case;
 use super::{Rival, Weighed, found, prove};
@@ -9,10 +8,11 @@ use crate::engine::normal_equations::Solved;
 use crate::engine::stepwise::{MARGIN, Search};
 use crate::engine::validation;
 
-/// A stated number that a name stood for is off by so many times its uncertainty, from blocks of time, before it is told itself.
+/// Minimum ratio of a stated parameter's deviation to its standard uncertainty, from blocks of time, for it to be added after the effect that may
+/// have stood in for it was removed.
 const OFF: f64 = 4.0;
 
-/// The names that stand, with what they bring, and those that held-out rows speak against.
+/// Effects that pass, with gains and alternatives, and those that the test set contradicts.
 pub(super) fn stand(
     case: &Case,
     search: &Search<'_>,
@@ -33,7 +33,7 @@ pub(super) fn stand(
     (weighed, refuted)
 }
 
-/// The number that the model states and that what is seen contradicts most, where a name that fell may have stood for it.
+/// The stated parameter that the training and validation rows contradict most, if a removed effect may have stood in for it.
 pub(super) fn contradicted(
     case: &Case,
     search: &Search<'_>,
@@ -51,8 +51,7 @@ pub(super) fn contradicted(
     (is_sure && search.admissible(with.clone()) == with).then_some(name)
 }
 
-/// Names, those of which a form with more numbers stands in the library in that form where a number more is at least as large as its uncertainty: left out, it
-/// would bend the others by as much.
+/// Extends each effect to its form with more parameters where an additional one is larger than its uncertainty: omitting it would bias the others.
 fn whole(case: &Case, search: &Search<'_>, weighed: Vec<Weighed>, seen: &[bool]) -> Vec<Weighed> {
     let families = &case.library.families;
     let mut names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
@@ -77,7 +76,8 @@ fn whole(case: &Case, search: &Search<'_>, weighed: Vec<Weighed>, seen: &[bool])
     all
 }
 
-/// The names that are sure and that held-out rows bear out, and those that these speak against: a name that falls may leave another unsure.
+/// Effects that are significant and not contradicted by the test set, and those that it contradicts. Repeated, since a removal can make another
+/// effect insignificant.
 fn borne_out(
     case: &Case,
     search: &Search<'_>,
@@ -98,8 +98,8 @@ fn borne_out(
     }
 }
 
-/// Puts a rival in a name's place. A spring past its dead point is a rival still; another name whose numbers are not its own is none, and leaves its
-/// probability to the rest.
+/// Replaces an effect by an alternative. A spring with negative stiffness remains an alternative; any other effect with parameters outside its range
+/// is excluded, and its probability is distributed to the rest.
 fn instead(search: &Search<'_>, one: &mut Weighed, rival: &Rival) {
     let former = &search.library.families[one.name];
     let is_rival = former.form == Form::Spring;
@@ -117,7 +117,7 @@ fn instead(search: &Search<'_>, one: &mut Weighed, rival: &Rival) {
     one.rivals.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
 }
 
-/// Names, each whose numbers are not its own to have in this fit in the place of the likeliest rival that cannot be distinguished from it, if one has them.
+/// Effects, each with inadmissible parameters replaced by its most probable indistinguishable alternative with admissible ones.
 fn replaced(search: &Search<'_>, weighed: &[Weighed]) -> Vec<Weighed> {
     let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
     let stand = search.admissible(names.clone());

@@ -1,8 +1,7 @@
-//! Torque of a joint that never moves: one constant, which static friction, gravity, a spring, a bias or a drive's gain can equally explain.
+//! Torque of a joint that never moves: one constant, which static friction, gravity, a spring, a bias or a drive's gain explain equally well.
 //!
-//! Promises: only if nothing else was found, and never a claim, but the set of all explanations. The friction model is zero at rest,
-//! so static friction is always in the set.
-//! Never: a parameter of one of them alone.
+//! Evaluated only if nothing else was found. The result is not a claim but the set of all explanations with equal probabilities, never a parameter of
+//! one of them alone. The friction model is zero at rest, so static friction is always in the set.
 
 use physics::JointKind;
 
@@ -16,10 +15,10 @@ use crate::engine::normal_equations::Products;
 use crate::engine::table::Column;
 use crate::size::Size;
 
-/// What a constant must bring beyond its penalty, in log-likelihood.
+/// Minimum gain of a constant beyond its penalty, in log-likelihood.
 const MARGIN: f64 = 10.0;
 
-/// A constant that a joint holds, N m or N, with its standard uncertainty and what it brings.
+/// Constant torque of a joint, N m or N, with its standard uncertainty, its gain in log-likelihood, and the RMS before subtracting it.
 struct Held {
     joint: usize,
     value: f64,
@@ -28,7 +27,7 @@ struct Held {
     before: f64,
 }
 
-/// The constants that joints hold, each as a set of names.
+/// Significant constant torques, each as a set of alternative effects.
 pub(super) fn findings(case: &Case, stated: &Stated<'_>, always: &[usize]) -> Vec<Finding> {
     let held = case.still.iter().filter_map(|(joint, target)| held(case, *joint, target, always));
     let mut all: Vec<Finding> = held.map(|held| finding(case, stated, &held)).collect();
@@ -36,7 +35,7 @@ pub(super) fn findings(case: &Case, stated: &Stated<'_>, always: &[usize]) -> Ve
     all
 }
 
-/// The constant of one joint beside what is fitted anyway, where it is there.
+/// The constant torque of one joint, fitted together with the always-included columns; `None` if not significant.
 fn held(case: &Case, joint: usize, target: &[f64], always: &[usize]) -> Option<Held> {
     let seen = case.rows.seen();
     let mut table = case.table.clone();

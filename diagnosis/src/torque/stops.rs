@@ -1,17 +1,15 @@
-//! Detection of rest: a joint whose recorded position does not change, regardless of ringing of the filter.
-//!
-//! Never: a reversal mistaken for rest.
+//! Detection of rest from the recorded position, independent of ringing of the filter; a reversal is not taken for rest.
 
-/// A joint whose recorded position does not change by a digit for so long is at rest too, s: a turn passes its crest sooner.
+/// Minimum duration of an unchanged recorded position for rest, s; a joint passes a reversal in less.
 const STOP_S: f64 = 0.03;
 
-/// The least step between two samples of a position that differ.
+/// Resolution of a position: smallest non-zero step between two samples.
 pub(super) fn digit(samples: &[f64]) -> f64 {
     let steps = samples.windows(2).map(|pair| (pair[1] - pair[0]).abs());
     steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min)
 }
 
-/// Which samples are of a stretch, [`STOP_S`] long at least, in which the position stays within half a digit.
+/// Samples in a section of at least [`STOP_S`] in which the position stays within half the resolution.
 pub(super) fn stops(q: &[f64], digit: f64, step_s: f64) -> Vec<bool> {
     let shortest = (STOP_S / step_s).ceil().max(3.0) as usize;
     let mut all = vec![false; q.len()];

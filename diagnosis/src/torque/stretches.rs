@@ -1,14 +1,14 @@
-//! Subsampling of long recordings by evenly spread stretches.
+//! Subsampling of long recordings by evenly distributed sections.
 //!
-//! Stretches instead of single samples, since effects with memory and filters need the preceding ones; the cost of evaluating a nonlinear parameter is
-//! proportional to their length.
+//! Sections instead of single samples, because effects with memory and filters need the preceding samples; the computing time of a searched parameter
+//! is proportional to their total length.
 
-/// At most so many rows of all runs together.
+/// Largest total number of rows of all runs.
 const ROWS_MOST: usize = 40_000;
-/// Rows of a stretch: so many stretches that whole ones are held out, each many times what a filter loses at its ends.
+/// Rows per section: short enough that whole sections can be held out, and long compared with the ends that a filter loses.
 const ROWS: usize = 1000;
 
-/// Of every `period` samples, the first `kept` are looked at.
+/// Of every `period` samples, the first `kept` are used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Stretches {
     kept: usize,
@@ -16,7 +16,7 @@ pub(super) struct Stretches {
 }
 
 impl Stretches {
-    /// Of recordings that have so many rows together, `stride` samples apart; none where all of them are looked at.
+    /// For recordings with `rows` rows in total, `stride` samples apart; `None` if all are used.
     pub(super) fn of(rows: usize, stride: usize) -> Option<Self> {
         let kept = ROWS * stride;
         (rows > ROWS_MOST).then(|| Self {
@@ -25,7 +25,7 @@ impl Stretches {
         })
     }
 
-    /// The stretches of pieces without gaps.
+    /// The sections of pieces without gaps.
     pub(super) fn within<T: Clone>(self, pieces: &[Vec<T>]) -> Vec<Vec<T>> {
         let stretch = |part: &[T]| part[..self.kept.min(part.len())].to_vec();
         pieces.iter().flat_map(|piece| piece.chunks(self.period).map(stretch)).collect()

@@ -23,7 +23,7 @@ use glam::{DMat3, DVec3};
 
 const MASS: f64 = 90.0;
 
-/// One joint along or about base x resp. y.
+/// An arm of one joint, along base x (prismatic) or about base y (revolute).
 fn arm(kind: JointKind, link: Option<Body>) -> Arm {
     let axis = if kind == JointKind::Prismatic { DVec3::X } else { DVec3::Y };
     let joint = Joint {
@@ -38,7 +38,7 @@ fn arm(kind: JointKind, link: Option<Body>) -> Arm {
     Arm::new(&[joint], tool, DVec3::new(0.0, 0.0, -9.81)).unwrap()
 }
 
-/// Position, speed, acceleration at a time: three sines that reverse at many places and speeds.
+/// Position, velocity, acceleration at a time: sum of three sines, with reversals at many positions and velocities.
 fn motion(t: f64) -> [f64; 3] {
     let waves = [(0.12, 0.9, 0.0), (0.05, 2.3, 1.0), (0.02, 5.1, 2.0)];
     waves.iter().fold([0.0; 3], |[q, v, a], (size, rate, phase)| {
@@ -69,7 +69,7 @@ pub(super) fn slider(link: bool) -> Arm {
     arm(JointKind::Prismatic, link.then(|| Body::point_mass(MASS, DVec3::ZERO)))
 }
 
-/// What is asked of a slider whose model states no effect.
+/// Diagnosis of a slider whose model states no effect.
 fn case(arm: Arm, noise: f64, force: impl Fn([f64; 3]) -> f64) -> Case {
     let model = Model::new(arm, &[]).unwrap();
     let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
@@ -120,7 +120,7 @@ fn a_model_that_knows_its_friction_is_consistent() {
     assert_eq!(found.verdict, Verdict::Consistent, "{:?}", found.findings);
 }
 
-/// Position, speed, acceleration at a time: moves of 0.6 s with stops of 0.1 s between them.
+/// Position, velocity, acceleration at a time: moves of 0.6 s separated by stops of 0.1 s.
 fn stopping(t: f64) -> [f64; 3] {
     let (takes, whole) = (0.6, 0.7);
     let number = libm::floor(t / whole);
@@ -138,7 +138,7 @@ fn stopping(t: f64) -> [f64; 3] {
     [from + way * q, way * v / takes, way * a / (takes * takes)]
 }
 
-/// What was recorded on moves with stops: positions to a micrometre; dry friction is nothing at rest.
+/// Recording of moves with stops: positions rounded to a micrometre; dry friction is zero at rest.
 fn with_stops(noise: f64, force: impl Fn([f64; 3]) -> f64) -> Recording {
     let mut made = recording(JointKind::Prismatic, noise, |_| 0.0);
     let noise = made.column(Channel::Torque(0)).unwrap().to_vec();
@@ -241,7 +241,7 @@ fn near(found: &Diagnosis, kind: &str, truth: f64, share: f64) {
 #[test]
 fn a_drive_that_is_recorded_too_large_leaves_its_friction_the_size_that_acts() {
     let arm = slider(true);
-    // Beside the mass alone a gain would be more mass.
+    // With mass alone, a gain error is indistinguishable from additional mass.
     let known = effect(&arm, "viscous_friction", &[("coefficient", &[150.0])]);
     let force = |[_, v, a]: [f64; 3]| 1.08 * (MASS * a + 20.0 * v.signum() + 150.0 * v);
     let found = of(&arm, &[known], recording(JointKind::Prismatic, 0.5, force));
@@ -292,7 +292,7 @@ fn what_the_model_states_of_its_drives_is_no_finding_whatever_its_law() {
     assert_ne!(of(&arm, &[], made).verdict, Verdict::Consistent);
 }
 
-/// What the drives of a model exert on the motion, with noise.
+/// Drive torques of a model over the motion, with noise.
 fn driven(arm: &Arm, effects: &[AnyEffect], kind: JointKind, noise: f64) -> Recording {
     let model = Model::new(*arm, effects).unwrap();
     let mut made = recording(kind, noise, |_| 0.0);
@@ -336,7 +336,7 @@ fn a_mass_that_hangs_far_from_the_tool_is_one_payload_and_no_sum_of_inertia_and_
 #[test]
 fn stated_masses_are_believed_where_a_name_explains_as_much_as_their_doubt() {
     let arm = pendulum();
-    // A centre that is 4 mm off would ask for nearly the same.
+    // A centre of mass displaced by 4 mm would give nearly the same torque.
     let pull = effect(&arm, "friction_asymmetry", &[("offset", &[0.2])]);
     let found = of(&arm, &[], driven(&arm, &[pull], JointKind::Revolute, 0.05));
     assert_eq!(found.verdict, Verdict::MissingPhysics, "{:?}", found.findings);
@@ -394,7 +394,7 @@ fn what_a_still_joint_holds_is_a_set_and_no_claim() {
     assert!((set.numbers[0].values[0] - 0.4).abs() < 0.02, "{set:?}");
     let rivals: Vec<&str> = set.rivals.iter().map(|rival| rival.kind).collect();
     assert!(rivals.contains(&"coulomb_friction") && rivals.contains(&"spring"), "{rivals:?}");
-    // The law of dry friction is nothing at rest: that it is stated explains no torque, and what it may hold is in the set.
+    // Dry friction is zero at rest in the model, so stating it explains no torque: it remains in the set of explanations.
     let dry = AnyEffect::build("coulomb_friction", &two, Some(1), Given(&[("level", &[2.0])]));
     assert_eq!(holds(0.4, &[dry.unwrap()]).verdict, Verdict::Undetermined);
 }

@@ -1,27 +1,25 @@
-//! Covariates of unmodelled structure: names, values, and text.
-//!
-//! Promises: covariates of the joint itself come first. Never: a fit.
+//! Covariates of unmodelled structure: names and values. Covariates of the joint itself come first.
 
 use super::motion::Motion;
 
-/// What the rest follows.
+/// A dependence of the residual torque on covariates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Law {
-    /// From 0.
+    /// Joint from 0.
     pub joint: usize,
-    /// The contract's words.
+    /// Names of the covariates, as in docs/reference/results.md.
     pub words: Vec<String>,
-    /// Sums of squares of what is left on held-out rows without and with it, (N m)².
+    /// Sums of squares of the residual on test rows without and with the law, (N m)².
     pub held: [f64; 2],
 }
 
-/// One word and its value per row.
+/// A covariate and its value per row.
 pub(crate) struct Word {
     pub(crate) name: String,
     pub(crate) values: Vec<f64>,
 }
 
-/// What a joint's torque may follow: its position, speed, acceleration and time first.
+/// Covariates of a joint's torque: its position, velocity, acceleration, and time first.
 pub(super) fn words(motion: &Motion, joint: usize) -> Vec<Word> {
     let all = |value: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
         let runs = motion.runs.iter().enumerate();

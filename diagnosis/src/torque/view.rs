@@ -1,31 +1,30 @@
-//! Data of the page on torques: measured values, and residuals without and with findings.
-//!
-//! Promises: complete rows, evenly subsampled. Never: an estimate of its own.
+//! Plot data of the HTML page on torques: measured values, and residuals without and with findings,
+//! evenly subsampled.
 
 use super::case::Case;
 use crate::engine::stepwise::Selection;
 
-/// Points of a trace at most.
+/// Maximum number of points of a trace.
 const POINTS: usize = 1500;
 
-/// One joint over the rows of the first runs.
+/// Measured and residual torque of one joint over time.
 #[derive(Clone, Debug)]
 pub struct Trace {
-    /// From 0.
+    /// Joint from 0.
     pub joint: usize,
-    /// Running time without the pauses between runs, s.
+    /// Time without the pauses between runs, s.
     pub t_s: Vec<f64>,
-    /// rad/s or m/s.
+    /// Velocity, rad/s or m/s.
     pub speed: Vec<f64>,
-    /// Recorded, in the band, N m or N.
+    /// Recorded torque, filtered, N m or N.
     pub torque: Vec<f64>,
-    /// Off, as given and with what was found.
+    /// Residual torque of the given model, and with all findings, N m or N.
     pub off: [Vec<f64>; 2],
-    /// Rows that nothing has seen.
+    /// Whether a row belongs to the test set.
     pub held: Vec<bool>,
 }
 
-/// Root mean square of a joint's torque on some rows, what the model states included.
+/// RMS recorded torque of a joint on `used` rows, N m or N.
 pub(super) fn torque_rms(case: &Case, joint: usize, used: &[bool]) -> f64 {
     let torque = torque(case, joint);
     let kept = torque.iter().zip(used).filter(|(_, used)| **used).map(|(x, _)| x * x);
@@ -38,7 +37,7 @@ fn torque(case: &Case, joint: usize) -> Vec<f64> {
     target.zip(&case.stated[joint]).map(|(rest, stated)| rest + stated).collect()
 }
 
-/// The trace of one joint.
+/// Plot data of one joint.
 pub(super) fn trace(
     case: &Case,
     (given, selection): (&Selection, &Selection),

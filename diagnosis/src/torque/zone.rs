@@ -1,38 +1,37 @@
-//! A zone of low speed in which the torque follows another law: located, reported and excluded, so that it does not bias parameters.
+//! Low-speed zone in which no known law describes a joint's torque: located, reported and excluded, so that it does not bias parameters.
 //!
-//! Two noise levels, one below and one above a speed, compared with a single one (likelihood ratio over the speed).
-//!
-//! Promises: a zone is small, significant, and reported with its speed and its share of the rows. Never: an effect.
+//! Compares two noise levels, below and above a threshold velocity, with a single one by the likelihood ratio over several thresholds. A zone must
+//! contain few of the rows and be significant.
 
 use physics::{Arm, JointKind};
 
 use super::motion::Motion;
 use crate::engine::table::Table;
 
-/// Shares of the rows that are tried.
+/// Shares of the rows that are tried as zones.
 const SHARES: [f64; 8] = [0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06];
-/// What is left within is so many times what is left beyond, root mean square.
+/// Minimum ratio of the RMS residual within the zone to that outside.
 const STANDS_OUT: f64 = 1.6;
-/// By so much log-likelihood per row that it takes is two sizes better than one, in all.
+/// Minimum gain in log-likelihood of two noise levels compared with one.
 const GAIN: f64 = 20.0;
-/// Rows within at least.
+/// Minimum number of rows in a zone.
 const ROWS: usize = 20;
 
-/// Where a joint's torque follows no known law.
+/// A velocity range in which a joint's torque follows no known law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Zone {
-    /// From 0.
+    /// Joint from 0.
     pub joint: usize,
-    /// Slower than this, rad/s or m/s.
+    /// Upper limit of the speed, rad/s or m/s.
     pub below: f64,
-    /// The share of the rows.
+    /// Share of the rows in the zone.
     pub share: f64,
-    /// What is left within and beyond, root mean square, N m or N.
+    /// RMS residual within and outside the zone, N m or N.
     pub left: [f64; 2],
 }
 
 impl Zone {
-    /// For people.
+    /// Sentence for users.
     pub(super) fn says(&self, arm: &Arm) -> String {
         let (speed, unit, load) = match arm.joints()[self.joint].kind {
             JointKind::Revolute => (self.below.to_degrees(), "deg/s", "Nm"),
@@ -49,7 +48,7 @@ impl Zone {
     }
 }
 
-/// Looks for a zone in what is left of a joint, whitened: `left` per row, `used` rows only.
+/// Searches a zone in the residual `left` of a joint, given per row; only `used` rows count.
 pub(super) fn find(
     motion: &Motion,
     table: &Table,
@@ -79,7 +78,7 @@ pub(super) fn find(
         libm::sqrt(rows.iter().map(|r| left[*r] * left[*r]).sum::<f64>() / rows.len().max(1) as f64)
     };
     let sizes = [size(within), size(beyond)].map(libm::sqrt);
-    // Rows at rest are alike, so that little is new in them: what is left must stand out by itself, too.
+    // Consecutive rows at low speed are similar, so their innovations are small: the residual itself must exceed the ratio too.
     let [inside, outside] = [rms(within), rms(beyond)];
     let stands_out =
         sizes[0] > STANDS_OUT * sizes[1] && inside > STANDS_OUT * outside && gain(cut) > GAIN;
@@ -92,7 +91,7 @@ pub(super) fn find(
     })
 }
 
-/// Speeds of a joint, row by row.
+/// Speed of a joint (absolute value), row by row, rad/s or m/s.
 pub(super) fn speeds(motion: &Motion, joint: usize) -> Vec<f64> {
     let all = motion.runs.iter().flat_map(|run| {
         let track = &run.joints[joint];

@@ -1,7 +1,8 @@
-//! The data of one comparison of forces with a cut: rows, the tooth model at the present parameters, its derivatives as columns, the noise.
+//! Data of one comparison of forces with a cut: rows, tooth model at the current parameters, its derivatives as columns, noise.
 //!
-//! The model is linearised at the present parameters; solving gives the parameters themselves, at which it is linearised again. The drift of the amplifier, parameters with
-//! a stated uncertainty, and an uncertain angle and speed of the spindle are always fitted too. Selects nothing.
+//! The model is linearised at the current parameters; solving gives new parameters, at which it is linearised again (Gauss-Newton). Amplifier drift
+//! and parameters with a stated uncertainty are always fitted too, and angle and speed of the spindle if they are questioned. Selects nothing. SI
+//! units.
 
 use glam::DVec3;
 use nalgebra::DMatrix;
@@ -18,52 +19,53 @@ use crate::engine::table::Column;
 use crate::engine::table::{Table, residual};
 use crate::engine::validation::{rms_of, sum};
 
-/// By so much the spindle is turned to see what that changes, rad.
+/// Step of the spindle angle for derivatives and for borders of engagement, rad.
 const TURNED: f64 = 5e-3;
-/// A row where so much of a tooth enters or leaves within a turn by `TURNED` lies on a border of engagement.
+/// A row lies at a border of engagement if a change of `TURNED` in either direction changes the engaged share of a tooth by this much.
 const BORDER: f64 = 0.3;
-/// The furthest that a phase moves at once, rad.
+/// Largest change of a phase in one iteration, rad.
 const LEAP: f64 = 0.2;
-/// Rounds of a fit that takes the law anew.
+/// Maximum number of Gauss-Newton iterations.
 const ROUNDS: usize = 4;
-/// A fit that gains less than this stands.
+/// A smaller gain in log-likelihood ends the iteration.
 const STANDS: f64 = 0.05;
 
-/// A column that is left so little, squared, brings nothing: numbers that are told with doubt leave of a change of theirs what the doubt is beside the noise.
+/// A column whose squared norm, after projecting out the other columns, is a smaller share of its own adds nothing. Far below the usual threshold,
+/// because a candidate's column retains little beside the nuisance column of the same parameter with a wide prior.
 const BRINGS: f64 = 1e-8;
-/// An amplifier drifts over a segment by this share of the noise, as a standard deviation.
+/// Prior standard deviation of an amplifier's drift over a segment, as a multiple of the noise.
 pub(super) const DRIFTS: f64 = 0.15;
-/// The stated noise is used if the residual is at most this many times as large.
+/// The stated noise is limited to the range from the residual divided by this factor to the residual.
 const HOLDS: f64 = 2.0;
 
-/// What is believed.
+/// Current parameter estimates.
 #[derive(Clone, Debug)]
 pub(super) struct Belief {
     pub(super) numbers: Vec<f64>,
     pub(super) spindle: Spindle,
-    /// How far each axis has drifted as a segment ends, three by three, N.
+    /// Drift of each axis at the end of each segment, three values per segment, N.
     pub(super) drift: Vec<f64>,
-    /// What numbers that are believed with doubt cost where they stand, in log-likelihood.
+    /// Negative log prior density of the parameters with a prior, up to a constant.
     pub(super) pull: f64,
 }
 
-/// A number of the model that is believed with doubt.
+/// A parameter that the model states with an uncertainty.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Doubt {
-    /// In the list of numbers.
+    /// Index in the list of parameters.
     pub(super) number: usize,
-    /// Standard uncertainty, SI.
+    /// Standard uncertainty, SI units.
     pub(super) sigma: f64,
 }
 
-/// Columns that are in whatever is named.
+/// Columns of nuisance parameters.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Anyway {
-    /// Of the spindle: phases, and the speed.
+    /// Spindle: phase of each segment, then the speed.
     pub(super) spindle: Vec<usize>,
-    /// Of the amplifier: three per segment.
+    /// Amplifier drift: three per segment.
     pub(super) drift: Vec<usize>,
-    /// Of numbers with doubt.
+    /// Parameters that the model states with an uncertainty.
     pub(super) doubts: Vec<usize>,
 }
 
@@ -71,42 +73,42 @@ pub(super) struct Anyway {
 pub(super) struct Case {
     pub(super) law: Law,
     pub(super) belief: Belief,
-    /// Per axis, a value per row.
+    /// Recorded force per axis and row, N.
     pub(super) measured: [Option<Vec<f64>>; 3],
     pub(super) table: Table,
     pub(super) library: Library,
-    /// What each column of the library is: numbers with their weights; those from `NUMBERS` on are phases of segments, the last the speed.
+    /// Parameters of each column with their weights; indices from `NUMBERS` on are phases of segments, the speed, drifts and their curvatures.
     pub(super) directions: Vec<Vec<(usize, f64)>>,
     pub(super) always: Vec<usize>,
     pub(super) anyway: Anyway,
     pub(super) doubts: Vec<Doubt>,
-    /// The noise that is told of each axis, N.
+    /// Stated noise of each axis, N.
     pub(super) told_noise: [Option<f64>; 3],
     pub(super) sets: RowSets,
 }
 
 impl Belief {
-    /// The model as it is.
+    /// The model as stated.
     pub(super) fn as_told(spindle: Spindle) -> Self {
         let drift = vec![0.0; 3 * spindle.phases.len()];
         Self { numbers: vec![0.0; NUMBERS], spindle, drift, pull: 0.0 }
     }
 
-    /// What has drifted in a row, N.
+    /// Drift of an axis in a row, N.
     fn drifted(&self, axis: usize, stood: &Stood) -> f64 {
         self.drift[3 * stood.segment + axis] * stood.along
     }
 }
 
 impl Case {
-    /// What the law reads at a belief, per axis.
+    /// Predicted readings per axis, N.
     pub(super) fn readings(&self, belief: &Belief) -> [Vec<f64>; 3] {
         let bites = self.law.bites(&belief.spindle);
         let reader = self.law.reader(&belief.numbers);
         by_axis(bites.iter().enumerate().map(|(k, b)| reader.reading(k, b)))
     }
 
-    /// What is left of an axis.
+    /// Residual per axis, N.
     pub(super) fn left(&self, belief: &Belief) -> [Vec<f64>; 3] {
         let mut left = self.readings(belief);
         for (axis, (left, measured)) in left.iter_mut().zip(&self.measured).enumerate() {
@@ -121,21 +123,21 @@ impl Case {
         left
     }
 
-    /// What number each of the spindle's and the amplifier's stands for, after those of the law: phases, the speed, drifts, and bends of these.
+    /// First index of phases, speed, drifts and drift curvatures in the list of parameters.
     pub(super) fn anyway_at(&self) -> [usize; 4] {
         let segments = self.belief.spindle.phases.len();
         let speed = NUMBERS + segments;
         [NUMBERS, speed, speed + 1, speed + 1 + 3 * segments]
     }
 
-    /// Which columns are in whatever is named: the spindle's where it is doubted.
+    /// Selects the columns that every fit includes; those of the spindle only if questioned.
     pub(super) fn doubt_spindle(&mut self, is_doubted: bool) {
         let of_spindle = self.anyway.spindle.iter().filter(|_| is_doubted);
         let rest = self.anyway.drift.iter().chain(&self.anyway.doubts);
         self.always = of_spindle.chain(rest).copied().collect();
     }
 
-    /// Takes the law anew at a belief: what is measured beyond it, and the columns that are wanted.
+    /// Linearises the model at `belief`: right-hand side, and the wanted columns.
     fn taken(&self, belief: &Belief, wanted: &[usize]) -> ([Vec<f64>; 3], Vec<(usize, Column)>) {
         let bites = self.law.bites(&belief.spindle);
         let mut used: Vec<usize> =
@@ -175,7 +177,7 @@ impl Case {
         (target, columns)
     }
 
-    /// How readings change with the angle, N/rad.
+    /// Derivative of the readings with respect to the spindle angle, N/rad.
     fn turned(&self, belief: &Belief) -> [Vec<f64>; 3] {
         let reader = self.law.reader(&belief.numbers);
         by_axis(self.law.rows.iter().enumerate().map(|(row, stood)| {
@@ -187,7 +189,7 @@ impl Case {
         }))
     }
 
-    /// The column of one segment's phase, or, the last, of the speed.
+    /// Column of the phase of one segment, or, for the last index, of the speed.
     fn of_spindle(&self, which: usize, by_angle: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
         let is_speed = which == self.belief.spindle.phases.len();
         let weight = |row: usize| {
@@ -199,7 +201,7 @@ impl Case {
         })
     }
 
-    /// The line of one axis over one segment, or its bend.
+    /// Adds the linear drift of one axis over one segment, or its curvature.
     fn drifting(&self, which: usize, parts: &mut [Vec<f64>; 3]) {
         let lines = 3 * self.belief.spindle.phases.len();
         let (which, is_bend) = (which % lines, which >= lines);
@@ -209,7 +211,7 @@ impl Case {
         }
     }
 
-    /// Takes the law anew at what is believed, for every column of the library.
+    /// Linearises the model at the current parameters, for all columns of the library.
     pub(super) fn take(&mut self) {
         let all: Vec<usize> = (0..self.directions.len()).collect();
         let (target, columns) = self.taken(&self.belief, &all);
@@ -223,7 +225,7 @@ impl Case {
         }
     }
 
-    /// Rows that count: in the cut or in air, not between, not where a tooth just enters or leaves.
+    /// Selects the rows that count: not in entry or exit, and not at a border of engagement.
     pub(super) fn count(&mut self, is_between: &[bool]) {
         let spindle = &self.belief.spindle;
         let counts: Vec<bool> = self
@@ -245,7 +247,7 @@ impl Case {
         Products { brings: BRINGS, ..products }
     }
 
-    /// Learns each axis' noise from what no effect explains.
+    /// Estimates each axis' noise from the residual of the fit of all candidates.
     pub(super) fn estimate_noise(&mut self) {
         for _ in 0..2 {
             self.table.noise.iter_mut().for_each(|(colour, _)| *colour = Colour::default());
@@ -263,7 +265,7 @@ impl Case {
         }
     }
 
-    /// The belief that solved columns say.
+    /// Parameters from a solution of the linearised model.
     pub(super) fn believed(&self, from: &Belief, solved: &Solved) -> Belief {
         let mut belief = Belief::as_told(from.spindle.clone());
         let [phases, speed, drifts, bends] = self.anyway_at();
@@ -284,7 +286,7 @@ impl Case {
         belief
     }
 
-    /// Minus log-likelihood of a belief on rows, with what it costs to believe it, but for a constant.
+    /// Negative log-likelihood of parameters on rows, including their prior, up to a constant.
     pub(super) fn misfit(&self, belief: &Belief, used: &[bool]) -> f64 {
         let left = self.left(belief);
         let mut sum = belief.pull;
@@ -297,7 +299,7 @@ impl Case {
         sum
     }
 
-    /// The numbers of some columns where the law itself, not its slopes, fits best; with the misfit there.
+    /// Fits the parameters of the given columns to the nonlinear model by Gauss-Newton iterations; returns them and their misfit.
     pub(super) fn fitted(&self, start: &Belief, columns: &[usize], used: &[bool]) -> (Belief, f64) {
         let mut belief = start.clone();
         let kept: Vec<usize> =
@@ -332,12 +334,12 @@ impl Case {
         best
     }
 
-    /// Root mean square of what is left on some rows, in units of the noise times the geometric mean of the noises, N.
+    /// RMS residual on `used` rows, weighted by the noise of each axis and scaled by the geometric mean of these, N.
     pub(super) fn rms(&self, solved: &Solved, used: &[bool]) -> f64 {
         rms_of(&self.table, &self.library.columns, solved, used, &self.table.counts)
     }
 
-    /// Half the sum of squares of what is new in what is left on some rows, in units of the noise: minus log-likelihood.
+    /// Half the sum of squares of the innovations on `used` rows, in units of the noise: negative log-likelihood.
     pub(super) fn left_white(&self, solved: &Solved, used: &[bool]) -> f64 {
         let of_axis = |axis: usize| {
             let left = residual(&self.table, &self.library.columns, solved, axis);
@@ -350,7 +352,7 @@ impl Case {
         table::covariance(&self.table, &self.library.columns, solved, used)
     }
 
-    /// The largest told coefficients: N/m², N/m.
+    /// Largest stated shear and edge coefficient, N/m² and N/m.
     pub(super) fn told(&self) -> [f64; 2] {
         let force = self.law.base.first().copied().unwrap_or_default();
         [
@@ -359,7 +361,7 @@ impl Case {
         ]
     }
 
-    /// Coefficients as told and as the model has them: tangential, radial, axial.
+    /// Coefficients of the stated cut with the model's effects: first index, and tangential, radial, axial values.
     pub(super) fn coefficients(&self) -> [(usize, DVec3); 2] {
         let force = self.law.base.first().copied().unwrap_or_default();
         let cutter = &self.law.cutter;

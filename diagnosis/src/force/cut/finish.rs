@@ -1,6 +1,6 @@
-//! The result of a comparison of forces with a cut: effects with their parameters, improvement on the test set, residual, verdict.
+//! Assembles the result of a comparison of forces with a cut: effects with parameters, improvement on the test set, residual, verdict.
 //!
-//! The test set is read here for the first time; it can only remove an effect. Effects that cannot be distinguished are not claimed.
+//! The test set is evaluated here for the first time; it can only remove an effect. Indistinguishable effects are not claimed.
 
 use nalgebra::DMatrix;
 use physics::Model;
@@ -23,49 +23,50 @@ use crate::engine::validation::{Listed, attributed, significant, size_of, suppor
 use crate::engine::verdict::{Verdict, VerdictSettings, Weight, claimed, decide_verdict};
 use crate::torque::{Finding, Refit};
 
-/// A name that is likelier than all its rivals together by so much is a claim, its rivals told beside it.
+/// Posterior probability from which an effect is unambiguous; its alternatives are listed beside it.
 const LIKELY: f64 = 0.95;
-/// Rounds in which a likelier rival takes a name's place once all rows are seen.
+/// Maximum number of replacements or removals after the fit to all rows but the test set.
 const SWAPS: usize = 3;
-/// One law says more than all names where it is worth more by this share, rows that train and rows held out together: names are the cut's own law to about as much.
+/// Minimum relative advantage of a single smooth law over all selected effects, on training and test rows together; effects approximate such a law to
+/// about this share.
 const CLEARLY: f64 = 0.01;
-/// And by so much more than chance makes of it, in log-likelihood.
+/// And minimum advantage in log-likelihood.
 const BY_CHANCE: f64 = 10.0;
-/// The other numbers make one no less sure than this, as a ratio of variances, or it is not asked for.
+/// Largest variance inflation, relative to a fit of the parameter alone, up to which an additional parameter is included.
 const APART: f64 = 1e5;
 
-/// Forces held against the told cut.
+/// Result of a comparison with the stated cut.
 #[derive(Clone, Debug)]
 pub struct Compared {
-    /// The verdict.
+    /// Verdict.
     pub verdict: Verdict,
-    /// What is claimed, most important first; SI.
+    /// Claimed effects, most important first; SI units.
     pub findings: Vec<Finding>,
-    /// Less probable than that: no claims. The fit, the proof and the model hold them too.
+    /// Selected effects with too low a probability to be claimed. They are part of the fit, of the tested residuals and of the written model.
     pub candidates: Vec<Finding>,
-    /// The model's own numbers of stated uncertainty, fitted along: no findings, but what the proof is with.
+    /// Parameters that the model states with an uncertainty, as refitted. They are not findings, but part of the tested fit.
     pub refits: Vec<Refit>,
-    /// Structure beyond them.
+    /// Structure in the residual that no candidate effect explains.
     pub unexplained: Option<Rest>,
-    /// Held-out root mean square as told and with what was found, N.
+    /// RMS residual on test rows of the stated cut, and with all findings, N.
     pub heldout: [f64; 2],
-    /// What no effect explains, N.
+    /// RMS residual on training and validation rows, N.
     pub noise: f64,
-    /// Of what was read, N.
+    /// RMS recorded force, N.
     pub signal: f64,
-    /// Rows that were compared.
+    /// Number of compared rows.
     pub rows: usize,
-    /// How rows were held out.
+    /// How the test rows were chosen, as text.
     pub says: String,
-    /// What could not have shown, and why.
+    /// Effects that this recording cannot show, with the reason.
     pub not_tested: Vec<(&'static str, &'static str)>,
-    /// What was done with the data, in words.
+    /// Notes on the processing of the data, as text.
     pub notes: Vec<String>,
-    /// Whether the feed was always the same.
+    /// Whether the feed per tooth was constant in the cut.
     pub has_one_feed: bool,
     /// Whether the tool was ever in air.
     pub has_air: bool,
-    /// Per axis that was recorded.
+    /// Plot data of each recorded axis.
     pub traces: Vec<Traced>,
 }
 
@@ -78,7 +79,7 @@ pub(super) fn finish(
 ) -> Compared {
     let seen = case.sets.seen();
     let (mut names, is_patched) = standing(&mut case, names, &seen);
-    // A name is weighed in the form that was chosen, and told with all of its numbers.
+    // An effect is evaluated in its selected form, and reported with all of its parameters.
     let mut weighed = reweighed(&mut case, &mut names, &seen);
     names = filled(&mut case, names, &seen);
     let products = case.products(&seen);
@@ -139,14 +140,14 @@ pub(super) fn finish(
     }
 }
 
-/// The effects that all rows outside the held-out ones support. Where they are only patches on something else: none, and `true`.
+/// The effects that all rows but the test set support. If they only approximate another structure: none, and `true`.
 fn standing(case: &mut Case, names: &[usize], seen: &[bool]) -> (Vec<usize>, bool) {
     let names = settled(case, names, seen);
     let is_patched = is_patched(case, &names);
     (if is_patched { settled(case, &[], seen) } else { names }, is_patched)
 }
 
-/// Whether the numbers of a name, as the law itself has them, keep their limits.
+/// Whether the parameters of an effect, fitted by the nonlinear model, are within their limits.
 fn is_within(case: &Case, name: usize) -> bool {
     let family = &case.library.families[name];
     family.columns.iter().zip(&family.signs).all(|(column, sign)| {
@@ -155,18 +156,18 @@ fn is_within(case: &Case, name: usize) -> bool {
     })
 }
 
-/// A tone that is of no cut.
+/// An oscillation that is present at all times, as unmodelled structure.
 fn a_tone(case: &Case, held: [f64; 2]) -> Rest {
     let words = vec!["t_s".to_owned()];
     Rest { axis: 0, words, held, tone_hz: Some(case.law.tone_hz), carries: 0.0 }
 }
 
-/// A mismatch that names explain with numbers that no sensor has.
+/// A mismatch that the effects explain only with parameters that no sensor has.
 fn beyond_names(held: [f64; 2]) -> Rest {
     Rest { axis: 0, words: vec!["wrench".to_owned()], held, tone_hz: None, carries: 0.0 }
 }
 
-/// Whether names are patches on something that is none of them: one law says more than all of them, or a number is beyond what a sensor can be off by.
+/// Whether the effects only approximate another structure: a single smooth law explains more, or a parameter exceeds the range of a sensor.
 fn is_patched(case: &Case, names: &[usize]) -> bool {
     if names.is_empty() {
         return false;
@@ -186,20 +187,20 @@ fn is_patched(case: &Case, names: &[usize]) -> bool {
     let evidence = |worth: f64, carries: f64| worth + 0.5 * carries;
     let carried = carried(case, &given, &selection);
     let least = (1.0 + CLEARLY) * evidence(worth, carried) + BY_CHANCE;
-    // Rows held out may not say otherwise: a law of time is near wear, which goes by the way.
+    // The law must be ahead on test rows too: wear, which grows with feed travel, is hardly distinguishable from a law of time.
     let is_ahead = |law: &laws::Law| {
         law.rest.carries > carried && evidence(law.worth, law.rest.carries) > least
     };
     law.is_some_and(|law| is_ahead(&law))
 }
 
-/// What a selection carries on held-out rows of the energy that is off as given, in units of what is new in the noise.
+/// Reduction of the residual energy on test rows by a selection, in units of the innovation variance.
 fn carried(case: &Case, given: &Selection, selection: &Selection) -> f64 {
     let left = |selection: &Selection| 2.0 * case.left_white(&selection.solved, &case.sets.test);
     (left(given) - left(selection)).max(0.0)
 }
 
-/// The names that stand on all rows that were seen, and the belief that they make: numbers that are not nothing, borne out by rows held out.
+/// Effects that are significant and that the test set supports, after a fit to all other rows; adopts their parameters.
 fn settled(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
     fit(case, names, seen);
     let mut names = names.to_vec();
@@ -222,7 +223,7 @@ fn settled(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
     kept
 }
 
-/// Believes names where the law fits best with them on all rows that were seen, and takes it anew there.
+/// Fits effects by the nonlinear model to all rows but the test set and linearises there.
 fn fit(case: &mut Case, names: &[usize], seen: &[bool]) {
     let products = case.products(seen);
     let search = Search { library: &case.library, products: &products, always: &case.always };
@@ -232,7 +233,7 @@ fn fit(case: &mut Case, names: &[usize], seen: &[bool]) {
     case.take();
 }
 
-/// What each name brings and who rivals it, by kind.
+/// Gain and alternatives of each effect, by kind.
 fn weighed(case: &Case, names: &[usize], seen: &[bool]) -> BTreeMap<&'static str, Weighed> {
     let products = case.products(seen);
     let search = Search { library: &case.library, products: &products, always: &case.always };
@@ -244,7 +245,7 @@ fn weighed(case: &Case, names: &[usize], seen: &[bool]) -> BTreeMap<&'static str
     names.iter().map(one).collect()
 }
 
-/// What each name brings, once none is left that another says more than, or that brings less than it costs.
+/// Gain and alternatives of each effect, after replacing effects by better alternatives and removing those below their penalty.
 fn reweighed(
     case: &mut Case,
     names: &mut Vec<usize>,
@@ -258,7 +259,7 @@ fn reweighed(
     weighed(case, names, seen)
 }
 
-/// The effects without one that brings less than its penalty, or with a likelier alternative in its place, by the validation set.
+/// The effects with one replaced by a more probable alternative, or without one whose gain is below its penalty; `None` if there is neither.
 fn better(
     case: &Case,
     names: &[usize],
@@ -278,7 +279,7 @@ fn better(
     swapped.or_else(|| idle().map(|name| others(names, *name)))
 }
 
-/// The model's own numbers as the fit has them, of effects that are no finding.
+/// Refitted parameters with a stated uncertainty, of effects that are not findings.
 fn refits(
     case: &Case,
     model: &Model,
@@ -302,7 +303,7 @@ fn refits(
     open.filter_map(family).flat_map(of).collect()
 }
 
-/// Names with all of their numbers, believed, where these are their names' to have: those that are not are what rows do not tell apart.
+/// Extends effects to all of their parameters, if these remain within their limits.
 fn filled(case: &mut Case, names: Vec<usize>, seen: &[bool]) -> Vec<usize> {
     let full = fullest(case, &names, seen);
     if full == names {
@@ -317,7 +318,7 @@ fn filled(case: &mut Case, names: Vec<usize>, seen: &[bool]) -> Vec<usize> {
     names
 }
 
-/// The names with all numbers that theirs may have, where rows tell these apart: a number that is left out is no number that is nothing.
+/// The effects with all parameters of their kind, where the data determine these: an omitted parameter would be reported as exactly zero.
 fn fullest(case: &Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
     let families = &case.library.families;
     let products = case.products(seen);

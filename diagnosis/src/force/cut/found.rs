@@ -1,6 +1,7 @@
 //! Parameters of the selected effects of a cut, with uncertainties and alternatives.
 //!
-//! Alternatives are fitted by the nonlinear model: a scale error of a fifth changes every other parameter. Keys are those of docs/reference/effects.md, units SI.
+//! Alternatives are fitted by the nonlinear model, since a large effect (a scale error of 20 %) changes all other parameters. Keys as in
+//! docs/reference/effects.md, SI units.
 
 use glam::DVec2;
 use nalgebra::DMatrix;
@@ -14,28 +15,28 @@ use crate::engine::posterior::posterior;
 use crate::engine::stepwise::{Search, Selection, others};
 use crate::torque::{Number, Rival};
 
-/// The share of a number that stays open whatever the noise.
+/// Relative standard uncertainty of a parameter that does not decrease with noise.
 const FLOOR: f64 = 5e-3;
-/// Names within so much log-likelihood cannot be distinguished.
+/// Effects whose criteria differ by less, in log-likelihood, are indistinguishable.
 const ALIKE: f64 = 5.0;
-/// Rivals that are further behind are not listed.
+/// Alternatives further behind in log-likelihood are not listed.
 const FAR: f64 = 12.0;
-/// A rival explains at least this share of what the name does, by slopes; the law itself may give it the rest.
+/// Minimum share of an effect's gain that an alternative must explain by the linearised model to be fitted by the nonlinear one.
 const SHARES: f64 = 0.5;
-/// A rival takes a name's place from so much on.
+/// Minimum improvement of the criterion for an alternative to replace an effect.
 const BETTER: f64 = 1.0;
 
-/// A name in the light of its rivals.
+/// An effect with its gain, posterior probability and alternatives.
 pub(super) struct Weighed {
     pub(super) gain: f64,
     pub(super) confidence: f64,
     pub(super) rivals: Vec<Rival>,
-    /// Whether it brings less than it costs.
+    /// Whether its gain is smaller than its penalty.
     pub(super) is_idle: bool,
 }
 
 impl Weighed {
-    /// The rival that explains more for its penalty, where there is one.
+    /// The alternative with a better criterion than the effect, if there is one.
     pub(super) fn better(&self, search: &Search<'_>) -> Option<usize> {
         let penalty = search.criterion().per_parameter();
         let cost = |one: &Rival| one.behind + one.dearer * penalty;
@@ -44,7 +45,7 @@ impl Weighed {
     }
 }
 
-/// What a name brings, by the law itself, and what others would bring in its place.
+/// Gain of an effect by the nonlinear model, and its alternatives.
 pub(super) fn weighed(
     case: &Case,
     search: &Search<'_>,
@@ -73,7 +74,7 @@ pub(super) fn weighed(
         }
         let names: Vec<usize> = others.iter().copied().chain([place]).collect();
         let behind = misfit(&names) - whole;
-        // In numbers: a selection among many forms is worth a part of one.
+        // In units of the penalty per parameter, so that a choice among many forms counts as part of one.
         let dearer = (price_of(search, family) - price_of(search, own)) / penalty;
         if behind > FAR {
             continue;
@@ -85,7 +86,7 @@ pub(super) fn weighed(
             stems: Vec::new(),
             behind,
             dearer,
-            // Whoever takes more numbers to explain the same is no rival on an even footing.
+            // An alternative that needs more parameters for the same fit is worse by their penalty.
             alike: behind + dearer.max(0.0) * penalty < ALIKE,
             confidence: 0.0,
         };
@@ -95,7 +96,7 @@ pub(super) fn weighed(
             None => rivals.push(rival),
         }
     }
-    // That nothing is there at all is one more rival.
+    // The null hypothesis, without any effect, is an alternative too.
     let nothing = gain - price_of(search, own);
     let losses: Vec<f64> = rivals.iter().map(cost).chain([nothing]).collect();
     let (confidence, shares) = posterior(&losses);
@@ -106,7 +107,7 @@ pub(super) fn weighed(
     Weighed { gain, confidence, rivals, is_idle }
 }
 
-/// The names with a likelier rival in the place of one of them, where there is one.
+/// The effects with one replaced by a more probable alternative, if there is one.
 pub(super) fn likelier(case: &Case, names: &[usize], used: &[bool]) -> Option<Vec<usize>> {
     let products = case.products(used);
     let search = Search { library: &case.library, products: &products, always: &case.always };
@@ -117,12 +118,12 @@ pub(super) fn likelier(case: &Case, names: &[usize], used: &[bool]) -> Option<Ve
     })
 }
 
-/// Names with another in the place of one.
+/// The effects with one replaced by another.
 pub(super) fn with_instead(names: &[usize], name: usize, other: usize) -> Vec<usize> {
     names.iter().map(|n| if *n == name { other } else { *n }).collect()
 }
 
-/// The numbers of a name, by their differences from what the model states.
+/// Parameters of an effect as differences to the model, with standard uncertainties.
 pub(super) fn numbers(
     case: &Case,
     model: &Model,
@@ -153,7 +154,7 @@ pub(super) fn numbers(
             let sigma = libm::sqrt(pull) / amplitude.max(f64::MIN_POSITIVE);
             let frequency = case.law.tone_hz;
             let lasts_s = case.law.rows.iter().map(|stood| stood.time_s).fold(0.0, f64::max);
-            // A tone's frequency is as sure as its phase at both ends (Rife and Boorstyn 1974).
+            // Standard uncertainty of a frequency from that of the phase (Rife and Boorstyn 1974).
             let sharp = libm::sqrt(6.0) * sigma
                 / (amplitude.max(f64::MIN_POSITIVE) * std::f64::consts::PI * lasts_s.max(1e-9));
             let least = 0.25 / lasts_s.max(1e-9);
@@ -170,7 +171,7 @@ pub(super) fn numbers(
     }
 }
 
-/// The standard uncertainty of one number: in the fit, or, where its name does without it, beside the fit.
+/// Standard uncertainty of one parameter: from the fit, or, if the effect's form does not include it, from a fit extended by it.
 fn doubt(
     case: &Case,
     search: &Search<'_>,
@@ -204,7 +205,7 @@ fn doubt(
     spread(solved.covariance(), &weights(&solved.columns))
 }
 
-/// Radial and phase as differences from what the model states.
+/// Runout as radius and phase, as differences to the model.
 fn runout(case: &Case, model: &Model, values: &[f64], sigma: &[f64]) -> Vec<Number> {
     let runouts = model.effects().filter(|effect| effect.spec().kind == "runout");
     let stated: DVec2 = runouts
@@ -217,7 +218,7 @@ fn runout(case: &Case, model: &Model, values: &[f64], sigma: &[f64]) -> Vec<Numb
     let radial = whole.length().max(f64::MIN_POSITIVE);
     let along = (whole.x * sigma[0]).hypot(whole.y * sigma[1]) / radial;
     let across = (whole.y * sigma[0]).hypot(whole.x * sigma[1]) / (radial * radial);
-    // Two teeth feel one direction alone.
+    // With two teeth, only one direction of the runout has an influence.
     let across = if case.law.cutter.teeth == 2 { 1.0 } else { across };
     let phase = if whole.y == 0.0 && whole.x < 0.0 {
         std::f64::consts::PI

@@ -1,29 +1,28 @@
-//! Gross errors: swapped channels or signs, or another scale.
+//! Gross errors: swapped or inverted channels, or another scale.
 //!
-//! The model of the cut, for every angle of the tooth, is compared with every permutation of channels and signs, and with another scale.
-//!
-//! Promises: correct channels are not questioned if the model fits best without permutation, whatever effects are missing. Never: a finding.
+//! The stated cut, for every tooth angle, is compared with every permutation and sign of the recorded channels, and with another scale. Channels are
+//! accepted if the model fits best without permutation, whatever effects are missing.
 
 use std::f64::consts::TAU;
 
 use super::Silence;
 use super::case::{Belief, Case};
 
-/// Rows that are looked at, at most.
+/// Largest number of rows used.
 const ROWS: usize = 3000;
-/// Angles of the tooth that are tried.
+/// Number of tooth angles tried per pitch.
 const ANGLES: u32 = 36;
-/// Another arrangement leaves less than this share of what the recorded one leaves.
+/// Largest ratio of the residual energy of another arrangement to that of the recorded one for channels to count as swapped.
 const CLEAR: f64 = 0.3;
-/// As they are recorded, forces leave at least this share of what they vary by.
+/// Residual energy, as a share of the variance of the forces, above which the recorded arrangement, and below which a scaled prediction, is tested.
 const WRONG: f64 = 0.2;
-/// The recorded force is so many times the told law's, or that part of it.
+/// Ratio of recorded to predicted force, or its inverse, from which the scale is wrong.
 const SIZE: f64 = 5.0;
 
-/// The places that channels may have: which axis of the law each recorded one is.
+/// Permutations of the channels: the model's axis of each recorded one.
 const PLACES: [[usize; 3]; 6] = [[0, 1, 2], [1, 0, 2], [0, 2, 1], [2, 1, 0], [1, 2, 0], [2, 0, 1]];
 
-/// Sums of products of measured and told axes about their means.
+/// Sums of products of measured and predicted forces about their means.
 #[derive(Default)]
 struct Sums {
     measured: [f64; 3],
@@ -31,14 +30,14 @@ struct Sums {
     both: [[f64; 3]; 3],
 }
 
-/// Whether channels are in each other's places, or of another size.
+/// Tests for swapped or inverted channels, or another scale.
 pub(super) fn look(case: &Case) -> Result<(), Silence> {
     let count = case.law.rows.len();
     let rows: Vec<usize> = (0..count).step_by(count.div_ceil(ROWS).max(1)).collect();
     let pitch = TAU / f64::from(case.law.cutter.teeth.max(1));
     let angles = if case.law.cutter.turning { 1 } else { ANGLES };
     let told = case.coefficients();
-    // A cut of which one direction alone is told says nothing of places.
+    // If only one direction is stated, permutations cannot be judged.
     let is_whole = told.iter().any(|(_, three)| three.abs().min_element() > 0.0);
     let (mut as_told, mut other) = (f64::INFINITY, f64::INFINITY);
     let (mut least, mut size, mut whole, mut loudest) = (f64::INFINITY, 1.0, 0.0, 0.0_f64);
@@ -70,7 +69,7 @@ pub(super) fn look(case: &Case) -> Result<(), Silence> {
     if is_whole && as_told > WRONG * whole && other < CLEAR * as_told {
         return Err(Silence::Places);
     }
-    // Forces that hardly swing where the told ones do are of no such cut, whatever they are.
+    // Forces that hardly vary where the predicted ones do cannot be of the stated cut.
     let is_still = whole * SIZE * SIZE < loudest;
     if is_still || least < WRONG * whole && !(1.0 / SIZE..SIZE).contains(&size) {
         return Err(Silence::Size);

@@ -1,14 +1,13 @@
-//! Predicted sensor reading of each row for given parameters of cutter and sensor: the model of the stated cut plus effects.
+//! Predicted sensor reading of each row for given parameters of cutter and sensor: the stated cut plus effects.
 //!
-//! Parameters are in SI and in one list ([`Slot`]), relative to the model, so that 0 is the model as given.
-//!
-//! Promises: forces are computed by `physics::CutForce` only.
+//! Parameters are in SI units and in one list ([`Slot`]), as differences to the model, so that 0 is the model as given. Forces are computed by
+//! `physics::CutForce` only; angles in rad, forces in N.
 
 use glam::{DMat3, DVec3};
 use physics::{Bite, Contribution, CutForce, Cutter, ForceTerm, Wrench};
 use std::f64::consts::TAU;
 
-/// Where the numbers of one effect stand in the list.
+/// Range of an effect's parameters in the list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Slot {
     pub(super) from: usize,
@@ -25,51 +24,51 @@ impl Slot {
     }
 }
 
-/// Tangential, radial, axial, N/m².
+/// Shear coefficients: tangential, radial, axial, N/m².
 pub(super) const CHIP: Slot = Slot { from: 0, count: 3 };
-/// Tangential, radial, axial, N/m.
+/// Edge-force coefficients: tangential, radial, axial, N/m.
 pub(super) const EDGE: Slot = Slot::after(CHIP, 3);
-/// 1/m.
+/// Relative growth of the edge forces by wear per metre of feed travel, 1/m.
 pub(super) const WEAR: Slot = Slot::after(EDGE, 1);
-/// Towards tooth 0 and across, m.
+/// Runout towards tooth 0 and perpendicular to it, m.
 pub(super) const RUNOUT: Slot = Slot::after(WEAR, 2);
-/// N.
+/// Sensor bias, N.
 pub(super) const BIAS: Slot = Slot::after(RUNOUT, 3);
-/// Shares.
+/// Relative scale errors of the sensor axes.
 pub(super) const SCALE: Slot = Slot::after(BIAS, 3);
-/// rad.
+/// Rotation of the sensor axes, rad.
 pub(super) const TURN: Slot = Slot::after(SCALE, 3);
-/// Row by row.
+/// Cross-talk matrix, row by row.
 pub(super) const LEAK: Slot = Slot::after(TURN, 9);
-/// Sine and cosine of each axis while the tool cuts, N.
+/// Sine and cosine amplitude per axis of an oscillation while the tool cuts, N.
 pub(super) const RING: Slot = Slot::after(LEAK, 6);
-/// The same whether it cuts or not, in the reading.
+/// Sine and cosine amplitude per axis of an oscillation at all times, added to the reading, N.
 pub(super) const HUM: Slot = Slot::after(RING, 6);
-/// Numbers in all.
+/// Total number of parameters.
 pub(super) const NUMBERS: usize = HUM.from + HUM.count;
 
-/// How the tool stands in one row.
+/// State of the tool in one row.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stood {
-    /// Since the segment began, s.
+    /// Time since the start of the segment, s.
     pub(super) time_s: f64,
-    /// By the told speed, rad.
+    /// Spindle angle at the stated speed, rad.
     pub(super) angle_rad: f64,
     pub(super) feed_per_tooth_m: f64,
     pub(super) cut_m: f64,
-    /// Which of the segments.
+    /// Index of the segment.
     pub(super) segment: usize,
     pub(super) cuts: bool,
-    /// How far along its segment, from 0 to 1.
+    /// Relative position in the segment, 0 to 1.
     pub(super) along: f64,
 }
 
-/// How far the spindle stands off what the recording says of it.
+/// Deviation of the spindle from the recorded speed and from angle 0 at the start of each segment.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Spindle {
-    /// Where each segment begins, rad.
+    /// Angle at the start of each segment, rad.
     pub(super) phases: Vec<f64>,
-    /// How much faster it turns, as a share.
+    /// Relative excess of the speed over the recorded one.
     pub(super) faster: f64,
 }
 
@@ -79,14 +78,14 @@ impl Spindle {
     }
 }
 
-/// The law of one recording.
+/// Cutting-force model of one recording.
 #[derive(Clone)]
 pub(super) struct Law {
     pub(super) cutter: Cutter,
     pub(super) rows: Vec<Stood>,
-    /// What the model's effects change: per row, or one for all.
+    /// Changes by the model's effects: one for all rows, or one per row.
     pub(super) base: Vec<CutForce>,
-    /// Of the tone that is asked for, Hz.
+    /// Frequency of the candidate oscillation, Hz.
     pub(super) tone_hz: f64,
 }
 
@@ -95,15 +94,15 @@ impl Law {
         self.rows.iter().map(|stood| self.bite(spindle, stood, 0.0)).collect()
     }
 
-    /// How the teeth stand in a row, the spindle turned on by an angle, rad.
+    /// Engagement of the teeth in a row, with the spindle rotated further by an angle, rad.
     pub(super) fn bite(&self, spindle: &Spindle, stood: &Stood, by: f64) -> Bite {
-        // Whoever turns faster than is told feeds less per tooth.
+        // At a given feed rate, a faster spindle feeds less per tooth.
         let feed_per_tooth_m = stood.feed_per_tooth_m / (1.0 + spindle.faster);
         let angle = spindle.angle(stood) + by;
         if stood.cuts { self.cutter.bite(angle, feed_per_tooth_m) } else { Bite::NONE }
     }
 
-    /// What reads every row at these numbers.
+    /// The sensor model for given parameters.
     pub(super) fn reader(&self, numbers: &[f64]) -> Reader<'_> {
         let swings = [RING, HUM].map(|slot| std::array::from_fn(|k| slot.of(numbers)[k]));
         let each = self.base.iter().map(|base| Felt::of(with(*base, numbers))).collect();
@@ -111,7 +110,7 @@ impl Law {
         Reader { law: self, each, swings, swings_at_all: is_loud && self.tone_hz > 0.0 }
     }
 
-    /// What each of the wanted numbers adds to the reading of each row, at these numbers: a column for each, three axes.
+    /// Derivative of each row's reading with respect to each of the `wanted` parameters, by central differences: three axes per parameter.
     pub(super) fn slopes(
         &self,
         bites: &[Bite],
@@ -138,18 +137,18 @@ impl Law {
     }
 }
 
-/// Reads rows at given numbers.
+/// Predicts the reading of rows for given parameters.
 pub(super) struct Reader<'a> {
     law: &'a Law,
-    /// One for all rows, or one for each.
+    /// One for all rows, or one per row.
     each: Vec<Felt>,
-    /// In the cut, and always.
+    /// Amplitudes of the oscillation in the cut, and of that at all times.
     swings: [[f64; 6]; 2],
-    /// Whether any of these is more than nothing.
+    /// Whether any amplitude differs from zero.
     swings_at_all: bool,
 }
 
-/// A force, and what a sensor makes of it: straight in what acts.
+/// A cutting force and the sensor's affine response to it.
 struct Felt {
     force: CutForce,
     off: DVec3,
@@ -166,12 +165,12 @@ impl Felt {
 }
 
 impl Reader<'_> {
-    /// What is read where nothing acts, N.
+    /// Reading without a force, N.
     pub(super) fn in_air(&self) -> [f64; 3] {
         self.each.first().map_or([0.0; 3], |felt| felt.off.to_array())
     }
 
-    /// What is read in a row, N.
+    /// Reading in a row, N.
     pub(super) fn reading(&self, row: usize, bite: &Bite) -> DVec3 {
         let stood = &self.law.rows[row];
         let felt = if self.each.len() == 1 { &self.each[0] } else { &self.each[row] };
@@ -196,7 +195,7 @@ fn swing(numbers: &[f64], sin: f64, cos: f64) -> DVec3 {
     DVec3::new(axis(0), axis(1), axis(2))
 }
 
-/// Steps of the numbers: readings are linear in all but the turn.
+/// Step sizes for derivatives: readings are linear in all parameters but the rotation.
 fn steps() -> [f64; NUMBERS] {
     let mut steps = [1e-3; NUMBERS];
     for (slot, step) in [(CHIP, 1e6), (EDGE, 1e2), (WEAR, 1e-2), (RUNOUT, 1e-7), (BIAS, 1.0)] {
@@ -208,7 +207,7 @@ fn steps() -> [f64; NUMBERS] {
     steps
 }
 
-/// A force with numbers on top.
+/// A cutting-force model with parameters added.
 fn with(mut force: CutForce, numbers: &[f64]) -> CutForce {
     let three = |slot: Slot| DVec3::from_slice(slot.of(numbers));
     let leak: [f64; 9] = std::array::from_fn(|k| numbers[LEAK.from + k]);

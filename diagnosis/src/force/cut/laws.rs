@@ -1,11 +1,12 @@
-//! Functions for unmodelled structure: a force on one axis, or the cutting, chip or edge force, whose size varies with a covariate.
+//! Smooth laws for unmodelled structure: a force on one axis, or the cutting, chip or edge force, whose size varies with a covariate.
 //!
-//! Each is the force times a linear or piecewise linear function of the covariate (a varying-coefficient model: Hastie and Tibshirani 1993). It
-//! is fitted together with all nuisance parameters, on all axes concerned: otherwise the drift of the amplifier would absorb part of a step, and
-//! time would seem to explain what depends on the feed. Of equivalent functions the one with fewer parameters is preferred: with three feeds and three speeds, a linear function
-//! of one can be reproduced by a piecewise function of the other.
+//! Each is the force times a linear or piecewise linear function of the covariate (a varying-coefficient model: Hastie and Tibshirani 1993). It is
+//! fitted together with all nuisance parameters on all axes concerned: otherwise the amplifier drift would absorb part of a step, and time would seem
+//! to explain what depends on the feed. Among equivalent laws the one with fewer parameters is preferred: with three feeds and three speeds, a linear
+//! function of one can be reproduced by a piecewise linear function of the other.
 //!
-//! The criterion includes penalties for parameters and for the number of functions tried; it is selected on the training set and kept if validation and test set support it.
+//! The criterion includes penalties for parameters and for the number of laws tried; a law is selected on the training set and kept if validation and
+//! test set support it.
 
 use std::f64::consts::TAU;
 
@@ -18,44 +19,44 @@ use crate::engine::table::Column;
 use crate::engine::table::residual;
 use crate::engine::validation::sum;
 
-/// Knots of a word; of a turn, for each tooth.
+/// Number of knots of a covariate; for the spindle angle, per tooth.
 const KNOTS: usize = 8;
 const KNOTS_OF_TOOTH: usize = 4;
-/// What a law must bring beyond its penalty, in log-likelihood.
+/// Minimum gain of a law beyond its penalty, in log-likelihood.
 const MARGIN: f64 = 10.0;
-/// The least share of what is left on its axes that a law explains on rows unseen, as energy.
+/// Minimum share of the residual energy on its axes that a law explains on held-out rows.
 const SHARE: f64 = 5e-3;
 
-/// A word of the contract and its value row by row.
+/// A covariate and its value per row.
 struct Word {
     name: &'static str,
     values: Vec<f64>,
     knots: usize,
 }
 
-/// One law: its words, and columns; the first says that the size is always the same, the second that it is a line over the word.
+/// A candidate law: its covariates and columns. The first column is constant in the covariate, the second linear.
 struct Asked {
     words: Vec<&'static str>,
     columns: Vec<Column>,
 }
 
-/// A law that rows bear out.
+/// A law that held-out rows support.
 pub(super) struct Law {
     pub(super) rest: Rest,
-    /// What it leaves of each axis, N.
+    /// Its residual per axis, N.
     pub(super) left: [Vec<f64>; 3],
-    /// By how much more log-likelihood rises on rows that train than the law costs.
+    /// Gain in log-likelihood on training rows, less its penalty.
     pub(super) worth: f64,
 }
 
-/// A law that is worth its penalty.
+/// A law whose gain exceeds its penalty.
 struct Worth {
     law: usize,
     columns: usize,
     worth: f64,
 }
 
-/// The law that is worth most beside some columns of the library, at a belief.
+/// The best law beside some columns of the library, for given parameters.
 pub(super) fn law(case: &Case, beside: &[usize], belief: &Belief) -> Option<Law> {
     let laws = laws(case, belief);
     let mut found = asked(case, beside, &laws);
@@ -63,7 +64,7 @@ pub(super) fn law(case: &Case, beside: &[usize], belief: &Belief) -> Option<Law>
     found.iter().find_map(|one| borne_out(case, beside, &laws[one.law], one))
 }
 
-/// What is sized with each word: a push on each axis, then the force of the cut, of its chips, of its edges.
+/// All candidate laws: a force on each axis, then the cutting force, its chip part and its edge part, each as a function of each covariate.
 fn laws(case: &Case, belief: &Belief) -> Vec<Asked> {
     let read = case.readings(belief);
     let mut all = Vec::new();
@@ -86,7 +87,7 @@ fn laws(case: &Case, belief: &Belief) -> Vec<Asked> {
     all
 }
 
-/// What is known of every row.
+/// Covariates of every row.
 fn words(case: &Case, belief: &Belief) -> Vec<Word> {
     let rows = &case.law.rows;
     let teeth = case.law.cutter.teeth.max(1);
@@ -111,13 +112,13 @@ fn words(case: &Case, belief: &Belief) -> Vec<Word> {
     words
 }
 
-/// Whether the tool is fed at all.
+/// Whether the tool is fed.
 fn moving(case: &Case) -> Word {
     let of = case.law.rows.iter().map(|stood| f64::from(u8::from(stood.feed_per_tooth_m > 0.0)));
     Word { name: "feed_mm_s", values: of.collect(), knots: 2 }
 }
 
-/// How fast the spindle turns in each segment, rad/s.
+/// Spindle speed in each segment, rad/s.
 fn speeds(case: &Case) -> Vec<f64> {
     let mut speeds = vec![0.0; case.belief.spindle.phases.len()];
     for stood in case.law.rows.iter().filter(|stood| stood.time_s > 0.0) {
@@ -126,7 +127,7 @@ fn speeds(case: &Case) -> Vec<f64> {
     speeds
 }
 
-/// The force of the cut as it is read, that of its chips and that of its edges: axes and their values, N.
+/// The predicted force, its chip part and its edge part: axes and their values, N.
 fn carriers(case: &Case, belief: &Belief, read: &[Vec<f64>; 3]) -> [Vec<(usize, Vec<f64>)>; 3] {
     let air = case.law.reader(&belief.numbers).in_air();
     let axes = || case.table.joints();
@@ -148,7 +149,7 @@ fn carriers(case: &Case, belief: &Belief, read: &[Vec<f64>; 3]) -> [Vec<(usize, 
     [whole.collect(), part(0), part(1)]
 }
 
-/// What is sized times one, times the word from −1 to 1, and times a tent at every knot but the ends.
+/// The carrier force times 1, times the covariate scaled to −1 to 1, and times a hat function at each inner knot.
 fn sized(carrier: &[(usize, Vec<f64>)], word: &Word) -> Vec<Column> {
     let mut knots = knots(&word.values, word.knots);
     if knots.len() < 2 {
@@ -171,7 +172,7 @@ fn sized(carrier: &[(usize, Vec<f64>)], word: &Word) -> Vec<Column> {
     all
 }
 
-/// Knots at even shares of the rows.
+/// Knots at even quantiles of the covariate.
 fn knots(values: &[f64], count: usize) -> Vec<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -181,7 +182,7 @@ fn knots(values: &[f64], count: usize) -> Vec<f64> {
     knots
 }
 
-/// The laws that are worth their penalty on rows that train.
+/// The laws whose gain on training rows exceeds their penalty.
 fn asked(case: &Case, beside: &[usize], laws: &[Asked]) -> Vec<Worth> {
     let mut kept = None;
     let mut found = Vec::new();
@@ -195,7 +196,7 @@ fn asked(case: &Case, beside: &[usize], laws: &[Asked]) -> Vec<Worth> {
         for columns in [2, asked.columns.len()] {
             let whole = gain(columns);
             let worth = whole - bare - penalty(columns);
-            // What is always of the same size is no law.
+            // A law whose size does not vary with its covariate is not reported.
             if worth > MARGIN && whole - steady > MARGIN + penalty(columns - 1) {
                 found.push(Worth { law, columns, worth });
             }
@@ -204,7 +205,7 @@ fn asked(case: &Case, beside: &[usize], laws: &[Asked]) -> Vec<Worth> {
     found
 }
 
-/// Sums of a law's columns and those that it stands beside, these first.
+/// Normal equations of the library columns `beside`, followed by those of a law.
 fn products(
     case: &Case,
     beside: &[usize],
@@ -221,16 +222,16 @@ fn products(
     (sums, products)
 }
 
-/// The fit with so many of a law's columns.
+/// The fit with the first `columns` columns of a law.
 fn solved(products: &Products, beside: &[usize], columns: usize) -> Solved {
     products.solve(&(0..beside.len() + columns).collect::<Vec<usize>>())
 }
 
-/// A law beside what it stands beside, where rows bear it out that took no part in its selection.
+/// A law with its residual, if validation and test rows support it.
 fn borne_out(case: &Case, beside: &[usize], law: &Asked, found: &Worth) -> Option<Law> {
     let library = beside.iter().map(|k| case.library.columns[*k].clone());
     let all: Vec<Column> = library.chain(law.columns.iter().cloned()).collect();
-    // What is left without and with the law.
+    // Residuals without and with the law.
     let lefts = |used: &[bool]| {
         let (_, products) = products(case, beside, law, used, None);
         [0, found.columns].map(|columns| {
@@ -242,7 +243,7 @@ fn borne_out(case: &Case, beside: &[usize], law: &Asked, found: &Worth) -> Optio
         })
     };
     let axes: Vec<usize> = law.columns[0].parts.iter().map(|(axis, _)| *axis).collect();
-    // Its energy, in units of what is new in the noise.
+    // Energy of the residual, in units of the innovation variance.
     let energy = |left: &[Vec<f64>; 3], used: &[bool]| -> f64 {
         let white = |axis: &usize| case.table.whitened(*axis, &left[*axis]);
         axes.iter().map(|axis| sum(&case.table, *axis, &white(axis), used)).sum()

@@ -1,8 +1,7 @@
-//! Candidates for cut and force sensor: every effect of the force domain with its parameters.
+//! Candidate effects of cutter and force sensor, with their parameters.
 //!
-//! A candidate has several forms: one direction, or all; one factor for all directions; a sensor error on one axis, or on all.
-//!
-//! Promises: signs as in docs/reference/effects.md; an effect that this recording cannot show is not a candidate, and the reason is given. Never: a selection.
+//! A candidate has several forms: one direction or all; one common factor for all directions; a sensor error on one axis or on all. Signs as in
+//! docs/reference/effects.md. An effect that this recording cannot show is not a candidate, and the reason is listed.
 
 use physics::{AnyEffect, Model};
 
@@ -12,16 +11,16 @@ use crate::engine::table::Column;
 use super::case::{Anyway, Case, Doubt};
 use super::law::{BIAS, CHIP, EDGE, HUM, LEAK, NUMBERS, RING, RUNOUT, SCALE, Slot, TURN, WEAR};
 
-/// A tone of which no name of the contract tells: it swings whether the tool cuts or not.
+/// Kind of an oscillation that is not an effect of docs/reference/effects.md: present whether the tool cuts or not.
 pub(super) const TONE: &str = "";
-/// Sensors are off by at most this share, and turned by at most this, rad.
+/// Largest relative scale or cross-talk error of a sensor, and largest rotation, rad.
 pub(super) const BEYOND: f64 = 0.5;
-/// Segments up to which each may have drifts of its own.
+/// Largest number of segments for which an amplifier drift is fitted per segment.
 const DRIFTING: usize = 16;
-/// The spindle is off what is told by about this share.
+/// Prior standard deviation of the relative error of the recorded spindle speed.
 const SPEED_OFF: f64 = 1e-3;
 
-/// The names, with the numbers of each.
+/// Kinds of effects with their parameters.
 pub(super) const KINDS: [(&str, Slot); 9] = [
     ("cutting_force", CHIP),
     ("edge_force", EDGE),
@@ -34,12 +33,12 @@ pub(super) const KINDS: [(&str, Slot); 9] = [
     ("chatter", RING),
 ];
 
-/// The numbers of a name; none for what is no name.
+/// Parameters of a kind; those of [`TONE`] for any other name.
 pub(super) fn slot(kind: &str) -> Slot {
     KINDS.iter().find(|(name, _)| *name == kind).map_or(HUM, |(_, slot)| *slot)
 }
 
-/// The numbers of the model's effects that are stated with doubt; `sigma`: of each value of each effect.
+/// Parameters that the model states with an uncertainty; `sigma`: standard uncertainty of each value of each effect.
 pub(super) fn doubts(model: &Model, sigma: &[Vec<f64>]) -> Vec<Doubt> {
     let of_effect = |(effect, sigma): (&AnyEffect, &Vec<f64>)| -> Vec<Doubt> {
         let kind = effect.spec().kind;
@@ -52,7 +51,7 @@ pub(super) fn doubts(model: &Model, sigma: &[Vec<f64>]) -> Vec<Doubt> {
     model.effects().zip(sigma).flat_map(of_effect).collect()
 }
 
-/// A library with a column for each number, for proportional changes, and for the spindle.
+/// Sets up the library: a column for each parameter, for proportional changes, for the spindle and for the drift.
 pub(super) fn library(case: &mut Case) {
     let mut directions: Vec<Vec<(usize, f64)>> = (0..NUMBERS).map(|k| vec![(k, 1.0)]).collect();
     let mut proportional = Vec::new();
@@ -118,7 +117,7 @@ pub(super) fn library(case: &mut Case) {
     case.directions = directions;
 }
 
-/// Columns of what is fitted along whatever is named: the spindle, the amplifier, numbers that the model states with doubt.
+/// Columns of nuisance parameters: spindle, amplifier drift, and parameters that the model states with an uncertainty.
 fn anyway(case: &Case, directions: &mut Vec<Vec<(usize, f64)>>, prior: &mut Vec<f64>) -> Anyway {
     let mut put = |at: usize, belief: f64| {
         directions.push(vec![(at, 1.0)]);
@@ -128,10 +127,10 @@ fn anyway(case: &Case, directions: &mut Vec<Vec<(usize, f64)>>, prior: &mut Vec<
     let [phases, speed, drifts, bends] = case.anyway_at();
     let mut spindle: Vec<usize> = (phases..speed).map(|at| put(at, 0.0)).collect();
     spindle.push(put(speed, 1.0 / (SPEED_OFF * SPEED_OFF)));
-    // So many columns would cost more than they tell.
+    // With more segments, the number of drift columns would outweigh their benefit.
     let last = if speed - phases <= DRIFTING { bends } else { drifts };
     let drift = (drifts..last).map(|at| put(at, 0.0)).collect();
-    // In no fit: what is slow and bent is not to be taken for a memory of the noise.
+    // Columns of curvature are used in the estimation of the noise only, so that a curved drift is not taken for autocorrelation.
     (bends..bends + last - drifts).for_each(|at| {
         put(at, 0.0);
     });
@@ -140,7 +139,7 @@ fn anyway(case: &Case, directions: &mut Vec<Vec<(usize, f64)>>, prior: &mut Vec<
     Anyway { spindle, drift, doubts: doubts.collect() }
 }
 
-/// A tone to ask for: in the cut alone, or always; on each axis, or on all.
+/// Adds an oscillation as a candidate: in the cut only, or always; on each axis, or on all.
 pub(super) fn add_tone(case: &mut Case, tone_hz: f64) {
     const AXES: [&[&str]; 3] = [&["x"], &["y"], &["z"]];
     case.law.tone_hz = tone_hz;
@@ -164,8 +163,8 @@ pub(super) fn add_tone(case: &mut Case, tone_hz: f64) {
     }
 }
 
-/// Limits of the numbers, beside what the model states: edges that are blunt do not sharpen, and what
-/// shears does not push; no sensor is off beyond all measure.
+/// Sets the limits of the parameters: wear does not decrease below zero, tangential coefficients do not become negative, and sensor errors are at
+/// most [`BEYOND`].
 pub(super) fn limit(case: &mut Case, stated_wear: f64) {
     let coefficients = case.coefficients();
     let is_of_sensor = |column: usize| {
@@ -187,7 +186,7 @@ pub(super) fn limit(case: &mut Case, stated_wear: f64) {
     }
 }
 
-/// Takes out what no row could show: numbers without a column, forms that are then the same; and says why a name cannot show.
+/// Removes parameters without influence on the counted rows and forms that are then duplicates; lists why an effect cannot be shown.
 pub(super) fn narrow(case: &mut Case) {
     let is_there = |column: &usize| {
         let parts = &case.library.columns[*column].parts;

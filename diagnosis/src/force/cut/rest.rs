@@ -1,6 +1,4 @@
-//! Structure that no effect of cutter or sensor explains, and its covariates.
-//!
-//! Promises: claimed only if confirmed by rows that were not used for its selection. Never: a formula.
+//! Structure that no effect of cutter or sensor explains, and its covariates. Claimed only if rows that were not used for its selection support it.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -9,31 +7,32 @@ use super::case::{Belief, Case, DRIFTS};
 use super::laws::{self, Law};
 use crate::engine::validation::sum;
 
-/// Turns from which on it is asked whether the force wanders from turn to turn.
+/// Minimum number of revolutions for a test of variation between revolutions.
 const TURNS: f64 = 30.0;
-/// It does where it is so many times what the noise makes of it, and so many standard deviations beyond.
+/// Minimum ratio of χ² to its degrees of freedom, and minimum excess in standard deviations of it, for significant variation.
 const WANDERS: f64 = 1.6;
 const CHANCE: f64 = 8.0;
 
-/// Drifts of an axis are more than an amplifier's where their squares, in units of what is believed of them, sum to so many standard deviations, and so much, beyond their count.
+/// A drift exceeds that of an amplifier if χ² of the drifts relative to their prior exceeds its degrees of freedom by this many standard deviations
+/// plus a constant.
 const CREEPS: [f64; 2] = [4.0, 6.0];
 
-/// What the rest follows.
+/// A dependence of the residual on covariates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rest {
-    /// From 0: x, y, z.
+    /// Axis: 0 x, 1 y, 2 z.
     pub axis: usize,
-    /// The contract's words.
+    /// Names of the covariates, as in docs/reference/results.md.
     pub words: Vec<String>,
-    /// Root mean square of what is left on held-out rows of the axis without and with it, N.
+    /// RMS residual of the axis on test rows without and with it, N.
     pub held: [f64; 2],
-    /// The tone that it is, Hz, where it is one.
+    /// Frequency, Hz, if it is a spectral line.
     pub tone_hz: Option<f64>,
-    /// What it carries of the energy of what is left on rows held out, in units of what is new in the noise.
+    /// Reduction of the residual energy on test rows, in units of the innovation variance.
     pub(super) carries: f64,
 }
 
-/// What explains most of what is left beside some columns of the library: a law, or a force that wanders beside that law.
+/// The strongest unmodelled structure beside some columns of the library: a smooth law, or variation between revolutions in addition to it.
 pub(super) fn rest(case: &Case, beside: &[usize]) -> Option<Rest> {
     let law = laws::law(case, beside, &case.belief);
     let (law, left) = match law {
@@ -44,7 +43,7 @@ pub(super) fn rest(case: &Case, beside: &[usize]) -> Option<Rest> {
     wandering(case, &case.belief, &left).filter(|one| one.carries > carried).or(law)
 }
 
-/// An amplifier that drifts much further than amplifiers do: a sensor that creeps after a segment began.
+/// An unusually large drift of an axis over segments, such as a creeping sensor.
 pub(super) fn creeping(case: &Case, belief: &Belief) -> Option<Rest> {
     let segments = belief.spindle.phases.len();
     let free = segments as f64;
@@ -66,7 +65,7 @@ pub(super) fn creeping(case: &Case, belief: &Belief) -> Option<Rest> {
     Some(Rest { axis, words: vec!["t_s".to_owned()], held, tone_hz: None, carries: 0.0 })
 }
 
-/// A force that is larger in one turn and smaller in another, beyond what the noise makes of it, and follows no word but time: an edge that builds up, a tool that swings.
+/// Significant variation of the force from revolution to revolution that follows no covariate but time, such as a built-up edge or a vibrating tool.
 fn wandering(case: &Case, belief: &Belief, left: &[Vec<f64>; 3]) -> Option<Rest> {
     let air = case.law.reader(&belief.numbers).in_air();
     let turn = |row: usize| {
@@ -75,7 +74,7 @@ fn wandering(case: &Case, belief: &Belief, left: &[Vec<f64>; 3]) -> Option<Rest>
     };
     let mut force = case.readings(belief);
     force.iter_mut().zip(air).for_each(|(axis, air)| axis.iter_mut().for_each(|x| *x -= air));
-    // Per turn: products of what is left with the force, and of the force with itself.
+    // Per revolution: sum of products of residual and force, and of the force with itself.
     let mut turns: BTreeMap<(usize, i64), [f64; 2]> = BTreeMap::new();
     for axis in case.table.joints() {
         let [left, force] = [left, &force].map(|all| case.table.whitened(axis, &all[axis]));
@@ -87,7 +86,7 @@ fn wandering(case: &Case, belief: &Belief, left: &[Vec<f64>; 3]) -> Option<Rest>
         }
     }
     turns.retain(|_, [_, square]| *square > 0.0);
-    // What is so in all of a segment wanders nowhere.
+    // Subtracts the mean of each segment, which is not a variation.
     let mut usual = vec![[0.0; 2]; case.belief.spindle.phases.len()];
     for ((segment, _), [both, square]) in &turns {
         usual[*segment][0] += both;

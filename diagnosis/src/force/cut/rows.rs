@@ -1,7 +1,6 @@
 //! Selection of rows for the comparison with the model of the cut, and data split.
 //!
-//! Promises: rows without spindle speed or feed are excluded; air is detected by the forces, even with feed;
-//! rows at the border of engagement are excluded. Never: a selection.
+//! Rows without spindle speed or feed are excluded; air is detected from the forces, even with feed; rows in entry and exit are marked.
 
 use crate::engine::split::{RowSets, RunRows, SplitSettings, reserved};
 use physics::Cutter;
@@ -15,28 +14,28 @@ use super::Silence;
 use super::law::Stood;
 use super::ways::heard;
 
-/// Rows that are looked at, at most; of longer recordings stretches, evenly spread.
+/// Largest number of rows; longer recordings are subsampled by evenly distributed sections.
 const ROWS_MOST: usize = 12_000;
-/// Stretches of a recording that is too long.
+/// Number of sections of a longer recording.
 const WINDOWS: usize = 20;
-/// Rows beside what is held out that train nothing: the memory of the noise.
+/// Gap between test rows and training rows, for the autocorrelation of the noise.
 const GAP: usize = 10;
-/// Which stretches are held out: the third and every fifth from there on, so that the way into the work is none of them.
+/// Selects the test sections: the third and every fifth from there, so that the entry is not among them.
 const SEED: u64 = 2;
 
-/// The rows that are compared.
+/// The compared rows.
 pub(super) struct Rows {
-    /// Rows of the recording.
+    /// Their indices in the recording.
     pub(super) at: Vec<usize>,
-    /// Of these, which follow one another without a hole.
+    /// Ranges of them without gaps.
     pub(super) runs: Vec<Range<usize>>,
     pub(super) stood: Vec<Stood>,
-    /// Rows on the way into the work or out of it, which no law describes.
+    /// Rows in entry or exit, which the model does not describe.
     pub(super) is_between: Vec<bool>,
     pub(super) segments: usize,
 }
 
-/// A channel with the gaps of a slower logger filled by what was read last.
+/// A channel with the gaps of a slower logger filled by its last value.
 fn filled(samples: &[f64], segment: &[i64]) -> Vec<f64> {
     let mut last = f64::NAN;
     let one = |(k, x): (usize, &f64)| {
@@ -51,7 +50,7 @@ fn filled(samples: &[f64], segment: &[i64]) -> Vec<f64> {
     samples.iter().enumerate().map(one).collect()
 }
 
-/// Speed and feed of every row.
+/// Spindle speed, rev/min, and feed, m/s, of every row.
 fn process(recording: &Recording, rate_hz: f64) -> Result<(Vec<f64>, Vec<f64>), Silence> {
     let speed = match (recording.column(Channel::Spindle), recording.column(Channel::Tacho)) {
         (Some(speed), _) => filled(speed, &recording.segment),
@@ -116,7 +115,7 @@ impl Rows {
         Ok(all)
     }
 
-    /// Tells of each row how far it stands along its segment.
+    /// Sets the relative position of each row in its segment.
     fn lay_along(&mut self) {
         let mut lasts_s = vec![f64::MIN_POSITIVE; self.segments];
         for stood in &self.stood {
@@ -126,7 +125,7 @@ impl Rows {
         self.stood.iter_mut().for_each(|stood| stood.along = stood.time_s / lasts_s[stood.segment]);
     }
 
-    /// Sets rows apart that take no part in choices.
+    /// Splits the rows into training, validation and test set.
     pub(super) fn sets(&self, recording: &Recording) -> RowSets {
         let run = |run: &Range<usize>| RunRows {
             rows: run.clone(),
@@ -138,7 +137,7 @@ impl Rows {
     }
 }
 
-/// Runs, or stretches of them where they are too long.
+/// The runs, or sections of them if they are too long.
 fn windows(runs: &[Range<usize>]) -> Vec<Range<usize>> {
     let all: usize = runs.iter().map(ExactSizeIterator::len).sum();
     if all <= ROWS_MOST {

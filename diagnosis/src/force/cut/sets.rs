@@ -1,10 +1,10 @@
 //! Beam search over sets of effects that explain the forces together.
 //!
-//! One effect with many parameters (a full cross-talk matrix) can absorb several with few (a misaligned sensor, one leak, an edge force); stepwise selection, which takes it
-//! first, does not leave it again. Sets are therefore grown by one effect at a time, many side by side. The best by the linearised model are fitted by the nonlinear one, and
-//! the set with the best criterion is taken.
+//! One effect with many parameters (a full cross-talk matrix) can absorb several with few (a misaligned sensor, one leak, an edge force), and
+//! stepwise selection does not remove it again. Sets are therefore grown by one effect at a time, many in parallel. The best by the linearised model
+//! are fitted by the nonlinear one, and the set with the best criterion is taken.
 //!
-//! A set with a parameter outside its physical range is rejected; the same sums give the same sets. Does not use rows that were set apart.
+//! Sets with a parameter outside its physical range are rejected. Deterministic; does not use held-out rows.
 
 use std::collections::BTreeMap;
 
@@ -12,22 +12,22 @@ use super::case::Case;
 use crate::engine::library::Family;
 use crate::engine::stepwise::{Search, Selection, others};
 
-/// What a set must bring beyond its penalty.
+/// Penalty of a non-empty set in addition to those of its effects, in log-likelihood.
 const MARGIN: f64 = 5.0;
-/// Names of a set, at most.
+/// Largest number of effects in a set.
 const DEPTH: usize = 4;
-/// Sets of kinds that are grown side by side.
+/// Beam width: sets of kinds that are grown in parallel.
 const WIDTH: usize = 24;
-/// Rounds in which the names of a set change their forms.
+/// Maximum number of passes in which the effects of a set change their forms.
 const FORMS: usize = 3;
-/// Sets that are fitted by the law itself, at most.
+/// Largest number of sets fitted by the nonlinear model.
 const FITTED: usize = 5;
-/// Sets that slopes make less likely by more than this are not, in log-likelihood.
+/// Sets whose linearised score is further behind, in log-likelihood, are not fitted.
 const FAR: f64 = 40.0;
-/// Another set takes the place of the one that stands from so much on.
+/// Minimum improvement of the criterion for another set to replace the current one.
 const BETTER: f64 = 1.0;
 
-/// Names, and what they explain beyond their penalty.
+/// A set of effects and its score: log-likelihood gain less penalty.
 #[derive(Clone)]
 pub(super) struct Set {
     pub(super) names: Vec<usize>,
@@ -35,7 +35,7 @@ pub(super) struct Set {
 }
 
 impl Set {
-    /// As slopes have it; none where a number is not its name's to have.
+    /// Scores a set with the linearised model; `None` if a parameter is outside its range.
     pub(super) fn of(search: &Search<'_>, names: &[usize]) -> Option<Self> {
         let selection = search.solve(names);
         let score = selection.solved.gain - penalty(search, names);
@@ -44,14 +44,14 @@ impl Set {
     }
 }
 
-/// What names cost together: that anything is named at all costs a margin, once.
+/// Penalty of a set of effects, with the margin of a non-empty set.
 fn penalty(search: &Search<'_>, names: &[usize]) -> f64 {
     let each = names.iter().map(|name| price_of(search, &search.library.families[*name]));
     each.sum::<f64>() + if names.is_empty() { 0.0 } else { MARGIN }
 }
 
-/// What a name costs: its numbers, that so many names were asked, and that it could choose among so many forms of as many numbers (Chen and Chen 2008): the best of
-/// fifteen pairs of leaks explains more of anything than the one whole turn of a sensor does.
+/// Penalty of an effect: for its parameters, for the number of candidates, and for the number of its forms with as many parameters (extended BIC,
+/// Chen and Chen 2008). Without the last, the best of fifteen pairs of cross-talk terms would win over the single rotation of a sensor.
 pub(super) fn price_of(search: &Search<'_>, family: &Family) -> f64 {
     let is_like =
         |one: &&Family| one.kind == family.kind && one.columns.len() == family.columns.len();
@@ -59,7 +59,7 @@ pub(super) fn price_of(search: &Search<'_>, family: &Family) -> f64 {
     search.penalty(family) + forms.ln()
 }
 
-/// The likeliest sets by slopes, best first; one for each set of kinds.
+/// The best sets by the linearised model, in order of decreasing score; one for each set of kinds.
 pub(super) fn likely(search: &Search<'_>) -> Vec<Set> {
     let mut all: Vec<Set> = Set::of(search, &[]).into_iter().collect();
     let mut level = all.clone();
@@ -98,7 +98,7 @@ fn kinds(search: &Search<'_>, names: &[usize]) -> Vec<&'static str> {
     kinds
 }
 
-/// A set with one name more, of every kind that it lacks and in every form.
+/// All sets with one effect more, of a kind that the set lacks, in every form.
 fn extended(search: &Search<'_>, set: &Set) -> Vec<Set> {
     let families = &search.library.families;
     let selection = search.solve(&set.names);
@@ -110,13 +110,13 @@ fn extended(search: &Search<'_>, set: &Set) -> Vec<Set> {
     (0..families.len()).filter(|name| !has(families[*name].kind)).map(with).collect()
 }
 
-/// What a name brings beside a selection beyond its penalty.
+/// Gain of an effect added to a selection, less its penalty.
 fn worth(search: &Search<'_>, selection: &Selection, name: usize) -> f64 {
     let margin = if selection.names.is_empty() { MARGIN } else { 0.0 };
     search.brings(selection, name) - price_of(search, &search.library.families[name]) - margin
 }
 
-/// The names of a set, each in the form that brings most beside the others.
+/// The effects of a set, each in the form with the best score beside the others.
 fn reformed(search: &Search<'_>, set: &Set) -> Vec<usize> {
     let families = &search.library.families;
     let mut names = set.names.clone();
@@ -137,7 +137,7 @@ fn reformed(search: &Search<'_>, set: &Set) -> Vec<usize> {
     names
 }
 
-/// The set that explains more for its penalty than the one that stands, by the law itself, where there is one.
+/// A set with a better criterion than the current one by the nonlinear model, if there is one.
 pub(super) fn likelier(case: &Case, names: &[usize], used: &[bool]) -> Option<Vec<usize>> {
     let products = case.products(used);
     let search = Search { library: &case.library, products: &products, always: &case.always };

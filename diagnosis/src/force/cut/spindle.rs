@@ -1,7 +1,8 @@
-//! Angle and true speed of the spindle: the recording states a speed that may be slightly off, and no angle.
+//! Angle and true speed of the spindle: the recording states a speed that may be slightly wrong, and no angle.
 //!
-//! The speed is the one at which forces repeat best from turn to turn; the angle of each segment the one at which the tooth model fits best, its coefficients free within
-//! their priors. An angle that fits as well as another (0 where a segment begins) is kept.
+//! The speed is the one at which the forces have most energy at harmonics of the tooth-passing frequency; the angle of each segment is the one at
+//! which the tooth model fits best, with its coefficients free within their priors. Among equally good angles, 0 at the start of a segment is
+//! preferred. Angles in rad.
 
 use crate::engine::statistics::median;
 use nalgebra::{SMatrix, SVector};
@@ -10,30 +11,30 @@ use std::f64::consts::TAU;
 use super::case::Case;
 use super::law::{Law, Spindle, Stood};
 
-/// The spindle is off by at most this share.
+/// Largest relative deviation of the spindle speed.
 const OFF_MOST: f64 = 4e-3;
-/// Steps of the speed, in turns of the highest harmonic over the longest segment.
+/// Step of the speed search: phase of the highest harmonic over the longest segment, in cycles.
 const STEP_TURNS: f64 = 0.2;
-/// Steps at most.
+/// Largest number of steps.
 const STEPS_MOST: f64 = 3000.0;
-/// Harmonics of the tooth passing that are listened to.
+/// Number of harmonics of the tooth-passing frequency that are used.
 const HARMONICS: u32 = 2;
-/// A speed stands out where it gathers so many times what other speeds do.
+/// Minimum ratio of the energy at the best speed to the median over all speeds.
 const STANDS_OUT: f64 = 3.0;
-/// Angles of one pitch that are tried; then finer ones around the best.
+/// Number of angles tried per pitch, and of finer steps around the best.
 const ANGLES: u32 = 72;
 const FINER: i32 = 8;
-/// Coefficients are off by about this share of the largest.
+/// Prior standard deviation of the coefficients, relative to the largest.
 const DOUBT: f64 = 0.3;
-/// Angles within so much log-likelihood are one.
+/// Angles whose log-likelihoods differ by less are equally good.
 const ALIKE: f64 = 3.0;
-/// Numbers: three of the chip, three of the edge, three of the sensor's bias.
+/// Number of coefficients: three of the chip, three of the edge, three of the sensor's bias.
 const COUNT: usize = 9;
 
 type Matrix = SMatrix<f64, COUNT, COUNT>;
 type Vector = SVector<f64, COUNT>;
 
-/// Finds how the spindle stands on the rows that are `used`.
+/// Finds speed and angles of the spindle from the `used` rows.
 pub(super) fn find(case: &Case, used: &[bool]) -> Spindle {
     let segments = case.belief.spindle.phases.len();
     let mut spindle = Spindle { phases: vec![0.0; segments], faster: 0.0 };
@@ -53,7 +54,7 @@ pub(super) fn find(case: &Case, used: &[bool]) -> Spindle {
     spindle
 }
 
-/// How much faster the spindle turns than is told.
+/// Relative excess of the spindle speed over the stated one.
 fn faster(case: &Case, used: &[bool]) -> f64 {
     let teeth = case.law.cutter.teeth;
     let rows: Vec<usize> = (0..used.len()).filter(|k| used[*k] && case.law.rows[*k].cuts).collect();
@@ -83,7 +84,7 @@ fn faster(case: &Case, used: &[bool]) -> f64 {
     (f64::from(best as i32 - steps) + beside) * step
 }
 
-/// Energy of all segments at multiples of the tooth passing.
+/// Energy of all segments at harmonics of the tooth-passing frequency.
 fn gathers(case: &Case, rows: &[usize], faster: f64) -> f64 {
     let segments = case.belief.spindle.phases.len();
     let teeth = f64::from(case.law.cutter.teeth);
@@ -119,7 +120,7 @@ fn gathers(case: &Case, rows: &[usize], faster: f64) -> f64 {
     sums.iter().zip(&means).map(energy).sum()
 }
 
-/// The angle at which a segment begins.
+/// Spindle angle at the start of a segment, rad.
 fn angle(case: &Case, rows: &[usize], spindle: &Spindle, segment: usize) -> f64 {
     let pitch = TAU / f64::from(case.law.cutter.teeth.max(1));
     let step = pitch / f64::from(ANGLES);
@@ -132,7 +133,7 @@ fn angle(case: &Case, rows: &[usize], spindle: &Spindle, segment: usize) -> f64 
         .map(|k| f64::from(k) * step)
         .map(|phase| (if phase > 0.5 * pitch { phase - pitch } else { phase }, at(phase)))
         .collect();
-    // The noise is what the best angle leaves with coefficients free.
+    // The noise is estimated from the residual of the best angle with unconstrained coefficients.
     let free = coarse.iter().map(|(_, sums)| sums.left(&[1e-12; COUNT]));
     let count = 3.0 * rows.len() as f64;
     let variance = |left: f64| (left / count).max(1e-18);
@@ -155,7 +156,7 @@ fn angle(case: &Case, rows: &[usize], spindle: &Spindle, segment: usize) -> f64 
     best.0
 }
 
-/// Sums of products of a fit with the teeth at one angle.
+/// Normal equations of the tooth model at one angle.
 struct Sums {
     gram: Matrix,
     right: Vector,
@@ -186,7 +187,7 @@ impl Sums {
         Self { gram, right, square }
     }
 
-    /// What is left, squared and with the pull of what is believed: `belief` per number, relative to the sums' own size.
+    /// Residual sum of squares with a ridge penalty: `belief` per parameter, relative to the diagonal of the normal matrix.
     fn left(&self, belief: &[f64; COUNT]) -> f64 {
         let prior = std::array::from_fn(|k| belief[k] * self.gram[(k, k)]);
         self.pulled(&prior, &Vector::zeros())
@@ -214,7 +215,7 @@ impl Sums {
     }
 }
 
-/// What is told of coefficients, with doubt.
+/// Prior of the coefficients: stated values and standard deviations.
 struct Told {
     numbers: Vector,
     doubt: Vector,
@@ -236,7 +237,7 @@ impl Told {
         Self { numbers, doubt }
     }
 
-    /// The likeliest angle; the first that is 0 where it is as likely.
+    /// The best angle and its misfit; 0 if it is equally good.
     fn best(&self, tried: &[(f64, Sums)], noise: f64) -> (f64, f64) {
         let misfit = |sums: &Sums| {
             let prior = std::array::from_fn(|k| {

@@ -15,21 +15,21 @@ use super::super::{Compared, Diagnosis, Silence, diagnose};
 use crate::diagnose::Verdict;
 use crate::torque::Finding;
 
-/// A cut that is recorded.
+/// A simulated cut.
 struct Made {
     rate_hz: f64,
     lasts_s: f64,
     feeds_m_s: &'static [f64],
-    /// rev/min.
+    /// Spindle speed, rev/min.
     rpm: f64,
-    /// From entry to exit, rad.
+    /// Entry and exit angle, rad.
     engaged: [f64; 2],
     turning: bool,
-    /// N.
+    /// Standard deviation of the noise, N.
     noise: f64,
-    /// How much of the noise stays from row to row.
+    /// Autocorrelation of the noise from row to row (AR(1) coefficient).
     stays: f64,
-    /// What the recording tells of the spindle's speed over what it is.
+    /// Ratio of the recorded to the true spindle speed.
     tells: f64,
 }
 
@@ -62,7 +62,7 @@ impl Made {
         }
     }
 
-    /// What is recorded where the model lacks these effects.
+    /// Recording with effects that the model does not state.
     fn recorded(&self, effects: &str) -> Recording {
         let model = RobotModel::parse("hidden", &format!("{NO_ARM}\n{effects}")).expect("sound");
         let count = (self.rate_hz * self.lasts_s) as usize;
@@ -112,7 +112,7 @@ fn kinds(compared: &Compared) -> Vec<&'static str> {
     compared.findings.iter().map(|one| one.kind).collect()
 }
 
-/// Every number of the truth lies within four standard uncertainties of what was found.
+/// Asserts that each true parameter is within four standard uncertainties of the found one.
 fn holds(finding: &Finding, truth: &[(&str, &[f64])]) {
     for (stem, wanted) in truth {
         let found = finding.numbers.iter().find(|number| number.stem == *stem).expect("a number");
@@ -200,7 +200,7 @@ fn down_milling_noise_with_a_memory_and_aliases_do_not_hide_an_edge() {
     for made in [
         Made { engaged: [1.5, 3.1], ..MADE },
         Made { stays: 0.9, ..MADE },
-        // Teeth pass at 268 Hz.
+        // The tooth-passing frequency is 268 Hz.
         Made { rate_hz: 430.0, lasts_s: 12.0, ..MADE },
     ] {
         let compared = made.compared(&edge);
@@ -248,7 +248,7 @@ fn swapped_channels_another_unit_and_no_speed_are_never_a_finding() {
     }
     let mut speedless = MADE.recorded("");
     speedless.remove(Channel::Spindle);
-    // The told cut, of which nothing is in the forces.
+    // The stated cut with forces of air.
     let mut uncut = MADE.recorded("");
     let air = Made { feeds_m_s: &[0.0], ..MADE }.recorded("");
     for axis in 0..3 {
@@ -285,7 +285,8 @@ fn a_number_that_is_off_within_what_the_model_doubts_is_no_finding() {
         let compared = compared.expect("compared");
         assert_eq!(compared.verdict, wanted, "{:?}", compared.findings);
         assert!(compared.findings.iter().all(|one| one.kind == "edge_force" && one.is_change));
-        // What is no finding is told as it was fitted along, and is surer than it was believed.
+        // A parameter that is not a finding is reported as refitted, with a smaller uncertainty
+        // than stated.
         let refits = &compared.refits;
         assert_eq!(refits.len(), usize::from(wanted == Verdict::Consistent), "{refits:?}");
         for number in refits.iter().map(|refit| &refit.number) {
@@ -297,7 +298,7 @@ fn a_number_that_is_off_within_what_the_model_doubts_is_no_finding() {
     }
 }
 
-/// A cut that was told with forces that are `share` of it at an instant, s; noise stays.
+/// Forces of the stated cut multiplied by `share`, a function of time in s; noise unchanged.
 fn partly(share: &dyn Fn(f64) -> f64) -> Recording {
     let [mut cut, air] = [&[8e-3], &[0.0]]
         .map(|feeds: &'static [f64; 1]| Made { feeds_m_s: feeds, ..MADE }.recorded(""));

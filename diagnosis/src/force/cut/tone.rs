@@ -1,9 +1,8 @@
 //! The strongest spectral line of the residual that is not a harmonic of the spindle speed.
 //!
-//! The residual while a tooth cuts (and, separately, at all times) is averaged over all segments on a common time grid since the start of the segment: a line of
-//! constant phase adds up, noise does not. A line is compared with the median of its neighbours, since the noise is coloured.
-//!
-//! Promises: harmonics of the spindle speed, aliased or not, are excluded. Never: a classification.
+//! The residual while a tooth cuts (and, separately, at all times) is summed over all segments on a common time grid from the start of the segment: a
+//! line of constant phase adds up, noise does not. A line is compared with the median of its neighbouring bins, since the noise is coloured.
+//! Harmonics, aliased or not, are excluded. Frequencies in Hz.
 
 use spectrum::folded_hz;
 use spectrum::welch::{Detrend, Segments, Taper, welch};
@@ -13,24 +12,24 @@ use super::case::Case;
 use super::law::{HUM, RING, Slot};
 use crate::engine::statistics::median;
 
-/// Points of a grid of time, at least and at most.
+/// Minimum and maximum number of points of the time grid.
 const POINTS_LEAST: usize = 256;
 const POINTS_MOST: usize = 1 << 20;
-/// Bins that tell together what noise makes of a line among them.
+/// Bins whose median gives the noise level around a line.
 const AROUND: usize = 120;
-/// Lines that are looked at, strongest first.
+/// Number of lines examined, strongest first.
 const LOOKED_AT: usize = 60;
-/// A line is looked at more closely where it is so many times its neighbours' middle.
+/// Minimum ratio of a line's power to the noise level.
 const STANDS_OUT: f64 = 8.0;
-/// Steps to each side of a line, and how many of these make one turn over the whole time.
+/// Steps of the refinement on each side of a line, and steps per resolution interval (inverse of the duration).
 const STEPS: i32 = 12;
 const STEPS_PER_TURN: f64 = 8.0;
-/// Golden sections that make a frequency sharp.
+/// Iterations of the golden-section search for a frequency.
 const SECTIONS: usize = 24;
-/// Multiples of the spindle's speed that are forced.
+/// Largest harmonic of the spindle speed that is excluded.
 const MULTIPLES: u32 = 60;
 
-/// Its frequency, Hz.
+/// Frequency of the strongest line, Hz.
 pub(super) fn loudest(case: &Case, used: &[bool]) -> Option<f64> {
     let left = case.left(&case.belief);
     let spindle = &case.belief.spindle;
@@ -61,7 +60,7 @@ pub(super) fn loudest(case: &Case, used: &[bool]) -> Option<f64> {
     best.map(|(hz, _)| hz)
 }
 
-/// The line of some values (time, value) that stands out most, Hz, and how far.
+/// The strongest line of samples (time, value) that is not excluded: frequency in Hz, and power relative to the noise level.
 fn line(
     kept: &[(f64, f64)],
     rate_hz: f64,
@@ -103,7 +102,7 @@ fn line(
     best.map(|(hz, _)| (sharpened(kept, hz, 1.0 / (STEPS_PER_TURN * span_s)), ratio))
 }
 
-/// How strong a tone of this frequency is in some values, but for a constant.
+/// Power of samples at a frequency, up to a constant factor.
 fn strength(kept: &[(f64, f64)], hz: f64) -> f64 {
     let sums = kept.iter().fold([0.0; 2], |[c, s], (time_s, x)| {
         let (sin, cos) = libm::sincos(TAU * hz * time_s);
@@ -112,7 +111,7 @@ fn strength(kept: &[(f64, f64)], hz: f64) -> f64 {
     sums[0] * sums[0] + sums[1] * sums[1]
 }
 
-/// The frequency within a reach of another where a tone is strongest (golden section).
+/// Frequency of largest power within `reach_hz` of another, Hz (golden section).
 fn sharpened(kept: &[(f64, f64)], hz: f64, reach_hz: f64) -> f64 {
     let golden = 0.5 * (libm::sqrt(5.0) - 1.0);
     let (mut low, mut high) = (hz - reach_hz, hz + reach_hz);
@@ -133,7 +132,7 @@ fn sharpened(kept: &[(f64, f64)], hz: f64, reach_hz: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// The frequency of a tone that is named, now that its neighbours are: what is left beside all but the tone tells it.
+/// Frequency of a selected line, refined on the residual of all other selected effects, Hz.
 pub(super) fn refined(case: &Case, used: &[bool]) -> f64 {
     let mut still = case.belief.clone();
     let loud = |axis: usize| {
@@ -166,7 +165,7 @@ fn slot_size(numbers: &[f64], slot: Slot) -> f64 {
     slot.of(numbers).iter().map(|x| x * x).sum()
 }
 
-/// Whether a frequency is a multiple of the spindle's, as sampled, at each of its speeds: a line that is forced moves with the speed.
+/// Whether a frequency is a harmonic of the spindle, aliasing included, at all of its speeds: a forced line moves with the speed.
 fn is_forced(case: &Case, hz: f64, rate_hz: f64, width_hz: f64) -> bool {
     let rows = &case.law.rows;
     let speeds = case.table.runs.iter().filter_map(|run| {

@@ -1,6 +1,4 @@
-//! Further data of a force comparison for page and report: traces, notes, effects that could not be tested.
-//!
-//! Promises: no influence on the findings. Never: a fit.
+//! Plot data, notes and untestable effects of a force comparison, for page and report. No influence on the findings.
 
 use recording::series::Recording;
 use std::f64::consts::TAU;
@@ -8,29 +6,29 @@ use std::f64::consts::TAU;
 use super::case::{Belief, Case};
 use super::names::KINDS;
 
-/// Points of a trace at most.
+/// Maximum number of points of a trace.
 const POINTS: usize = 1500;
-/// A feed that changes by less than this share of itself is one.
+/// Largest relative variation of the feed that counts as constant.
 const ONE_FEED: f64 = 0.02;
 
-/// One axis of the forces, for the page.
+/// Measured and predicted force of one axis over time.
 #[derive(Clone, Debug)]
 pub struct Traced {
-    /// From 0: x, y, z.
+    /// Axis: 0 x, 1 y, 2 z.
     pub axis: usize,
-    /// s.
+    /// Time, s.
     pub t_s: Vec<f64>,
-    /// Of the spindle, in turns from 0 to 1.
+    /// Spindle angle in revolutions, 0 to 1.
     pub turn: Vec<f64>,
-    /// What was read, N.
+    /// Recorded force, N.
     pub read: Vec<f64>,
-    /// Off: by the law as told, and with what was found.
+    /// Residual of the stated cut, and with all findings, N.
     pub off: [Vec<f64>; 2],
-    /// What the law as told, and with what was found, reads.
+    /// Prediction of the stated cut, and with all findings, N.
     pub law: [Vec<f64>; 2],
-    /// The first run, unthinned, off before and after, with its rate in Hz, for spectra.
+    /// Residuals of the longest run at full rate, before and after, for spectra.
     pub run: [Vec<f64>; 2],
-    /// Hz.
+    /// Sampling rate of `run`, Hz.
     pub rate_hz: f64,
 }
 
@@ -51,7 +49,7 @@ pub(super) fn has_one_feed(case: &Case) -> bool {
     high - low <= ONE_FEED * high
 }
 
-/// What this recording could not have shown, though it was not found.
+/// Effects that this recording cannot show, with the reason.
 pub(super) fn not_tested(case: &Case) -> Vec<(&'static str, &'static str)> {
     let mut all: Vec<(&'static str, &'static str)> =
         case.library.untested.iter().map(|(kind, _, why)| (*kind, *why)).collect();
@@ -104,7 +102,7 @@ pub(super) fn notes(case: &Case, recording: &Recording) -> Vec<String> {
     notes
 }
 
-/// What the page shows.
+/// Plot data of all recorded axes.
 pub(super) fn traces(case: &Case) -> Vec<Traced> {
     let told = Belief::as_told(case.belief.spindle.clone());
     let law = [&told, &case.belief].map(|belief| case.readings(belief));

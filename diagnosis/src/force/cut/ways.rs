@@ -1,9 +1,8 @@
-//! Detection of entry and exit: air with feed, and the transition to the full cut.
+//! Detection of entry and exit: feed in air, and the transition to the full cut.
 //!
-//! Means and amplitudes of the forces over whole spindle revolutions are projected on the direction from the start of a pass to the cut. A pass that
-//! begins in air is zero, then a ramp, then a cut that can still increase (least squares over both ends of the ramp); a pass that ends in air is the reverse.
-//!
-//! Promises: a pass that cuts from its first row has no entry; only changes far above the scatter of revolutions are reported.
+//! Means and standard deviations of the forces over whole spindle revolutions are projected on the direction from the start of a pass to the cut. A
+//! pass that begins in air is modelled as zero, then a ramp, then a cut that may still increase (least squares over both ends of the ramp); a pass
+//! that ends in air is the reverse. A pass that cuts from its first row has no entry; only changes far above the scatter of revolutions are reported.
 
 use crate::engine::statistics::median;
 use nalgebra::{Matrix3, Vector3};
@@ -13,36 +12,36 @@ use world::milling::Stand;
 
 use super::super::signal::Signal;
 
-/// A feed that changes by more than this share begins another pass.
+/// A relative change of the feed by more than this begins another pass.
 const SAME_FEED: f64 = 0.02;
-/// Turns before a pass that are looked at.
+/// Largest number of revolutions before a pass that are included.
 const BEFORE_TURNS: f64 = 24.0;
-/// Blocks of turns of half a pass, at most and at least.
+/// Largest and smallest number of blocks of revolutions in half a pass.
 const BLOCKS_MOST: f64 = 90.0;
 const BLOCKS_LEAST: usize = 12;
-/// Rows of a block, at least.
+/// Minimum number of rows of a block.
 const ROWS_LEAST: f64 = 12.0;
-/// A block of which fewer of its rows are there tells nothing.
+/// Minimum share of a block's rows that must be present.
 const THERE: f64 = 0.6;
-/// Blocks that tell how a pass begins.
+/// Number of blocks that represent the start of a pass.
 const FIRST: usize = 3;
-/// A pass that begins in air begins with less than this share of the force of its cut.
+/// Largest ratio of the force at the start of a pass to that of its cut for a start in air.
 const QUIET: f64 = 0.5;
-/// The ramp takes the force up by at least this share.
+/// Minimum rise of the ramp relative to the full cut.
 const RISES: f64 = 0.5;
-/// And explains so much more than a straight line, in log-likelihood.
+/// Minimum gain of the ramp over a straight line, in log-likelihood.
 const CLEAR: f64 = 12.0;
-/// Blocks, and a share of the ramp, by which what is set aside is wider than the ramp.
+/// Margin of the excluded part beyond the ramp, in blocks and as a share of the ramp.
 const WIDER: f64 = 1.5;
 const WIDER_SHARE: f64 = 0.15;
 
-/// What the forces tell of each row that speed and feed do not.
+/// State of each row by the forces, beyond what speed and feed state.
 pub(super) struct Heard {
     pub(super) is_air: Vec<bool>,
     pub(super) is_between: Vec<bool>,
 }
 
-/// Listens to every pass.
+/// Detects entry and exit of every pass.
 pub(super) fn heard(signal: &Signal, stands: &[Stand], segment: &[i64]) -> Heard {
     let count = stands.len();
     let mut heard = Heard { is_air: vec![false; count], is_between: vec![false; count] };
@@ -64,7 +63,7 @@ pub(super) fn heard(signal: &Signal, stands: &[Stand], segment: &[i64]) -> Heard
 }
 
 impl Heard {
-    /// Marks the rows of half a pass, in order from its end.
+    /// Marks the rows of half a pass, ordered from its end inwards.
     fn mark(&mut self, signal: &Signal, stands: &[Stand], rows: &[usize]) {
         let Some((from, to)) = ramp(signal, stands, rows) else { return };
         let start = stands[rows[0]].angle_rad;
@@ -76,7 +75,7 @@ impl Heard {
     }
 }
 
-/// Rows of one segment and one feed.
+/// Passes: ranges of rows of one segment and one feed.
 fn passes(stands: &[Stand], segment: &[i64]) -> Vec<Range<usize>> {
     let mut all: Vec<Range<usize>> = Vec::new();
     for (row, stand) in stands.iter().enumerate().filter(|(_, stand)| stand.cuts()) {
@@ -95,7 +94,7 @@ fn passes(stands: &[Stand], segment: &[i64]) -> Vec<Range<usize>> {
     all
 }
 
-/// The last row of a segment before a pass, or after it, that is no further off than is looked at and cuts nothing.
+/// The farthest row before (or after) a pass, without cut, in the same segment and within [`BEFORE_TURNS`].
 fn reach(stands: &[Stand], segment: &[i64], from: usize, is_after: bool) -> usize {
     let next = |row: usize| if is_after { Some(row + 1) } else { row.checked_sub(1) };
     let mut at = from;
@@ -109,7 +108,7 @@ fn reach(stands: &[Stand], segment: &[i64], from: usize, is_after: bool) -> usiz
     at
 }
 
-/// Between which turns of these rows the tool goes in, where it does.
+/// Start and end of the entry in revolutions from the first of these rows, if there is one.
 fn ramp(signal: &Signal, stands: &[Stand], rows: &[usize]) -> Option<(f64, f64)> {
     let first = stands[*rows.first()?].angle_rad;
     let turns = (stands[*rows.last()?].angle_rad - first).abs() / TAU;
@@ -140,7 +139,7 @@ fn ramp(signal: &Signal, stands: &[Stand], rows: &[usize]) -> Option<(f64, f64)>
     Some((wide * (from - 1.0), wide * (to + wider)))
 }
 
-/// Means and swings of each channel.
+/// Mean and standard deviation of each channel.
 fn traits(signal: &Signal, rows: &[usize]) -> Vec<f64> {
     let count = rows.len().max(1) as f64;
     let mut all = Vec::new();
@@ -153,7 +152,7 @@ fn traits(signal: &Signal, rows: &[usize]) -> Vec<f64> {
     all
 }
 
-/// How far each block is on the way from the first ones, 0, to the later ones, about 1; none where the first ones are no quieter.
+/// Projection of each block on the direction from the first blocks (0) to the later ones (about 1); `None` if the first ones are not quieter.
 fn along(blocks: &[(f64, Vec<f64>)]) -> Option<Vec<(f64, f64)>> {
     if blocks.len() < BLOCKS_LEAST {
         return None;
@@ -176,7 +175,7 @@ fn along(blocks: &[(f64, Vec<f64>)]) -> Option<Vec<(f64, f64)>> {
     Some(blocks.iter().map(|(at, traits)| (*at, of(traits))).collect())
 }
 
-/// Where a ramp begins and ends, in blocks.
+/// Start and end of a ramp, in blocks.
 fn bent(levels: &[(f64, f64)]) -> Option<(f64, f64)> {
     let last = levels.last()?.0;
     let line = fitted(levels, &|at| (1.0, at / last))?;
@@ -198,7 +197,7 @@ fn bent(levels: &[(f64, f64)]) -> Option<(f64, f64)> {
     (gain > CLEAR).then_some((from, to))
 }
 
-/// What a level and two shapes leave, squared, and by how much the first one rises.
+/// Least-squares fit of a constant and two shapes: residual sum of squares, and coefficient of the first shape.
 fn fitted(levels: &[(f64, f64)], shape: &dyn Fn(f64) -> (f64, f64)) -> Option<(f64, f64)> {
     let (mut gram, mut right, mut square) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
     for (at, level) in levels {

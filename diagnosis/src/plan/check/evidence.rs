@@ -1,9 +1,7 @@
-//! Sums over whitened rows, and the test statistics of each damage after projecting out the nuisance parameters.
+//! Sums over whitened rows, and the test statistic of each damage after projecting out the nuisance parameters.
 //!
-//! With `A` the columns of the nuisance parameters (scaled by their priors), `D` those of a damage and `r` the residuals: `N = 1 + AᵀA`, `S = DᵀD − DᵀA N⁻¹ AᵀD`,
-//! `g = Dᵀr − DᵀA N⁻¹ Aᵀr`; the damage lowers the sum of squares by `gᵀ S⁻¹ g`.
-//!
-//! Promises: unobservable directions of a damage are excluded. Never: a decision.
+//! With `A` the columns of the nuisance parameters (scaled by their priors), `D` those of a damage and `r` the residuals: `N = 1 + AᵀA`, `S = DᵀD −
+//! DᵀA N⁻¹ AᵀD`, `g = Dᵀr − DᵀA N⁻¹ Aᵀr`; the damage reduces the sum of squares by `gᵀ S⁻¹ g`. Unobservable directions of a damage are excluded.
 
 use super::super::choose::inverse;
 use crate::campaign::Campaign;
@@ -11,11 +9,11 @@ use crate::problem::{State, Weighing, data_rows};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Squared noises per unit of damage below which a direction is not shown.
+/// Information on a direction of damage, in squared standard deviations per squared unit, below which it is unobservable.
 const SHOWN: f64 = 1e-3;
-/// Directions of columns of unit length that show less than this, squared, are combinations of others.
+/// Eigenvalue of the normalised normal matrix below which a direction is linearly dependent on others.
 const DEPENDENT: f64 = 1e-9;
-/// What an open direction counts in the choice of poses, squared units per squared noise.
+/// Information added to each direction of damage in the selection of poses, which keeps the inverse finite.
 const OPEN: f64 = 1e-2;
 
 /// The columns of one damage among those of all damages.
@@ -25,18 +23,18 @@ pub(super) struct Look {
     pub(super) count: usize,
 }
 
-/// What a damage explains.
+/// Estimate of a damage.
 pub(super) struct Explained {
     pub(super) gain: f64,
-    /// In units of the columns.
+    /// Estimated size in units of the columns.
     pub(super) size: Vec<f64>,
-    /// Of the length of `size`.
+    /// Standard uncertainty of the length of `size`.
     pub(super) sigma: f64,
-    /// Directions that are shown.
+    /// Number of observable directions.
     pub(super) count: usize,
 }
 
-/// See the head of this file.
+/// Sums of products of nuisance columns (n), damage columns (d) and residuals (r).
 #[derive(Clone, Debug)]
 pub(super) struct Evidence {
     nuisance: usize,
@@ -63,7 +61,7 @@ impl Evidence {
         }
     }
 
-    /// What was measured in `campaign`, about `state`.
+    /// Sums of the measurements in `campaign`, linearised at `state`.
     pub(super) fn of(campaign: &Campaign, state: &State, nuisance: usize) -> Self {
         let widths = state.priors();
         let all: Vec<usize> = (0..widths.len()).collect();
@@ -76,7 +74,7 @@ impl Evidence {
         evidence
     }
 
-    /// More rows, scaled; their residuals where there are any.
+    /// Adds scaled rows, with their residuals if given.
     pub(super) fn add(&mut self, rows: &DMatrix<f64>, residuals: &[f64]) {
         let (n, d) = self.split(rows);
         self.nn += n.transpose() * &n;
@@ -99,12 +97,13 @@ impl Evidence {
         )
     }
 
-    /// The sum of squares that what may change leaves.
+    /// Sum of squares after the fit of the nuisance parameters within their priors.
     pub(super) fn sum(&self) -> f64 {
         self.rr - self.nr.dot(&(inverse(&self.nn) * &self.nr))
     }
 
-    /// What that sum is expected to be: the readings less the first `open` columns, which nothing was known of, as far as the rows show them.
+    /// Degrees of freedom of that sum: the number of readings less the observable directions of the first `open` columns, which have no prior
+    /// knowledge.
     pub(super) fn freedom(&self, open: usize) -> usize {
         if open == 0 {
             return self.rows;
@@ -118,7 +117,8 @@ impl Evidence {
         self.rows.saturating_sub(found)
     }
 
-    /// The sum of squares with all that may change fitted freely, and its freedom: the noise alone, whatever the stated uncertainties of the model are worth.
+    /// Sum of squares with all nuisance parameters fitted freely, and its degrees of freedom: measures the noise alone, independent of the stated
+    /// uncertainties of the model.
     pub(super) fn noise(&self) -> (f64, usize) {
         if self.nuisance == 0 {
             return (self.rr, self.rows);
@@ -137,7 +137,7 @@ impl Evidence {
         (self.rr - gains.iter().sum::<f64>(), self.rows.saturating_sub(gains.len()))
     }
 
-    /// What the rows show of a damage (`S`), and what the residuals say of it (`g`).
+    /// Information matrix (`S`) and score (`g`) of a damage.
     fn left(&self, look: Look) -> (DMatrix<f64>, DVector<f64>) {
         let Look { first, count } = look;
         let taken = inverse(&self.nn) * self.nd.columns(first, count);
@@ -147,7 +147,7 @@ impl Evidence {
         (0.5 * (&shows + shows.transpose()), says)
     }
 
-    /// Squared noises per squared unit in the direction that shows least; none where nothing of the damage shows.
+    /// Information on the least observable direction of a damage, in squared standard deviations per squared unit; `None` if it is unobservable.
     pub(super) fn weakest(&self, look: Look) -> Option<f64> {
         let least = self.left(look).0.symmetric_eigenvalues().min();
         (least > SHOWN).then_some(least)
@@ -172,7 +172,7 @@ impl Evidence {
         (count > 0).then(|| Explained { gain, size: size.iter().copied().collect(), sigma, count })
     }
 
-    /// By how much each candidate's rows lower the sum over the damages of `tr (S + OPEN)⁻¹`: what is shown worst counts most.
+    /// Reduction of the sum over all damages of `tr (S + OPEN)⁻¹` by each candidate's rows; poorly observable directions dominate it.
     pub(super) fn worths(&self, candidates: &[DMatrix<f64>], looks: &[Look]) -> Vec<f64> {
         let around = inverse(&self.nn);
         let taken = &around * &self.nd;
@@ -198,17 +198,17 @@ impl Evidence {
     }
 }
 
-/// How probable a χ² of this freedom above `sum` is.
+/// Probability of a χ² variable with `freedom` degrees of freedom above `sum`.
 pub(super) fn p_above(freedom: usize, sum: f64) -> f64 {
     ChiSquared::new(freedom as f64).map_or(1.0, |chi| chi.sf(sum.max(0.0)))
 }
 
-/// How probable a χ² of this freedom is at most `sum`.
+/// Probability of a χ² variable with `freedom` degrees of freedom of at most `sum`.
 pub(super) fn p_below(freedom: usize, sum: f64) -> f64 {
     ChiSquared::new(freedom as f64).map_or(1.0, |chi| chi.cdf(sum.max(0.0)))
 }
 
-/// The noncentrality of a χ² of this freedom that alarms at `alarm` with the probability `power`.
+/// Noncentrality at which a χ² test of size `alarm` has the given power.
 pub(super) fn least_seen(freedom: usize, alarm: f64, power: f64) -> f64 {
     let Ok(chi) = ChiSquared::new(freedom as f64) else { return f64::INFINITY };
     let bound = chi.inverse_cdf(1.0 - alarm);
@@ -224,7 +224,7 @@ pub(super) fn least_seen(freedom: usize, alarm: f64, power: f64) -> f64 {
     high
 }
 
-/// The probability that a noncentral χ² lies above `bound`: central ones mixed by Poisson (Johnson, Kotz and Balakrishnan 1995, chapter 29).
+/// Probability of a noncentral χ² variable above `bound`, as a Poisson mixture of central ones (Johnson, Kotz and Balakrishnan 1995, chapter 29).
 fn seen(freedom: usize, noncentrality: f64, bound: f64) -> f64 {
     let half = 0.5 * noncentrality;
     let (mut log_weight, mut sum) = (-half, 0.0);

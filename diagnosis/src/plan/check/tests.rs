@@ -1,4 +1,4 @@
-//! Checks of simulated robots: sound ones pass, damaged ones do not, and what moved is named.
+//! Checks of simulated robots: undamaged ones pass, damaged ones do not, and the damage is identified.
 
 use super::*;
 use crate::plan::Criterion;
@@ -9,7 +9,7 @@ use recording::model::presets::preset;
 
 const TERMS: Terms = Terms { alarm: 0.01, power: 0.9 };
 
-/// The calibrated robot with its stated uncertainties, the tracker's frame known or to be found.
+/// The calibrated robot with its stated uncertainties; the tracker's frame is known or fitted.
 fn cell(is_frame_known: bool) -> (Task, Vec<Vec<f64>>) {
     let model = preset("irb1600-6-145-thesis").expect("preset").model().expect("sound");
     let mut task = task();
@@ -29,7 +29,8 @@ fn planned(count: usize, task: &Task, sigma: &[Vec<f64>]) -> Checkup {
     poses(task, sigma, &wish, &TERMS).expect("poses")
 }
 
-/// What a robot shows that differs from the model as its stated uncertainty allows, damaged by `change` (m or rad) in the first number of `damage`.
+/// Measurements of a robot that deviates from the model within its stated uncertainty, with damage of size `change` (m or rad) in the first parameter
+/// of `damage`.
 fn shown(
     task: &Task,
     sigma: &[Vec<f64>],
@@ -40,7 +41,7 @@ fn shown(
     shown_at(task, sigma, stops, damage, 1.0, seed)
 }
 
-/// The same with `scale` times the stated noise.
+/// [`shown`] with the noise multiplied by `scale`.
 fn shown_at(
     task: &Task,
     sigma: &[Vec<f64>],
@@ -78,7 +79,7 @@ fn a_sound_robot_passes_as_often_as_was_asked_and_a_damaged_one_does_not() {
             let sound = shown(&task, &sigma, &checkup.poses, None, seed);
             alarms += usize::from(!judge(&sound, &task.hypothesis.model, &sigma, &TERMS).holds);
         }
-        // Asked: 1 in 100. Of 150, 6 or more come in one of two hundred such tests.
+        // Requested rate: 1 in 100. Six or more of 150 occur in one of two hundred such tests.
         assert!(alarms < 6, "{known}: {alarms} of {RUNS}");
         let damage = Damage::Offset(3);
         let least = checkup
@@ -92,7 +93,7 @@ fn a_sound_robot_passes_as_often_as_was_asked_and_a_damaged_one_does_not() {
             let bent = shown(&task, &sigma, &checkup.poses, Some((damage, least)), seed);
             seen += usize::from(!judge(&bent, &task.hypothesis.model, &sigma, &TERMS).holds);
         }
-        // Asked: 90 of 100, three standard deviations.
+        // Requested power: 90 of 100, less three standard deviations.
         assert!(seen > 80, "{known}: {seen} of 100 at {least}");
     }
 }
@@ -167,7 +168,7 @@ fn a_damage_that_is_none_of_the_known_is_seen_by_the_sum() {
     let (task, sigma) = cell(false);
     let checkup = ten(&task, &sigma);
     let mut odd = shown(&task, &sigma, &checkup.poses, None, 3);
-    // One reading a millimetre off in each of three poses: no joint does that.
+    // A millimetre error in one reading of three poses each, which no joint damage explains.
     for (place, axis) in [(1, 0), (4, 2), (8, 1)] {
         if let Some(crate::Reading::Point { at, .. }) =
             odd.poses[place].seen.first_mut().map(|seen| &mut seen.reading)
@@ -182,17 +183,17 @@ fn a_damage_that_is_none_of_the_known_is_seen_by_the_sum() {
 #[test]
 fn noise_that_is_overstated_is_reported_and_chance_is_not() {
     let (task, sigma) = cell(false);
-    // Ten poses leave so few readings beside what is fitted that a quarter of the noise may be chance.
+    // With ten poses, so few degrees of freedom remain that residuals of a quarter of the noise would not be significant.
     let checkup = planned(24, &task, &sigma);
     const RUNS: u64 = 100;
     let scatter = |scale: f64, seed: u64| {
         let seen = shown_at(&task, &sigma, &checkup.poses, None, scale, seed);
         judge(&seen, &task.hypothesis.model, &sigma, &TERMS).scatter
     };
-    // Asked: 1 in 200. Of 100, 4 or more come in one of five hundred such tests.
+    // Requested rate: 1 in 200. Four or more of 100 occur in one of five hundred such tests.
     let chance = (0..RUNS).filter(|seed| scatter(1.0, *seed).is_some()).count();
     assert!(chance < 4, "{chance} of {RUNS}");
-    // A robot that is as its model says, measured with a quarter of the stated noise.
+    // An undamaged robot, measured with a quarter of the stated noise.
     for seed in 0..10 {
         let model = &task.hypothesis.model;
         let stops = task.campaign(&checkup.poses);

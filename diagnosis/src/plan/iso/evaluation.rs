@@ -1,4 +1,4 @@
-//! Accuracy and repeatability of the poses in a recording.
+//! Accuracy and repeatability (ISO 9283) of the poses in a recording.
 
 use physics::Arm;
 
@@ -6,7 +6,7 @@ use super::{VISITS, Visits, visits};
 use crate::campaign::Campaign;
 use crate::iso9283::{self, DistanceFigures, IsoError, Placement, PoseFigures};
 
-/// A pose with its figures.
+/// A pose with its characteristics.
 #[derive(Clone, Debug)]
 pub struct EvaluatedPose {
     /// Command and visits.
@@ -18,21 +18,22 @@ pub struct EvaluatedPose {
 /// Pose accuracy and repeatability of a recording.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
-    /// The poses that were visited at least twice, in the order of first visits.
+    /// Poses that were visited at least twice, in the order of the first visits.
     pub poses: Vec<EvaluatedPose>,
-    /// Of the two poses farthest apart, which needs no frame; none where the measured point of the tool is not known, or there is one pose.
+    /// Distance accuracy and repeatability of the two poses farthest apart, independent of the frame; `None` if the measured point of the tool is
+    /// unknown, or there is only one pose.
     pub distance: Option<DistanceFigures>,
-    /// Whether the measuring frame is brought to the base.
+    /// Whether the measuring frame is known relative to the base.
     pub is_frame_known: bool,
-    /// Whether it is known where the measured point sits on the tool.
+    /// Whether the position of the measured point on the tool is known.
     pub is_point_known: bool,
 }
 
 impl Evaluation {
-    /// Evaluates what was measured of `arm`. A frame that is not known is not fitted, which would hide accuracy.
+    /// Evaluates the measurements of `arm`. An unknown frame is not fitted, since the fit would absorb part of the error.
     ///
     /// # Errors
-    /// No pose was visited twice, or numbers that are none.
+    /// [`IsoError`] if no pose was visited twice, or values are not finite.
     pub fn of(arm: &Arm, campaign: &Campaign) -> Result<Self, IsoError> {
         let around = &campaign.surroundings;
         let is_frame_known = around.frames.iter().all(|frame| !frame.free);
@@ -50,20 +51,20 @@ impl Evaluation {
         Ok(Self { poses, distance, is_frame_known, is_point_known })
     }
 
-    /// Whether accuracy is known: it needs the measuring frame and the measured point.
+    /// Whether accuracy can be evaluated: it requires the measuring frame and the measured point.
     #[must_use]
     pub fn has_accuracy(&self) -> bool {
         self.is_frame_known && self.is_point_known
     }
 
-    /// Whether every pose was visited as often as the standard asks for ([`VISITS`]).
+    /// Whether every pose was visited as often as the standard requires ([`VISITS`]).
     #[must_use]
     pub fn has_all_visits(&self) -> bool {
         self.poses.iter().all(|pose| pose.visits.attained.len() >= VISITS)
     }
 }
 
-/// Of the two poses farthest apart.
+/// Distance accuracy and repeatability of the two poses farthest apart.
 fn distance(found: &[Visits]) -> Option<DistanceFigures> {
     let place = |pose: &Visits| Placement::point(pose.command.position_m);
     let pairs = (0..found.len()).flat_map(|i| (i + 1..found.len()).map(move |j| (i, j)));

@@ -9,7 +9,7 @@ use crate::torque::columns::{Law, shortest_way, slip};
 use crate::torque::found::Number;
 use crate::torque::reinterpretation;
 
-/// The pendulum without a word of its mass.
+/// The pendulum, with its mass unstated.
 fn bare() -> Arm {
     let whole = pendulum();
     let mut joint = whole.joints()[0];
@@ -48,7 +48,7 @@ fn a_delay_of_many_rows_is_told_as_long_as_it_is() {
     let arm = slider(true);
     let dry = effect(&arm, "coulomb_friction", &[("level", &[20.0])]);
     let found = of(&arm, &[dry], made);
-    // To the first order it would be told a tenth too short.
+    // A first-order column would underestimate this delay by a tenth.
     near(&found, "torque_delay", late_s, 0.01);
 }
 
@@ -82,7 +82,7 @@ fn what_the_model_states_of_dry_friction_is_what_a_name_of_it_takes_off() {
     let dry = effect(&arm, "coulomb_friction", &[("level", &[20.0])]);
     let model = Model::new(arm, &[dry]).unwrap();
     let stated = Stated { model: &model, sigma: &[vec![0.0]], delay_s: 0.0 };
-    // At few rows a second: from motion in the torque's own band it would turn too softly.
+    // At a low sampling rate, motion in the torque's own band would reverse too gradually.
     let mut made = recording(JointKind::Prismatic, 0.0, |_| 0.0);
     let rare: Vec<usize> = (0..made.t_s.len()).step_by(4).collect();
     let q = made.column(Channel::Motor(0)).unwrap().to_vec();
@@ -100,7 +100,7 @@ fn what_the_model_states_of_dry_friction_is_what_a_name_of_it_takes_off() {
     assert!(rms < 0.1, "{rms}");
 }
 
-/// What the slider's mass asks for, row by row.
+/// Inertial force of the slider, row by row, N.
 fn physics_of(case: &Case) -> Vec<f64> {
     let runs = case.motion.runs.iter();
     runs.flat_map(|run| run.rows.iter().map(|row| MASS * run.joints[0].a[*row])).collect()
@@ -123,7 +123,7 @@ fn a_loop_of_springs_that_slip_is_told_within_the_doubt_of_how_it_remembers() {
 
 #[test]
 fn friction_under_a_load_of_short_pushes_is_told_where_the_band_smooths_them() {
-    // Pushes to and fro within a period of the band's edge: their sum is smoothed away, their size is not.
+    // Forces that alternate within a period of the band edge: filtering removes their mean, but not their absolute value.
     let made = |effects: &[AnyEffect]| {
         let arm = slider(true);
         let model = Model::new(arm, effects).unwrap();

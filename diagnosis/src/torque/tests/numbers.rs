@@ -84,7 +84,7 @@ fn where_warmth_bends_friction_its_number_is_told_with_the_slope_at_the_bend() {
     let selection = refine::search(&case, &products, &[]).solve(&[name]);
     let flat = prove::covariance(&case, &selection.solved, &seen)[(0, 0)];
     let (bent, _) = prove::sureness(&case, &selection, &seen, &|_| 150.0);
-    // Friction that is nearly gone says little more of how fast it goes: the column rises to 1 − e⁻¹˙⁵, its slope is down to 1.5 e⁻¹˙⁵.
+    // Once friction has nearly vanished, its decay rate is poorly determined: the column reaches 1 − e⁻¹˙⁵ and its slope falls to 1.5 e⁻¹˙⁵.
     assert!(bent[(0, 0)] > 1.5 * flat, "{bent} {flat}");
     let per_kelvin = -selection.solved.values[0] / 150.0;
     assert!((per_kelvin - 0.1).abs() < 3.0 * bent[(0, 0)].sqrt() / 150.0, "{per_kelvin}");
@@ -107,7 +107,7 @@ fn what_turns_sharply_is_told_from_quicker_motion_where_rows_are_few() {
         let apart = track.quick()[1].iter().zip(&track.v).map(|(quick, v)| (quick - v).abs());
         apart.skip(200).take(3000).fold(0.0, f64::max)
     };
-    // 20 Hz of a thousandth is a speed of 0.126; a band of 12.5 Hz has little of it.
+    // 20 Hz at an amplitude of 1e-3 is a velocity of 0.126; a band of 12.5 Hz attenuates most of it.
     assert!(quicker(&of(8e-3)) > 0.06);
     assert_eq!(quicker(&of(1e-3)), 0.0);
 }
@@ -147,12 +147,12 @@ fn rows_more_are_as_likely_as_numbers_of_these_few_foretell_them() {
     let dry = families.iter().find(|family| family.kind == "coulomb_friction").unwrap().columns[0];
     let (few, all) = (case.products(&case.rows.train), case.products(&case.rows.seen()));
     let told = all.likelihood(&[dry]) - few.likelihood(&[dry]);
-    // One number by hand: what is left on rows more, as unsure as it is and as the number is.
+    // Computed by hand for one parameter: predictive log-likelihood of additional rows under the noise and the parameter's uncertainty.
     let [one, both] = [&few, &all].map(|of| (of.gram[(dry, dry)], of.right[dry]));
     let by_hand = 0.5 * (both.1 * both.1 / both.0 - one.1 * one.1 / one.0 - (both.0 / one.0).ln());
     assert!((told - by_hand).abs() < 1e-6 * by_hand.abs(), "{told} {by_hand}");
     assert!(told > 100.0, "{told}");
-    // A number that these rows do not bear out is foretold worse than none.
+    // A parameter that these rows contradict predicts them worse than none.
     let mut other = all.clone();
     other.right[dry] = 2.0 * one.1 - both.1;
     assert!(other.likelihood(&[dry]) - few.likelihood(&[dry]) < -100.0);

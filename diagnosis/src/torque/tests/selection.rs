@@ -13,7 +13,7 @@ fn kinds(found: &Diagnosis) -> Vec<&'static str> {
     found.findings.iter().map(|finding| finding.kind).collect()
 }
 
-/// A slider that knows its mass and its dry friction.
+/// A slider whose mass and dry friction are stated.
 fn known(noise: f64, lacks: impl Fn([f64; 3]) -> f64) -> Diagnosis {
     let force = |state: [f64; 3]| MASS * state[2] + 20.0 * state[1].signum() + lacks(state);
     let arm = slider(true);
@@ -85,7 +85,7 @@ fn no_name_falls_for_a_rival_that_alone_would_have_the_wrong_sign() {
     let search = refine::search(&case, &products, &[]);
     let find = |kind: &str| case.library.families.iter().position(|f| f.kind == kind).unwrap();
     let (loop_, dry) = (find("hysteresis"), find("friction_asymmetry"));
-    // The loop alone would have to run backwards here; a measure that likes it best without the other must not have its way.
+    // The hysteresis alone would need a negative amplitude here; a search that prefers it without dry friction must be rejected.
     let likes = |solved: &Solved| solved.columns.len() as f64;
     let (names, refuted) = supported(&search, vec![loop_, dry], &likes, &|_| false);
     assert!(!names.contains(&loop_) && refuted.contains(&loop_), "{names:?} {refuted:?}");
@@ -138,7 +138,7 @@ fn a_law_that_makes_the_plain_error_on_unseen_rows_larger_is_none() {
     let noise: Vec<f64> = noise.take(case.table.rows()).collect();
     let held = case.rows.test.clone();
     case.table.noise[0] = noise::of_left(&case.table, 0, &noise, &case.rows.seen(), 0.0);
-    // The law takes away what is quick, and beside noise that remembers itself a level that it leaves instead hardly counts.
+    // The law removes the fast part, but leaves a constant offset, which counts little against autocorrelated noise.
     let before: Vec<f64> =
         noise.iter().enumerate().map(|(k, x)| x + if k % 8 < 4 { 0.1 } else { -0.1 }).collect();
     let after = |level: f64| noise.iter().map(|x| x + level).collect::<Vec<f64>>();

@@ -6,7 +6,7 @@ use super::*;
 fn a_force_that_no_name_has_is_unknown_structure() {
     let mut recording = MADE.recorded("");
     let along = recording.column(Channel::Wrench(0)).expect("made").to_vec();
-    // A sensor that gives way: what is large reads too small.
+    // A sensor with a compressive nonlinearity: large forces are underestimated.
     let soft = along.iter().map(|force| force - 1.5e-3 * force * force.abs()).collect();
     recording.set(Channel::Wrench(0), soft);
     let found = of(&recording);
@@ -36,7 +36,7 @@ fn an_amplifier_that_drifts_further_than_any_does_is_no_bias() {
     assert_eq!(found.unexplained.expect("told").words, ["t_s"]);
 }
 
-/// Passes one after the other, each a segment of its own.
+/// Passes in succession, each as a segment.
 fn joined(passes: &[Recording]) -> Recording {
     let first = &passes[0];
     let times = passes.iter().flat_map(|pass| pass.t_s.iter().copied());
@@ -54,7 +54,7 @@ fn joined(passes: &[Recording]) -> Recording {
 
 #[test]
 fn edges_that_plough_the_more_the_faster_they_go_follow_the_speed_and_not_the_feed() {
-    // Three speeds and three feeds: pieces of lines over the feed can be bent to say what a line over the speed says.
+    // With three speeds and three feeds, a piecewise linear function of the feed can reproduce a linear function of the speed.
     let pass = |rpm: f64, feeds_m_s: &'static [f64]| {
         let more = 2.0 * (rpm / RPM - 1.0);
         let rubs = [8.0, 10.0, 2.0].map(|number| number * more);
