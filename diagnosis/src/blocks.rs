@@ -1,4 +1,5 @@
-//! Cluster-robust uncertainty of the fitted parameters of poses, from blocks of the recording ([`crate::engine::sandwich`]).
+//! Cluster-robust (sandwich) standard uncertainty of the fitted parameters, with blocks of consecutive poses as clusters
+//! ([`crate::engine::sandwich`]).
 
 use crate::engine::sandwich::{Block, BlockSettings, covariance};
 use crate::score::Fitted;
@@ -6,7 +7,8 @@ use nalgebra::{DMatrix, DVectorView};
 use std::cell::Cell;
 
 impl Fitted<'_> {
-    /// The standard uncertainty of each column of the fit, SI, in the order of [`crate::result::Fit::columns`]; never below that of the noise model.
+    /// Standard uncertainty of each fitted column, SI, in the order of [`crate::result::Fit::columns`]: the larger of the cluster-robust value and
+    /// that of the noise model.
     pub(crate) fn uncertainty(&self) -> Vec<f64> {
         let settings = BlockSettings::POSITION;
         let width = self.fit.columns().len();
@@ -47,7 +49,7 @@ mod tests {
     use crate::{Campaign, Reading, made, simulate};
     use glam::DVec3;
 
-    /// How much wider stretches say than the noise does, on average over all columns.
+    /// Ratio of the block-based to the noise-model uncertainty, averaged over all columns.
     fn wider(campaign: &Campaign) -> f64 {
         let used = vec![true; campaign.poses.len()];
         let influence = Influence::Equal;
@@ -65,7 +67,7 @@ mod tests {
         let white = simulate::readings(&clean, &made::thesis(), &clean.surroundings, 1.0, 5);
         let mut slow = white.clone();
         for (k, pose) in slow.poses.iter_mut().enumerate() {
-            // A step of a noise from every fortieth pose to the next.
+            // A noise step that is shared by forty consecutive poses.
             let step =
                 DVec3::splat(5e-5 * f64::from([1_i8, -1, -1, 1, -1, 1, 1, -1, 1, -1][k / 40]));
             for seen in &mut pose.seen {

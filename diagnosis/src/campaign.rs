@@ -1,10 +1,9 @@
 //! A measuring campaign: inputs of the robot, measurements and their uncertainties.
 //!
-//! Kinds of readings can be mixed: points of the tool and its orientation in a measuring frame, distances to a fixed point
-//! (ballbar, cable), contacts of a probe with planes and spheres, joint positions on the link side.
+//! Kinds of measurements can be mixed: points of the tool and its orientation in a measuring frame, distances to a fixed point (ballbar, cable
+//! encoder), contacts of a probe with planes and spheres, joint positions on the link side.
 //!
-//! Promises: plain data, SI; a campaign is independent of the effects to be fitted.
-//! Never: a file; see [`crate::from_recording`].
+//! All values are SI. A campaign contains no effects; it is built from files by [`crate::from_recording`].
 
 use crate::colour::Colour;
 use crate::nests::Nests;
@@ -12,7 +11,7 @@ use crate::surroundings::Surroundings;
 use glam::{DMat3, DVec3};
 use physics::Inputs;
 
-/// Which point of the tool is meant.
+/// The measured point of the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// The tool centre point.
@@ -21,63 +20,63 @@ pub enum Place {
     Target(usize),
 }
 
-/// What an instrument read.
+/// One measurement of an instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reading {
     /// A point of the tool, m, measuring frame.
     Point {
-        /// Which point.
+        /// The measured point.
         place: Place,
-        /// Which of [`Surroundings::frames`] it was measured in.
+        /// Measuring frame, index into [`Surroundings::frames`].
         frame: usize,
-        /// Where it was seen, m.
+        /// Measured position, m, in that frame.
         at: DVec3,
     },
     /// The tool's orientation in a measuring frame.
     Orientation {
-        /// Which of [`Surroundings::frames`].
+        /// Measuring frame, index into [`Surroundings::frames`].
         frame: usize,
-        /// Tool axes to measuring axes.
+        /// Measured rotation matrix from tool axes to measuring axes.
         measuring_from_tool: DMat3,
     },
     /// The distance of a point of the tool from a fixed point.
     Distance {
-        /// Which point.
+        /// The measured point.
         place: Place,
-        /// Which of [`Surroundings::anchors`].
+        /// The fixed point, index into [`Surroundings::anchors`].
         anchor: usize,
-        /// m.
+        /// Measured distance, m.
         length_m: f64,
     },
     /// A probe touches a plane from the side of its normal.
     Plane {
-        /// The middle of the probe's ball.
+        /// Centre of the probe's ball.
         place: Place,
-        /// Which of [`Surroundings::planes`].
+        /// The plane, index into [`Surroundings::planes`].
         plane: usize,
         /// Radius of the probe's ball, m.
         radius_m: f64,
     },
     /// A probe touches a sphere from outside.
     Sphere {
-        /// The middle of the probe's ball.
+        /// Centre of the probe's ball.
         place: Place,
-        /// Which of [`Surroundings::spheres`].
+        /// The sphere, index into [`Surroundings::spheres`].
         sphere: usize,
         /// Radius of the probe's ball, m.
         radius_m: f64,
     },
     /// A joint's position measured on the link side, rad or m.
     JointPosition {
-        /// From 0.
+        /// 0-based.
         joint: usize,
-        /// rad or m.
+        /// Measured position, rad or m.
         position: f64,
     },
 }
 
 impl Reading {
-    /// How many numbers were read: 3 for points and orientations, else 1.
+    /// Number of scalar values: 3 for points and orientations, otherwise 1.
     #[must_use]
     pub fn count(&self) -> usize {
         match self {
@@ -86,7 +85,7 @@ impl Reading {
         }
     }
 
-    /// What of the surroundings it was read against, if anything: its kind and its place among those of its kind.
+    /// The extrinsic object that the measurement refers to, if any: its kind and its index among objects of that kind.
     pub(crate) fn against(&self) -> Option<(u8, usize)> {
         match *self {
             Self::Point { frame, .. } | Self::Orientation { frame, .. } => Some((0, frame)),
@@ -97,14 +96,14 @@ impl Reading {
         }
     }
 
-    /// Whether it is a length in m; else an angle.
+    /// Whether the measurement is a length in m; otherwise it is an angle.
     #[must_use]
     pub fn is_length(&self) -> bool {
         !matches!(self, Self::Orientation { .. } | Self::JointPosition { .. })
     }
 }
 
-/// The standard uncertainty of a reading.
+/// Standard uncertainty of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Noise {
     /// The same in every direction, m or rad.
@@ -123,9 +122,9 @@ pub enum Noise {
 }
 
 impl Noise {
-    /// `W` with `Wᵀ W` the inverse covariance: it turns residuals into unit noise. `seen` is where the point was seen.
+    /// Whitening matrix `W` with `Wᵀ W` equal to the inverse covariance, so that `W` scales residuals to unit noise. `seen` is the measured point, m.
     ///
-    /// None where the noise is not above zero and finite.
+    /// `None` if the noise is not positive and finite.
     #[must_use]
     pub fn whitening(&self, seen: DVec3) -> Option<DMat3> {
         let whitening = match *self {
@@ -146,7 +145,7 @@ impl Noise {
     }
 }
 
-/// The inverse of the lower Cholesky factor of a covariance.
+/// Inverse of the lower Cholesky factor of a covariance; `None` if it is not positive definite.
 fn inverse_root(c: &DMat3) -> Option<DMat3> {
     let (xx, xy, xz) = (c.x_axis.x, c.x_axis.y, c.x_axis.z);
     let (yy, yz, zz) = (c.y_axis.y, c.y_axis.z, c.z_axis.z);
@@ -163,43 +162,43 @@ fn inverse_root(c: &DMat3) -> Option<DMat3> {
     (l33 > 0.0).then(|| lower.inverse())
 }
 
-/// One reading with its uncertainty.
+/// One measurement with its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
-    /// What was read.
+    /// The measurement.
     pub reading: Reading,
-    /// See [`Noise::whitening`]; a reading of one number uses the first entry alone.
+    /// See [`Noise::whitening`]; a scalar measurement uses only the first entry.
     pub whitening: DMat3,
-    /// The instrument, of [`Campaign::instruments`].
+    /// Index into [`Campaign::instruments`].
     pub instrument: usize,
 }
 
-/// How the arm came to where it was seen.
+/// How the arm arrived at a pose, which determines the state of effects with memory (hysteresis, backlash).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
-    /// After a long move that ended in the direction that the inputs say: memory is settled.
+    /// After a long move that ended in the direction given by the inputs: the memory is fully developed.
     Settled,
-    /// From the pose before it: memory follows.
+    /// From the preceding pose: the memory continues.
     FromBefore,
 }
 
-/// The arm in one place, and what was seen of it there.
+/// One pose of the arm with its measurements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pose {
-    /// What went in.
+    /// Inputs of the model.
     pub inputs: Inputs,
-    /// How it came there.
+    /// How the arm arrived there.
     pub arrival: Arrival,
-    /// Its recording, from 0.
+    /// Recording, 0-based index into [`Campaign::recordings`].
     pub recording: usize,
-    /// Its row in that recording, from 0.
+    /// Row of that recording, 0-based.
     pub row: usize,
-    /// What was seen.
+    /// The measurements.
     pub seen: Vec<Observation>,
 }
 
 impl Pose {
-    /// The measuring frame that it was first seen in, of [`Surroundings::frames`].
+    /// Measuring frame of the first measurement that has one, index into [`Surroundings::frames`].
     #[must_use]
     pub fn frame(&self) -> Option<usize> {
         self.seen.iter().find_map(|seen| match seen.reading {
@@ -209,53 +208,53 @@ impl Pose {
     }
 }
 
-/// One instrument: readings that share one noise.
+/// One instrument: measurements that share one noise model.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Instrument {
-    /// What it measures, for users: `targets of FILE`.
+    /// Name for users: `targets of FILE`.
     pub name: String,
-    /// Whether its standard uncertainty is known; else the fit estimates a factor on it.
+    /// Whether its standard uncertainty is known; otherwise the fit estimates a factor on it.
     pub noise_is_known: bool,
-    /// How its noise remembers itself.
+    /// Autocorrelation of its noise.
     pub colour: Colour,
 }
 
-/// One recording that poses come from.
+/// One recording from which poses are taken.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Source {
-    /// Its name, for users.
+    /// Name for users.
     pub name: String,
-    /// Whether the arm moved along a path; else it stood at each pose.
+    /// Whether the arm moved along a path; otherwise it was at rest at each pose.
     pub is_path: bool,
-    /// Whether joint positions were read back from the controller; else they were commanded.
+    /// Whether joint positions were read back from the controller; otherwise they are commands.
     pub reads_back: bool,
-    /// How the instrument wandered, where targets on the base tell; points and orientations are free of it.
+    /// Drift of the instrument, where reference targets on the base measure it; points and orientations are already corrected for it.
     pub nests: Option<Nests>,
 }
 
 impl Source {
-    /// Settled poses, commanded.
+    /// Settled poses with commanded positions.
     #[must_use]
     pub fn of_poses(name: &str) -> Self {
         Self { name: name.to_owned(), ..Self::default() }
     }
 }
 
-/// Everything that was measured, with what stands around the robot as far as it is known.
+/// All measurements, with the extrinsic parameters (frames, targets, stations) as far as they are known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Campaign {
-    /// In the order in which they were measured.
+    /// In the order of measurement.
     pub poses: Vec<Pose>,
-    /// Frames, targets and things touched: known, or to be fitted.
+    /// Frames, targets and touched objects: known, or to be fitted.
     pub surroundings: Surroundings,
     /// The instruments.
     pub instruments: Vec<Instrument>,
-    /// The recordings, by [`Pose::recording`].
+    /// The recordings, indexed by [`Pose::recording`].
     pub recordings: Vec<Source>,
 }
 
 impl Campaign {
-    /// The number of readings of all poses.
+    /// Number of measurements of all poses.
     #[must_use]
     pub fn readings(&self) -> usize {
         self.poses.iter().map(|pose| pose.seen.len()).sum()

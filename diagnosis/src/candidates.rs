@@ -1,10 +1,10 @@
-//! Candidate effects from the list of `physics`, as far as the data can show them.
+//! Candidate effects from the list of `physics`, limited to those that the signals of a campaign can show.
 //!
-//! A candidate is evaluated by columns that are linear in its parameters: linear parameters of the effect, or sine and cosine of a wave.
-//! Nonlinear parameters (a time constant, a load) are tried at a few values each.
+//! A candidate is evaluated by columns that are linear in its parameters: linear parameters of the effect, or the sine and cosine components of a
+//! wave. Nonlinear parameters (a time constant, a load) are tried at a few values each.
 //!
-//! Promises: no candidate needs a signal that the campaign lacks; none duplicates an effect of the model.
-//! Never: use of the residuals; see [`crate::score`].
+//! Invariant: no candidate needs a signal that the campaign lacks, and none duplicates an effect of the model. Residuals are not used here; see
+//! [`crate::score`].
 
 mod families;
 mod heat;
@@ -23,54 +23,54 @@ use physics::spec::{Need, Role};
 use physics::{AnyEffect, Arm, Given, JOINTS_MAX, JointKind};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Distances of a hysteresis that are tried, rad or m.
+/// Reversal distances of a hysteresis that are tried, rad or m.
 pub(crate) const REVERSALS: [f64; 3] = [2e-3, 1e-2, 5e-2];
-/// Loads of a soft zone that are tried, as shares of the joint's largest load.
+/// Loads at which the soft zone ends that are tried, as fractions of the joint's largest load.
 const SOFT: [f64; 3] = [0.05, 0.2, 0.6];
 
-/// One number of an effect, judged by its column.
+/// One parameter of an effect, evaluated by its column of the Jacobian.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Probe {
     pub(crate) effect: AnyEffect,
     pub(crate) value: usize,
 }
 
-/// How the numbers that were found become effects.
+/// How estimated parameters become effects.
 #[derive(Clone, Copy, Debug)]
 enum Make {
-    /// The probes' effect with its linear values set.
+    /// The effect of the probes with its linear parameters set.
     Values,
-    /// Sine and cosine of one wave of a joint's position.
+    /// Sine and cosine components of one wave of a joint's position.
     Wave { joint: usize, cycles: f64 },
-    /// Sine and cosine of two tilts.
+    /// Sine and cosine components of two tilts of a joint's axis.
     Wobble { joint: usize, cycles: f64 },
-    /// Changes to the values of an effect that the model has, by its place there.
+    /// Changes to the parameters of an effect that the model already has, at index `place`.
     Change { place: usize },
-    /// Coefficients of a description; those that an offset and a ratio stand for stay zero.
+    /// Coefficients of a joint error polynomial; those that are equivalent to an offset and a ratio stay zero.
     Remainder,
-    /// A spring: one of its lengths stays, since only their ratios show.
+    /// A spring: one of its lengths stays fixed, since the data determine only their ratios.
     Spring,
-    /// Masses at given places: their sum at their middle.
+    /// Masses at given positions, combined to their sum at their centre of mass.
     Masses,
-    /// A joint or the base that rings.
+    /// A natural mode of a joint or of the base.
     Mode(Driven),
 }
 
-/// An effect that might be missing.
+/// An effect that the model may lack.
 #[derive(Clone, Debug)]
 pub(crate) struct Candidate {
     /// Candidates of one slot exclude each other.
     pub(crate) slot: String,
-    /// Its joint.
+    /// Joint of the effect, 0-based; `None` for effects of the whole arm.
     pub(crate) joint: Option<usize>,
     pub(crate) probes: Vec<Probe>,
-    /// Entries that no fit changes, with their numbers, SI.
+    /// Parameters that no fit changes, with their values, SI.
     pub(crate) settings: Vec<(&'static str, Vec<f64>)>,
     make: Make,
 }
 
 impl Candidate {
-    /// The effect with the numbers that were found for its probes.
+    /// The effect with `found` as the values of its probes; `None` if it cannot be built, or if the candidate is not an effect of its own.
     pub(crate) fn effect(&self, arm: &Arm, found: &[f64]) -> Option<AnyEffect> {
         match self.make {
             Make::Change { .. } => None,
@@ -94,7 +94,7 @@ impl Candidate {
         }
     }
 
-    /// Stems of its entries that a fit keeps: a wave's period where it was not searched for.
+    /// Stems of the parameters that a fit keeps: the period of a wave unless it was searched for.
     pub(crate) fn kept(&self) -> &'static [&'static str] {
         match self.make {
             Make::Wave { .. } | Make::Wobble { .. } => &["cycles"],
@@ -104,27 +104,27 @@ impl Candidate {
         }
     }
 
-    /// How many numbers that show were chosen from a list before its probes were looked at, and will be fitted.
+    /// Number of identifiable parameters that were selected from a list of trial values beforehand and are still to be fitted.
     pub(crate) fn tried_numbers(&self) -> usize {
         if matches!(self.make, Make::Spring) { loads::SHAPE } else { 0 }
     }
 
-    /// Whether it is a spring of a shape that was tried.
+    /// Whether it is a spring with a trial geometry.
     pub(crate) fn is_spring(&self) -> bool {
         matches!(self.make, Make::Spring)
     }
 
-    /// Whether its probes are parts of one mass.
+    /// Whether its probes together form one mass.
     pub(crate) fn is_one_mass(&self) -> bool {
         matches!(self.make, Make::Masses)
     }
 
-    /// Whether a fit may change this value of its effect.
+    /// Whether a fit may change this parameter of its effect.
     pub(crate) fn frees(&self, value: usize) -> bool {
         !matches!(self.make, Make::Remainder) || self.probes.iter().any(|p| p.value == value)
     }
 
-    /// Whether it cannot stand beside this effect.
+    /// Whether it excludes this effect of the model: same slot, or conflicting kinds.
     pub(crate) fn is_rival_of(&self, effect: &AnyEffect) -> bool {
         if self.changes().is_some() {
             return false;
@@ -133,7 +133,7 @@ impl Candidate {
         self.slot == slot(effect) || own.is_some_and(|own| families::clash(own, effect))
     }
 
-    /// Whether it cannot stand beside what another would add.
+    /// Whether it excludes the effect that another candidate would add.
     pub(crate) fn is_rival_to(&self, other: &Self) -> bool {
         let effect = |candidate: &Self| candidate.probes.first().map(|probe| probe.effect);
         let clash = || {
@@ -143,14 +143,14 @@ impl Candidate {
         self.changes().is_none() && (self.slot == other.slot || clash())
     }
 
-    /// Candidates as one, which makes no effect: what they are worth together. None of none.
+    /// Several candidates as one, to compute their joint gain; no effect is built from it. `None` for an empty group.
     pub(crate) fn of_group(group: &[Self]) -> Option<Self> {
         let mut whole = group.first()?.clone();
         whole.probes = group.iter().flat_map(|one| one.probes.clone()).collect();
         Some(whole)
     }
 
-    /// All values of an effect that is built already.
+    /// All parameters of an existing effect as probes.
     pub(crate) fn of_values(effect: &AnyEffect) -> Self {
         let probes = (0..effect.values().len()).map(|value| Probe { effect: *effect, value });
         Self {
@@ -163,7 +163,7 @@ impl Candidate {
     }
 }
 
-/// A wave of this many cycles per revolution (prismatic: radians of phase per metre).
+/// A wave with this many cycles per revolution (prismatic joints: radians of phase per metre).
 pub(crate) fn wave_candidate(arm: &Arm, joint: usize, cycles: f64) -> Option<Candidate> {
     let sine = wave(arm, joint, cycles, 1.0, 0.0)?;
     let cosine = wave(arm, joint, cycles, 1.0, FRAC_PI_2)?;
@@ -191,7 +191,7 @@ fn wobble(
     AnyEffect::build("axis_wobble", arm, Some(joint), Given(given)).ok()
 }
 
-/// What the campaign shows besides joint positions.
+/// Signals of the campaign besides joint positions.
 #[derive(Clone, Copy, Debug, Default)]
 struct Shows {
     masses: bool,
@@ -233,7 +233,8 @@ impl Shows {
     }
 }
 
-/// Whether most poses are reached from one near by, as this joint goes: what a reversal builds up over a distance shows only then.
+/// Whether most poses are reached by a move of this joint shorter than the largest of [`REVERSALS`]: only such moves show a hysteresis that builds up
+/// over a distance.
 fn small_moves(campaign: &Campaign, joint: usize) -> bool {
     let near = |pose: &&crate::campaign::Pose| {
         let moved = (pose.inputs.q[joint] - pose.inputs.q_before[joint]).abs();
@@ -242,7 +243,7 @@ fn small_moves(campaign: &Campaign, joint: usize) -> bool {
     campaign.poses.iter().filter(near).count() > campaign.poses.len() / 2
 }
 
-/// All effects that these data could show, geometry aside, each at the values that are worth a try.
+/// All effects that these data could show, except geometry, each at its trial values.
 pub(crate) fn candidates(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let mut list = List::new(arm, campaign);
     for joint in 0..arm.count() {
@@ -293,7 +294,7 @@ impl<'a> List<'a> {
         self.heat(joint);
     }
 
-    /// What gives way under weight or wrench.
+    /// Adds candidates for deflection under weight or external wrench.
     fn weight(&mut self, joint: usize, campaign: &Campaign) {
         let at = Some(joint);
         let sag = [0.0; 3 * JOINTS_MAX];
@@ -303,7 +304,7 @@ impl<'a> List<'a> {
             self.values("load_compliance", at, &[("compliance", &[0.0])]);
         }
         if self.shows.wrench && self.shows.masses {
-            // Without both, it is `joint_compliance` by another name.
+            // With only one of masses and wrench, it is equivalent to `joint_compliance`.
             self.values("gravity_compliance", at, &[("compliance", &[0.0])]);
         }
         if self.shows.masses || self.shows.wrench {
@@ -340,7 +341,7 @@ impl<'a> List<'a> {
         }
     }
 
-    /// Adds an effect with all its linear values as probes; false where it cannot be built.
+    /// Adds an effect with all its linear parameters as probes; returns false if it cannot be built.
     pub(crate) fn values(
         &mut self,
         kind: &str,
@@ -365,8 +366,8 @@ impl<'a> List<'a> {
     }
 }
 
-/// Whether the drive of `joint` may run through joint `from`: within the last three of an arm (a wrist's gears), and from the second
-/// to the third (a parallel rod).
+/// Whether the drive of `joint` may be routed through joint `from`: within the last three joints of an arm (gears of a wrist), and from the second
+/// joint to the third (parallel rod).
 pub(crate) fn couples(arm: &Arm, from: usize, joint: usize) -> bool {
     (from + 3 >= arm.count() && from < joint) || (from == 1 && joint == 2)
 }

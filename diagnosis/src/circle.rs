@@ -1,11 +1,12 @@
 //! Circle-point analysis: the axis of rotation from the tracks of targets.
 //!
-//! All tracks of one sweep share the axis; each has its own height along it and its own radius. Start: the plane of total least squares
-//! (least eigenvector of the scatter) and Kåsa's algebraic circle (1976). Then Gauss-Newton on the orthogonal distance of every point to its circle in
-//! space (along the axis and perpendicular to it), which neither the plane nor the algebraic circle alone minimises. Thesis 3.1; Mooring, Roth and Driels 1991, 5.3.
+//! All tracks of one sweep share the axis; each has its own height along it and its own radius. Start: plane of total least squares (eigenvector of
+//! the smallest eigenvalue of the scatter matrix) and Kåsa's algebraic circle (1976). Then Gauss-Newton on the orthogonal distance of every point to
+//! its circle in space (along the axis and perpendicular to it), which neither the plane nor the algebraic circle alone minimises. Thesis 3.1;
+//! Mooring, Roth and Driels 1991, 5.3.
 //!
-//! Promises: exact circles are recovered to rounding; the covariance is that of the linearised problem under equal noise in all directions.
-//! Never: rejection of outliers, or removal of gravity deflection (see [`crate::single_joint`]).
+//! Input and output: m, in one frame. Exact circles are recovered to rounding; the covariance is that of the linearised problem under equal noise in
+//! all directions. Outliers are not rejected, and gravity deflection is not removed (see [`crate::single_joint`]).
 
 use crate::rigid::mean;
 use crate::triangle::Triangle;
@@ -15,17 +16,17 @@ use physics::frame::{normals, rotation_from_vector};
 use thiserror::Error;
 
 const STEPS_MAX: usize = 60;
-/// Steps below this part of the size of the tracks are rounding.
+/// Steps below this fraction of the size of the tracks are rounding errors.
 const ENOUGH: f64 = 1e-14;
-/// Half of the points' spread across their line, below this part of that along it, is no bend.
+/// Tracks whose spread across their main direction is below this fraction of that along it count as straight.
 const STRAIGHT: f64 = 1e-12;
 
-/// What one target's circle adds to the axis.
+/// Parameters of the circle of one target about the axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Circle {
     /// Along the axis from [`Axis::point`] to the circle's centre, m.
     pub height_m: f64,
-    /// m.
+    /// Radius, m.
     pub radius_m: f64,
     /// Standard uncertainty of the height, m.
     pub sigma_height_m: f64,
@@ -33,23 +34,23 @@ pub struct Circle {
     pub sigma_radius_m: f64,
 }
 
-/// An axis in space with its uncertainty, in the frame of the points that gave it.
+/// An axis in space with its uncertainty, in the frame of the measured points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// Unit vector.
     pub direction: DVec3,
-    /// The point on the axis amid all points, m; with one track it is the centre of its circle.
+    /// The point on the axis at the mean height of all points, m; with one track the centre of its circle.
     pub point: DVec3,
-    /// Covariance of: turns about `n1` and `n2` (rad), shifts along `n1` and `n2` (m) at [`Axis::point`]; `n1`, `n2` are
+    /// Covariance of the rotations about `n1` and `n2` (rad) and the translations along `n1` and `n2` (m) at [`Axis::point`]; `n1`, `n2` are the
     /// [`normals`] of the direction.
     pub covariance: [[f64; 4]; 4],
-    /// One circle for each track, in their order.
+    /// One circle per track, in the order of the tracks.
     pub circles: Vec<Circle>,
-    /// Root of the mean square distance per free direction that the circles leave, m: the noise of one coordinate, as these points show it.
+    /// Root mean square residual per degree of freedom, m: the estimated standard deviation of one coordinate.
     pub left_m: f64,
 }
 
-/// Why tracks do not give an axis.
+/// Why tracks do not determine an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum CircleError {
     /// Not enough points.
@@ -59,19 +60,19 @@ pub enum CircleError {
     TooFew {
         /// 1-based.
         track: usize,
-        /// Points in it.
+        /// Number of its points.
         found: usize,
     },
     /// No track.
     #[error("no target was measured along the sweep; give at least one that moves with the joint")]
     NoTrack,
-    /// A coordinate that is not a number.
+    /// A coordinate is not finite.
     #[error("track {track}: a coordinate is not finite")]
     NotFinite {
         /// 1-based.
         track: usize,
     },
-    /// The bend of the tracks does not show.
+    /// The curvature of the tracks is not significant.
     #[error(
         "the tracks are straight within their noise and do not determine an axis; sweep further, or place the target further from the axis"
     )]
@@ -97,20 +98,20 @@ impl Axis {
         [2, 3].map(|i| self.covariance[i][i].sqrt())
     }
 
-    /// The tilt: the smallest turn (rotation vector, rad) that takes `nominal` (unit vector) to this direction.
+    /// Smallest rotation (rotation vector, rad) that takes `nominal` (unit vector) to this direction.
     #[must_use]
     pub fn tilt_from(&self, nominal: DVec3) -> DVec3 {
         smallest_turn(nominal, self.direction)
     }
 
-    /// The point on the axis next to `p`, m.
+    /// The point of the axis nearest to `p`, m.
     #[must_use]
     pub fn nearest(&self, p: DVec3) -> DVec3 {
         self.point + self.direction * self.direction.dot(p - self.point)
     }
 }
 
-/// The smallest turn that takes the direction of `from` to that of `to`, as a rotation vector, rad. Keeps small angles.
+/// Smallest rotation that takes the direction of `from` to that of `to`, as a rotation vector, rad; accurate for small angles.
 #[must_use]
 pub fn smallest_turn(from: DVec3, to: DVec3) -> DVec3 {
     let across = from.cross(to);
@@ -118,8 +119,8 @@ pub fn smallest_turn(from: DVec3, to: DVec3) -> DVec3 {
     if sin == 0.0 { DVec3::ZERO } else { across * (libm::atan2(sin, from.dot(to)) / sin) }
 }
 
-/// The axis that all `tracks` (m) turn about, in the sense that lies nearer to `towards`. `noise_m` is the standard deviation of one coordinate where
-/// it is known; else what the circles leave counts as such.
+/// The common axis of rotation of all `tracks` (m), with the sign closer to `towards`. `noise_m` is the standard deviation of one coordinate if
+/// known; otherwise it is estimated from the residuals.
 ///
 /// # Errors
 /// Tracks that determine no axis, see [`CircleError`].
@@ -161,7 +162,7 @@ fn check(tracks: &[Vec<DVec3>]) -> Result<(), CircleError> {
     Ok(())
 }
 
-/// The numbers of the fit: an axis through a point, a height and a radius for each track.
+/// Parameters of the fit: an axis through a point, a height and a radius for each track.
 struct Estimate {
     direction: DVec3,
     point: DVec3,
@@ -186,7 +187,7 @@ fn start(tracks: &[Vec<DVec3>], towards: DVec3) -> Result<Estimate, CircleError>
     let least = eigen.eigenvectors.column(order[0]);
     let found = DVec3::new(least[0], least[1], least[2]).normalize_or_zero();
     let direction = if found.dot(towards) < 0.0 { -found } else { found };
-    // Kåsa: |w|² = 2 c·w + (r² − |c|²), linear in c and in one number for each track.
+    // Kåsa: |w|² = 2 c·w + (r² − |c|²), linear in c and in one constant per track.
     let (n1, n2) = normals(direction);
     let origin = mean(&centres);
     let mut triangle = Triangle::new(2 + tracks.len());
@@ -214,7 +215,7 @@ fn start(tracks: &[Vec<DVec3>], towards: DVec3) -> Result<Estimate, CircleError>
 }
 
 impl Estimate {
-    /// Rows in m: along the axis and across it for each point. Columns: two turns, two shifts, heights, radii.
+    /// Rows in m: for each point the residual along the axis and the radial one. Columns: two rotations, two translations, heights, radii.
     fn linearised(&self, tracks: &[Vec<DVec3>]) -> Triangle {
         let count = tracks.len();
         let (n1, n2) = normals(self.direction);
@@ -230,7 +231,7 @@ impl Estimate {
                 let mut along = vec![0.0; 4 + 2 * count];
                 let mut radial = along.clone();
                 for (i, n) in [n1, n2].into_iter().enumerate() {
-                    // What is seen minus what the circle says, hence the minus.
+                    // The residual is measured minus predicted, hence the sign.
                     along[i] = -n.dot(turned);
                     radial[i] = lever * n.dot(turned);
                     radial[2 + i] = outward.dot(n);
@@ -255,7 +256,7 @@ impl Estimate {
         self.radius.iter_mut().zip(radii).for_each(|(r, by)| *r += by);
     }
 
-    /// Slides the point along the axis to the middle of all points, where turns and shifts part best.
+    /// Moves the point along the axis to the mean height of all points, where rotations and translations are least correlated.
     fn amid(&mut self, tracks: &[Vec<DVec3>]) {
         let all: usize = tracks.iter().map(Vec::len).sum();
         let weighed: f64 = tracks.iter().zip(&self.height).map(|(t, h)| t.len() as f64 * h).sum();

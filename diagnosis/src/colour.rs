@@ -1,28 +1,28 @@
-//! Noise that remembers itself: autoregressive, one law per instrument, taken out of rows before they are summed.
+//! Autocorrelated noise: one autoregressive model AR(p) per instrument, and the whitening of rows before they are summed.
 //!
-//! `w_t = (r_t − Σ φ_k r_{t−k}) / s`, s the standard deviation of what is new at t (Box and Jenkins, Time Series Analysis, chapter 3). Rows whose
-//! forerunners are missing (a gap, the start of a segment) stay as they are.
+//! `w_t = (r_t − Σ φ_k r_{t−k}) / s`, s the standard deviation of the innovation (Box and Jenkins, Time Series Analysis, chapter 3). Rows
+//! without p predecessors (after a gap, at the start of a segment) are not whitened.
 //!
-//! Promises: white noise of unit variance where the law is right; residuals and all columns pass the same filter.
-//! Never: use of what a model says; see [`Colour::of_runs`]'s callers.
+//! Residuals and all columns pass the same filter, so the whitened noise has unit variance if the noise model is right.
+//! How the model is estimated: [`Colour::of_runs`].
 
 use crate::campaign::{Campaign, Place, Pose, Reading};
 use crate::wide::subtract;
 use std::collections::BTreeMap;
 
-/// Orders that are tried.
+/// Largest order that is tried.
 const ORDER_MAX: usize = 8;
-/// A law whose numbers sum to less is none.
+/// A model whose coefficients sum to no more than this is rejected.
 const SWINGS: f64 = 0.05;
-/// Poles stay this far inside the unit circle, so that a drift is not taken for noise.
+/// Bound on the reflection coefficients: it keeps the poles inside the unit circle, so that a drift is not taken for noise.
 const REFLECTION_MAX: f64 = 0.98;
 
-/// How the noise of one instrument remembers itself; the default: not at all.
+/// Autoregressive noise model of one instrument; default: white.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Colour {
-    /// `φ_1 …`; none: white.
+    /// Coefficients `φ_1 …`; empty: white.
     law: Vec<f64>,
-    /// The standard deviation of what is new, in units of the noise.
+    /// Standard deviation of the innovation, relative to that of the noise.
     fresh: f64,
 }
 
@@ -33,21 +33,22 @@ impl Default for Colour {
 }
 
 impl Colour {
-    /// The law that runs of readings show.
+    /// The model estimated from runs of consecutive residuals.
     #[must_use]
     pub fn of_runs(runs: &[Vec<f64>]) -> Self {
         let (law, fresh) = law(runs);
-        // What a flexible law has taken too much of looks as if it swung: no instrument does.
+        // A flexible model that overfits leaves residuals that alternate in sign; no instrument's noise does.
         if law.iter().sum::<f64>() <= SWINGS { Self::default() } else { Self { law, fresh } }
     }
 
-    /// Whether nothing is to be taken out.
+    /// Whether the noise is white, so that no filter is needed.
     #[must_use]
     pub fn is_white(&self) -> bool {
         self.law.is_empty()
     }
 
-    /// Adds what is new in each of a run's values, in the scale of the noise, to `all`; the first ones, whose forerunners are missing, stay.
+    /// Appends the innovations of a run, scaled to the standard deviation of the noise, to `all`; the first p values, which lack predecessors, are
+    /// unchanged.
     pub(crate) fn free(&self, run: &[f64], all: &mut Vec<f64>) {
         let (order, first) = (self.law.len(), all.len());
         all.extend_from_slice(run);
@@ -61,7 +62,7 @@ impl Colour {
         behind.iter_mut().for_each(|new| *new /= self.fresh);
     }
 
-    /// The variance of a sum of noise, each value times its weight, of noise of unit variance: what is new at one time is in all that remember it.
+    /// Variance of a weighted sum of consecutive noise values of unit variance, with their autocorrelation: each innovation acts on all later values.
     pub(crate) fn variance_of(&self, weights: &[f64]) -> f64 {
         let mut shares = weights.to_vec();
         for at in (0..shares.len()).rev() {
@@ -72,14 +73,14 @@ impl Colour {
         self.fresh * self.fresh * shares.iter().map(|share| share * share).sum::<f64>()
     }
 
-    /// The sum of the law's numbers, below one: how much of a slow change is noise to it, for users.
+    /// Sum of the AR coefficients, below one; the closer to one, the more of a slow change is attributed to noise. For users.
     #[must_use]
     pub fn memory(&self) -> f64 {
         self.law.iter().sum()
     }
 }
 
-/// Burg's recursion with runs apart; the order by the Bayesian information criterion.
+/// Burg's recursion over separate runs; the order minimises the Bayesian information criterion.
 fn law(runs: &[Vec<f64>]) -> (Vec<f64>, f64) {
     let runs: Vec<&Vec<f64>> = runs.iter().filter(|run| run.len() > 2 * ORDER_MAX).collect();
     let count: usize = runs.iter().map(|run| run.len()).sum();
@@ -121,7 +122,7 @@ fn law(runs: &[Vec<f64>]) -> (Vec<f64>, f64) {
     (best.1, best.2)
 }
 
-/// Which run of readings of a pose a reading belongs to.
+/// The series of consecutive measurements (TCP, each target, …) that a measurement belongs to.
 pub(crate) fn stream(reading: &Reading) -> usize {
     let of = |place: &Place| match place {
         Place::Tcp => 0,
@@ -137,7 +138,7 @@ pub(crate) fn stream(reading: &Reading) -> usize {
     }
 }
 
-/// Whether one pose is the row after another's, in one run.
+/// Whether one pose is the row directly after another in the same recording.
 pub(crate) fn follows(campaign: &Campaign, before: usize, now: usize) -> bool {
     let pose = |place: usize| -> &Pose { &campaign.poses[place] };
     pose(before).row + 1 == pose(now).row
@@ -145,16 +146,16 @@ pub(crate) fn follows(campaign: &Campaign, before: usize, now: usize) -> bool {
         && pose(before).inputs.time_s <= pose(now).inputs.time_s
 }
 
-/// What was seen of one run so far: where, and the newest rows first.
+/// The last rows of one series, newest first, and the pose of the newest.
 #[derive(Default)]
 struct Past {
     pose: usize,
     rows: Vec<Vec<f64>>,
-    /// Room of a row that is too far back to count.
+    /// Buffer of a dropped row, reused for the next.
     spare: Vec<f64>,
 }
 
-/// Takes the colour out of rows that come in order.
+/// Whitening filter for rows that arrive in order.
 pub(crate) struct Filter<'a> {
     campaign: &'a Campaign,
     past: BTreeMap<(usize, usize, usize), Past>,
@@ -165,7 +166,7 @@ impl<'a> Filter<'a> {
         Self { campaign, past: BTreeMap::new() }
     }
 
-    /// `row` (columns and right-hand side) of number `part` of a reading, in units of its noise.
+    /// Filters `row` (columns and right-hand side, in units of the noise) of component `part` of a measurement.
     pub(crate) fn pass(
         &mut self,
         pose: usize,

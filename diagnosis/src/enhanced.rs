@@ -1,26 +1,27 @@
 //! Enhanced stiffness: change of an arm's stiffness by load-induced changes of its geometry (thesis 1.8 to 1.10).
 //!
-//! Balance `K_θ δ = τ(q + δ)` gives `(K_θ − K_C − K_G) δ = τ(q)` with `K_C = ∂(JᵀW)/∂q`, `K_G = ∂τ_grav/∂q` (Chen and Kao 2000; Alici and Shirinzadeh 2005), for any
-//! number of joints, and with rigid ones. The wrench is fixed in space: one that rotates with the tool has a further term.
+//! Equilibrium `K_θ δ = τ(q + δ)` gives `(K_θ − K_C − K_G) δ = τ(q)` with `K_C = ∂(JᵀW)/∂q`, `K_G = ∂τ_grav/∂q` (Chen and Kao 2000; Alici and
+//! Shirinzadeh 2005), for any number of joints, including rigid ones.
 //!
-//! Promises: closed forms, held against differences of `JᵀW`; `K_C` is NOT symmetric under a moment (a moment fixed in space is not a conservative
-//! load), and is not symmetrised here. The size of the effect is given by [`effect`]: well below a micrometre for 100 N on an arm of this class.
+//! Valid for a wrench fixed in space; one that rotates with the tool has a further term. Closed forms, tested against central differences of `JᵀW`.
+//! `K_C` is NOT symmetric under a moment (a moment fixed in space is not a conservative load) and is not symmetrised here. Size of the effect
+//! ([`effect`]): well below a micrometre for 100 N on an arm of this class.
 
 use glam::DVec3;
 use nalgebra::{SMatrix, SVector};
 use physics::{Arm, Chain, JOINTS_MAX, JointKind, Joints, Loads, Wrench};
 
-/// One row and column per joint, zero beyond the arm's joints; Nm/rad, with N or m where a joint slides.
+/// One row and column per joint, zero beyond the arm's joints; Nm/rad, for prismatic joints with N and m instead of Nm and rad.
 pub type JointMatrix = SMatrix<f64, JOINTS_MAX, JOINTS_MAX>;
 
-/// What the bending of the arm under its load changes at one pose.
+/// Effect of the load-induced change of geometry at one pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EnhancedEffect {
-    /// How far the wrench moves the TCP, m.
+    /// Deflection of the TCP under the wrench, m.
     pub deflection_m: f64,
-    /// By how much that changes with `K_C`, m.
+    /// Change of the deflection due to `K_C`, m.
     pub by_wrench_m: f64,
-    /// By how much it changes with `K_G` besides, m.
+    /// Additional change of the deflection due to `K_G`, m.
     pub by_gravity_m: f64,
 }
 
@@ -48,7 +49,8 @@ pub fn wrench_stiffness(arm: &Arm, chain: &Chain, wrench: &Wrench) -> JointMatri
     stiffness
 }
 
-/// `K_G`: row `i`, column `j` is the derivative of `τ_grav,i` by `q_j`, by the arm's known masses. Symmetric: gravity has a potential.
+/// `K_G`: row `i`, column `j` is the derivative of `τ_grav,i` by `q_j`, computed from the arm's known masses. Symmetric, because gravity has a
+/// potential.
 #[must_use]
 pub fn gravity_stiffness(arm: &Arm, chain: &Chain) -> JointMatrix {
     let mut stiffness = JointMatrix::zeros();
@@ -72,7 +74,8 @@ pub fn gravity_stiffness(arm: &Arm, chain: &Chain) -> JointMatrix {
     stiffness
 }
 
-/// What `K_C` and `K_G` are worth at `q` under `wrench` (at the TCP, base axes). `None` where the load has the arm buckle.
+/// Effect of `K_C` and `K_G` at `q` (rad or m) under `wrench` (at the TCP, base axes, N and Nm), with `compliance` per joint (rad/Nm or m/N). `None`
+/// if the arm buckles under the load.
 #[must_use]
 pub fn effect(
     arm: &Arm,
@@ -97,7 +100,7 @@ pub fn effect(
     })
 }
 
-/// `(K_θ − S)⁻¹ = (1 − C S)⁻¹ C`, which holds for rigid joints (`C = 0`) too.
+/// `(K_θ − S)⁻¹ = (1 − C S)⁻¹ C`, which is also valid for rigid joints (`C = 0`).
 fn joint_compliance(compliance: &Joints, softening: &JointMatrix) -> Option<JointMatrix> {
     let rigid = JointMatrix::from_diagonal(&SVector::from(*compliance));
     (JointMatrix::identity() - rigid * softening).try_inverse().map(|inverse| inverse * rigid)

@@ -1,9 +1,9 @@
 //! Expected tool error of the fitted model: covariance of the fit propagated to the TCP.
 //!
-//! `Cov_x = J_x Cov J_xᵀ`, `J_x` how the TCP in base axes moves with each free number. The part confounded with an unknown measuring frame (the pose of the
-//! robot) is excluded, because a cell is taught in the controller's base frame.
+//! `Cov_x = J_x Cov J_xᵀ`, where `J_x` is the Jacobian of the TCP in base axes by the free parameters. The part confounded with
+//! an unknown measuring frame (the pose of the robot) is excluded, because a cell is taught in the controller's base frame.
 //!
-//! Promises: assumes the right form of the model; missing effects show on held-out poses, not here. Never: a pose other than the given ones.
+//! Valid if the form of the model is right; missing effects show only in the residuals of held-out poses.
 
 use crate::campaign::{Arrival, Campaign};
 use crate::motion::Motion;
@@ -13,7 +13,7 @@ use crate::result::Fit;
 use crate::surroundings::Surroundings;
 use physics::Inputs;
 
-/// The standard uncertainty of the TCP's place (root of the sum over three axes) at each of these inputs, m.
+/// Standard uncertainty of the TCP position (root of the summed variances of the three axes), m, one per pose of `inputs`.
 #[must_use]
 pub fn tool_uncertainty(found: &Fit, inputs: &[Inputs]) -> Vec<f64> {
     let poses = inputs.iter().enumerate().map(|(row, inputs)| crate::Pose {
@@ -58,7 +58,7 @@ mod tests {
     #[test]
     fn the_tool_errs_by_as_much_as_is_expected() {
         let mut campaign = empty(1, 50);
-        // A known frame: else where the robot stands would be among what errs.
+        // The frame is known; otherwise the pose of the robot would be part of the error.
         campaign.surroundings.frames[0] = Fitted::known(campaign.surroundings.frames[0].value);
         campaign.surroundings.targets[0] = Fitted::known(campaign.surroundings.targets[0].value);
         let truth = nominal();
@@ -78,7 +78,7 @@ mod tests {
                 erred += (at(&found.hypothesis.model) - at(&truth)).length_squared();
             }
         }
-        // Thirty campaigns of a few dozen numbers: a tenth of chance.
+        // Thirty campaigns of a few dozen values each: random deviation about ten percent.
         let ratio = (erred / expected).sqrt();
         assert!((0.85..1.15).contains(&ratio), "{ratio}");
     }

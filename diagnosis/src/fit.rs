@@ -1,10 +1,10 @@
 //! Robust fit of extrinsic and free parameters; parameters that the data do not determine stay at their prior.
 //!
-//! Order: extrinsic parameters only; then all determined parameters, iterating the noise scale and the set of determined parameters until
-//! both converge; then the weights of outliers.
+//! Order: extrinsic parameters only; then all determined parameters, iterating the noise scale and the set of determined parameters until both
+//! converge; then the weights of outliers.
 //!
-//! Promises: the same input gives the same bits; sign constraints are satisfied; every parameter that was not fitted is listed.
-//! Never: a choice of effects; see [`mod@crate::diagnose`].
+//! Deterministic: the same input gives the same bits. Sign constraints are satisfied, and every parameter that was not fitted is listed. Effects are
+//! selected in [`mod@crate::diagnose`].
 
 use crate::campaign::Campaign;
 use crate::colour::follows;
@@ -21,49 +21,49 @@ use crate::triangle::Triangle;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Rounds in which the noise's scale and the set of determined numbers may change.
+/// Largest number of iterations over noise scale and set of determined parameters.
 const SETTLING: usize = 4;
-/// Rounds of weights.
+/// Largest number of reweighting iterations.
 const WEIGHING: usize = 8;
-/// Steps between two looks at scale and weights.
+/// Steps between two updates of scale and weights.
 const STEPS: usize = 12;
-/// Steps of a sketch.
+/// Steps of a [`Effort::Sketch`].
 const SKETCH: usize = 3;
-/// Steps whose gain is below this, in units of the noise's variance, are left to the end. Decisions between two fits ask for a difference of
-/// fifty times it or more.
+/// Intermediate minimisations end when a full step would reduce the sum of squares by less than this, in units of the noise variance; the last one
+/// converges fully. Decisions between two fits are based on differences of fifty times this or more.
 const SETTLED: f64 = 0.01;
-/// Weights that changed less than this stand.
+/// Weights have converged when none changes by more than this.
 const STANDS: f64 = 1e-3;
 
-/// Readings of one stream from which their middle tells how far off they are.
+/// A stream with at least this many measurements has its own scale for outlier detection: their median.
 const ENOUGH: usize = 20;
 
-/// So many rows of a path that lie far off one after the other are no readings gone wrong.
+/// This many consecutive rows of a path with large residuals indicate a missing effect, not outliers.
 const LASTING: usize = 4;
 
-/// How a fit is made.
+/// Settings of a fit.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<'a> {
-    /// Which poses take part, one entry per pose.
+    /// Whether each pose takes part, one entry per pose.
     pub used: &'a [bool],
-    /// What far readings keep.
+    /// Influence of outliers.
     pub influence: Influence,
-    /// Where the surroundings start; none: found from the controller's own geometry.
+    /// Initial extrinsic parameters; `None`: estimated from the nominal geometry.
     pub from: Option<&'a Surroundings>,
-    /// How far it goes.
+    /// How far the minimisation is carried.
     pub effort: Effort,
 }
 
-/// How far a fit goes.
+/// How far a minimisation is carried.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// Until nothing is left to gain.
+    /// Until convergence.
     Full,
-    /// A few steps from where it starts: enough to see what is missing.
+    /// A few steps from the initial values: enough to see which effects are missing.
     Sketch,
 }
 
-/// Fits the free numbers of `hypothesis` and the surroundings of `campaign` to the poses that take part.
+/// Fits the free parameters of `hypothesis` and the extrinsic parameters of `campaign` to the poses that take part.
 #[must_use]
 pub fn fit(campaign: &Campaign, hypothesis: &Hypothesis, settings: &Settings<'_>) -> Fit {
     let surroundings = settings
@@ -85,7 +85,7 @@ pub fn fit(campaign: &Campaign, hypothesis: &Hypothesis, settings: &Settings<'_>
     fitting.done()
 }
 
-/// Fits once more from where `before` stands, with its weights and factors as they are: sums of two such fits can be compared.
+/// Refits from the result `before`, with its weights and noise factors fixed, so that the sums of squares of two such fits are comparable.
 #[must_use]
 pub fn compare(campaign: &Campaign, hypothesis: &Hypothesis, before: &Fit, used: &[bool]) -> Fit {
     let surroundings = before.surroundings.clone();
@@ -103,7 +103,7 @@ pub fn compare(campaign: &Campaign, hypothesis: &Hypothesis, before: &Fit, used:
     fitting.done()
 }
 
-/// What far readings keep while it is not yet known which are far: falling to nothing would hold them where they first seemed to be.
+/// Influence used until outliers are identified: redescending weights would freeze the first, possibly wrong, classification.
 fn careful(influence: Influence) -> Influence {
     if influence == Influence::Redescending { Influence::Huber } else { influence }
 }
@@ -114,10 +114,10 @@ struct Fitting<'a> {
     weighing: Weighing,
     active: Vec<usize>,
     dependent: Vec<Dependent>,
-    /// Columns held at zero in the end, since the data wanted them negative.
+    /// Columns fixed at zero at the end, because the sign constraint is active.
     bounded: Vec<usize>,
     minimum: Option<Minimum>,
-    /// The data reduced to these columns, while state, weights and factors are what they were.
+    /// The data reduced to these columns; valid while state, weights and factors are unchanged.
     reduced: Option<(Vec<usize>, Triangle)>,
     steps: usize,
 }
@@ -138,7 +138,7 @@ impl<'a> Fitting<'a> {
         }
     }
 
-    /// Follows the noise's scale, the weights and the set of determined numbers until they stand.
+    /// Iterates noise scale, weights and the set of determined parameters until they converge.
     fn settle(&mut self, afresh: bool, influence: Influence) {
         if afresh {
             self.active = (0..self.linearisation.state.surroundings.numbers().len()).collect();
@@ -159,7 +159,7 @@ impl<'a> Fitting<'a> {
         self.weigh(careful(influence));
     }
 
-    /// From where a fit has stood before: which readings are far is known.
+    /// A few steps from an earlier fit, whose outliers are known.
     fn sketch(&mut self, influence: Influence) {
         self.rescale();
         self.reweigh(influence);
@@ -170,13 +170,13 @@ impl<'a> Fitting<'a> {
         self.run(Until { steps_max: 1, gain_least: SETTLED });
     }
 
-    /// Scale and weights by the residuals as they are.
+    /// Updates scale and weights from the present residuals.
     fn look_again(&mut self, influence: Influence) {
         self.rescale();
         self.reweigh(careful(influence));
     }
 
-    /// Follows the weights until they stand.
+    /// Iterates the weights until they converge.
     fn weigh(&mut self, influence: Influence) {
         for _ in 0..WEIGHING {
             let before = self.weighing.weights.clone();
@@ -191,7 +191,7 @@ impl<'a> Fitting<'a> {
         }
     }
 
-    /// What stays at zero; the final factors; and the triangle of all that.
+    /// Final pass: sign constraints, noise factors, then full convergence.
     fn end(&mut self) {
         self.leave_at_zero();
         self.final_factors();
@@ -208,7 +208,7 @@ impl<'a> Fitting<'a> {
         self.minimum = Some(found);
     }
 
-    /// The data reduced to the active columns.
+    /// The data reduced to the active columns by QR.
     fn data(&self) -> Triangle {
         if let Some((columns, data)) = &self.reduced {
             let place = |column: &usize| columns.binary_search(column).ok();
@@ -222,7 +222,7 @@ impl<'a> Fitting<'a> {
         self.linearisation.triangle(self.campaign, &self.weighing, &self.active)
     }
 
-    /// Columns that the data determine, or a stated belief; the others go back to what is believed of them.
+    /// Selects the columns that the data or a stated prior determine; the others return to their prior mean.
     fn choose_columns(&mut self) {
         let state = &self.linearisation.state;
         let all: Vec<usize> = (0..state.width()).collect();
@@ -240,7 +240,7 @@ impl<'a> Fitting<'a> {
         self.put(&believed);
     }
 
-    /// Numbers that ended at the zero below which they must not go are held there: as if below zero they would stand for what others are.
+    /// Parameters that ended on their lower bound zero are fixed there; below zero they would compensate for other parameters.
     fn leave_at_zero(&mut self) {
         let lowest = self.linearisation.state.lowest(&self.active);
         let at_zero = self.active.iter().zip(&lowest).filter(|(_, least)| **least == 0.0);
@@ -248,7 +248,7 @@ impl<'a> Fitting<'a> {
         self.active.retain(|column| !self.bounded.contains(column));
     }
 
-    /// Puts free numbers to values.
+    /// Sets free parameters, given as index and value.
     fn put(&mut self, values: &[(usize, f64)]) {
         let mut state = self.linearisation.state.clone();
         let State { hypothesis, .. } = &mut state;
@@ -263,7 +263,7 @@ impl<'a> Fitting<'a> {
         }
     }
 
-    /// The noise's factor of each instrument from its residuals; never below one where the noise is known.
+    /// Noise factor of each instrument from its residuals (robust); not below one where the noise is known.
     fn rescale(&mut self) {
         self.reduced = None;
         let lengths = self.linearisation.lengths();
@@ -276,8 +276,8 @@ impl<'a> Fitting<'a> {
         }
     }
 
-    /// Weights by how far readings lie out among those of their own stream: where half of what one encoder or target says is far off, these are no
-    /// readings gone wrong, but something that is missing there, and it is to be seen; so is what lies far off for some rows of a path, one after the other.
+    /// Weights from the size of each residual relative to the scale of its own stream: if half of the residuals of one encoder or target are large,
+    /// the cause is a missing effect, which must stay visible, not outliers. The same holds for several consecutive rows of a path.
     fn reweigh(&mut self, influence: Influence) {
         self.reduced = None;
         let lengths = self.linearisation.lengths();
@@ -299,7 +299,8 @@ impl<'a> Fitting<'a> {
         }
     }
 
-    /// Which readings lie far off, as those of the same stream do in the rows about it: together [`LASTING`] of one path or more.
+    /// Which measurements have large residuals together with those of the same stream in adjacent rows: at least [`LASTING`] consecutive rows of one
+    /// path.
     fn lasting(&self, lengths: &[Length], size: impl Fn(&Length) -> f64) -> Vec<bool> {
         let mut lasting = vec![false; lengths.len()];
         let mut runs: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
@@ -343,8 +344,8 @@ impl<'a> Fitting<'a> {
         Fit::of(campaign, parts)
     }
 
-    /// The factors by root mean square, which uses clean data whole, instead of by the median; what weighs less than half is no part of the noise. A
-    /// known noise stands unless the residuals are too large for it (three standard deviations of their mean square).
+    /// Noise factors by root mean square, which is efficient for clean data, instead of by the median; measurements with a weight below one half are
+    /// excluded. A known noise is kept unless the mean square residual exceeds it by three standard deviations.
     fn final_factors(&mut self) {
         self.reduced = None;
         let lengths = self.linearisation.lengths();

@@ -1,10 +1,9 @@
 //! Converts recordings of a robot to a campaign.
 //!
-//! Each recording has its own measuring frame, or one per `station`; a target number denotes the same target in all
-//! recordings. Rows without measurement give no pose, but the memory of effects includes them.
+//! Each recording has its own measuring frame, or one per `station`; a target number denotes the same target in all recordings. Rows without
+//! measurement give no measurements, but effects with memory include them.
 //!
-//! Promises: nothing is omitted silently; noise that is not stated is estimated.
-//! Never: access to files.
+//! Nothing is omitted silently; noise that is not stated is estimated. No file is accessed.
 
 mod columns;
 mod gauges;
@@ -25,14 +24,14 @@ pub(crate) use positions::Positions;
 use recording::series::{Approach, Channel, Frame as Axes, Heldout, Input, Kind, Recording};
 pub use unusable::Unusable;
 
-/// Where nothing was said of a tracker's noise, the fit estimates a factor on this, m.
+/// Assumed standard uncertainty of points where none is stated, m; the fit estimates a factor on it.
 const POINT_M: f64 = 5e-5;
 /// The same for orientations, rad.
 const ORIENTATION_RAD: f64 = 1e-4;
 /// The same for joint positions, rad or m.
 const JOINT: f64 = 1e-5;
 
-/// A campaign of recordings of the robot `arm`.
+/// Builds the campaign from recordings of the robot `arm`.
 ///
 /// # Errors
 /// The first recording that cannot be used.
@@ -42,7 +41,7 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
     Ok(campaign)
 }
 
-/// Which rows become poses, and which of these keep what was seen; rows of all recordings are counted through. None: all.
+/// Which rows become poses, and which of these keep their measurements; rows are counted through all recordings. `None`: all.
 #[derive(Clone, Copy)]
 struct Wanted<'a> {
     kept: Option<&'a [bool]>,
@@ -87,10 +86,10 @@ fn read(arm: &Arm, recordings: &[Recording], wanted: Wanted<'_>) -> Result<Campa
     Ok(campaign)
 }
 
-/// How the robot `arm` moved in `recording`, row by row, whatever was seen of it.
+/// Motion of the robot `arm` in `recording`, one pose per row, without measurements.
 ///
 /// # Errors
-/// An input that lacks a joint.
+/// An input lacks a joint.
 pub fn motion(arm: &Arm, recording: &Recording) -> Result<Vec<Pose>, Unusable> {
     let mut poses = Vec::with_capacity(recording.len());
     Reader::of(arm, recording, 0).follow(|pose| {
@@ -100,7 +99,7 @@ pub fn motion(arm: &Arm, recording: &Recording) -> Result<Vec<Pose>, Unusable> {
     Ok(poses)
 }
 
-/// The poses that a recording keeps for validation, one entry per pose of the campaign.
+/// Whether each pose of the campaign is held out for validation according to its recording.
 #[must_use]
 pub fn held_out(campaign: &Campaign, recordings: &[Recording]) -> Vec<bool> {
     let kept = |pose: &Pose| {
@@ -115,7 +114,7 @@ pub fn held_out(campaign: &Campaign, recordings: &[Recording]) -> Vec<bool> {
     campaign.poses.iter().map(|pose| kept(pose).unwrap_or(false)).collect()
 }
 
-/// The instruments of one recording, places in [`Campaign::instruments`].
+/// The instruments of one recording, as indices into [`Campaign::instruments`].
 struct Instruments {
     points: (usize, Noise),
     orientations: (usize, Noise),
@@ -152,7 +151,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// `stations`: numbers of set-ups with their frames, of all recordings so far.
+    /// Adds measuring frames and targets of the recording. `stations`: station numbers with their frames, of all recordings so far.
     fn surround(&mut self, surroundings: &mut Surroundings, stations: &mut Vec<(u64, usize)>) {
         let about = &self.recording.about;
         let station = Station { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
@@ -213,7 +212,7 @@ impl<'a> Reader<'a> {
         Ok(Instruments { points, orientations, joints })
     }
 
-    /// Adds the rows that are wanted, the first of which is `first_row` among those of all recordings.
+    /// Adds the selected rows; `first_row` is the index of this recording's first row among the rows of all recordings.
     fn poses(
         &self,
         campaign: &mut Campaign,
@@ -237,7 +236,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// The arm's way, row by row, without what was seen.
+    /// Passes the pose of each row, without measurements, to `take`.
     fn follow(&self, mut take: impl FnMut(Pose) -> Result<(), Unusable>) -> Result<(), Unusable> {
         let Recording { t_s, about, .. } = self.recording;
         let mut last: Option<Inputs> = None;
@@ -256,7 +255,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Whether a row is of the segment of the one before it.
+    /// Whether a row belongs to the same segment as the preceding one.
     fn goes_on(&self, row: usize) -> bool {
         let segment = &self.recording.segment;
         row > 0 && segment.get(row) == segment.get(row - 1)
@@ -270,7 +269,7 @@ impl<'a> Reader<'a> {
                 .and_then(|column| column.get(row))
                 .copied()
                 .ok_or_else(missing)?;
-            // A sample that was not taken: the joint is where it was.
+            // A missing sample: the joint keeps its last position.
             *slot = if value.is_nan() { before.map_or(0.0, |q| q[joint]) } else { value };
         }
         Ok(q)

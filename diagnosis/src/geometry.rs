@@ -1,34 +1,38 @@
 //! The geometry of every joint as free parameters, with manufacturing tolerances as priors.
 //!
-//! Zeros, directions and positions of all axes are more parameters than readings can determine: with an unknown measuring frame and unknown targets a third of the
-//! directions of the parameter space are gauge freedoms. No parameter is omitted: the priors select the smallest errors that explain the readings, independent of the order of parameters.
+//! Offsets, directions and positions of all axes are more parameters than measurements can determine: with an unknown measuring frame and unknown
+//! targets a third of the directions of the parameter space are gauge freedoms. No parameter is omitted: the priors select the smallest errors that
+//! explain the measurements, independent of the order of parameters.
 //!
-//! Promises: the priors are too wide to affect directions that the data determine. Never: data.
+//! The priors are too wide to affect directions that the data determine.
 
 use crate::campaign::{Campaign, Place, Reading};
 use crate::hypothesis::{Belief, Hypothesis};
 use physics::{AnyEffect, Given, JointKind, Model};
 
-/// How far the geometry of a robot as built lies from its drawing: standard deviations of the priors that [`geometry_within`] puts on each number. With an unknown
-/// measuring frame and unknown targets a third of these numbers are gauge freedoms, of which the priors choose the smallest; what the data determine they are
-/// too wide to move.
+/// Manufacturing and mastering tolerances of a robot's geometry: standard deviations of the priors that [`geometry_within`] puts on each parameter.
+/// With an unknown measuring frame and unknown targets a third of these parameters are gauge freedoms, for which the priors select the smallest
+/// values; they are too wide to move what the data determine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerances {
-    /// Zero of a joint, rad; above 0 to 0.1. Default 0.02: mastering by eye or after a change of motor is off by up to a degree, makers' gauges by 1 mrad.
+    /// Joint offset, rad; above 0 to 0.1. Default 0.02: mastering by eye or after a motor change is off by up to a degree, with the maker's gauge by
+    /// 1 mrad.
     pub offset_rad: f64,
-    /// Zero of a prismatic joint, m; above 0 to 0.1. Default 0.02, as for an angle at a metre.
+    /// Offset of a prismatic joint, m; above 0 to 0.1. Default 0.02, as for an angle at a radius of one metre.
     pub offset_m: f64,
-    /// Direction of an axis, rad, about each of two normals; above 0 to 0.05. Default 0.005: ten times what bearing seats are bored to (0.5 mrad).
+    /// Direction of an axis, rad, about each of its two normals; above 0 to 0.05. Default 0.005: ten times the usual tolerance of bearing seats (0.5
+    /// mrad).
     pub tilt_rad: f64,
-    /// Place of an axis, m, along each base axis; above 0 to 0.05. Default 0.005: ten times the usual error of a link's length (0.1 mm to 0.6 mm).
+    /// Position of an axis, m, along each base axis; above 0 to 0.05. Default 0.005: ten times the usual error of a link's length (0.1 mm to 0.6 mm).
     pub shift_m: f64,
-    /// Place of the tool on the flange, m, along each base axis at the zero position; above 0 to 0.05. Default 0.005: a TCP found by touching a tip is off by up to
-    /// some millimetres.
+    /// Position of the tool on the flange, m, along each base axis at the zero position; above 0 to 0.05. Default 0.005: a TCP taught by touching a
+    /// tip is off by up to some millimetres.
     pub tool_shift_m: f64,
-    /// Direction of the tool on the flange, rad, about each base axis at the zero position; above 0 to 0.1. Default 0.02: a flange's dowel pin leaves about a degree.
+    /// Orientation of the tool on the flange, rad, about each base axis at the zero position; above 0 to 0.1. Default 0.02: the dowel pin of a flange
+    /// leaves about a degree.
     pub tool_turn_rad: f64,
-    /// Compliance of a drive, rad/Nm (m/N of a prismatic joint); above 0 to 1e-3. Default 5e-5: far softer than any gear of a robot, whose drives lie between
-    /// 1e-7 rad/Nm (300 kg payload) and 2e-5 rad/Nm (wrists of small arms).
+    /// Compliance of a drive, rad/Nm (m/N of a prismatic joint); above 0 to 1e-3. Default 5e-5: far above any robot gear, from 1e-7 rad/Nm (300 kg
+    /// payload) to 2e-5 rad/Nm (wrists of small arms).
     pub compliance: f64,
 }
 
@@ -47,7 +51,7 @@ impl Default for Tolerances {
 }
 
 impl Tolerances {
-    /// The standard deviation of value `value` of the geometry's effects, SI; none for other effects.
+    /// Standard deviation of parameter `value` of a geometric effect, SI; `None` for other effects.
     fn of(&self, effect: &AnyEffect, value: usize, kind: JointKind) -> Option<f64> {
         match (effect.spec().kind, kind) {
             ("tool_offset", _) => {
@@ -62,15 +66,16 @@ impl Tolerances {
     }
 }
 
-/// The geometry of every joint, free beside the effects that `model` has. What a file states with its uncertainty (`sigma`, one list per effect, zeros where
-/// unsaid) is believed so far. A parameter that the data do not distinguish from those before it is left out of a fit. Used by `plan`, which chooses poses for the others.
+/// Hypothesis with the geometry of every joint free, in addition to the effects of `model`. `sigma` holds the stated standard uncertainties of the
+/// model's parameters (one list per effect, SI, zero if unstated) and becomes their priors. A fit leaves out parameters that the data do not
+/// distinguish from earlier ones; `plan` uses this form to choose poses that determine them.
 #[must_use]
 pub fn geometry(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     let mut hypothesis = Hypothesis::fixed(*model);
     let given = model.effects().len();
     let zeros = [0.0; 3];
-    // Where a frame or two joints share a direction, the earlier keeps it: zeros before tilts before shifts, and the first joint's axis,
-    // which an unknown frame takes, last.
+    // Where a frame or two joints share a direction, the earlier column is kept: offsets before tilts before shifts. The first joint's axis,
+    // confounded with an unknown frame, comes last.
     let kinds =
         [("joint_offset", "offset", 1), ("axis_tilt", "tilt", 2), ("axis_shift", "shift", 3)];
     let joints = 0..model.arm.count();
@@ -89,8 +94,8 @@ pub fn geometry(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     hypothesis
 }
 
-/// The same within tolerances: every number of the geometry is fitted, and priors fix what a gauge leaves free. With the tool's place on the flange where the
-/// readings of `campaign` depend on it: without it errors of the last axes, which carry the tool along, could not be told from where the tool is.
+/// As [`geometry`], with tolerances as priors: every geometric parameter is fitted, and the priors fix gauge freedoms. Includes the tool's pose on
+/// the flange if the measurements of `campaign` depend on it; otherwise errors of the last axes would be confounded with it.
 #[must_use]
 pub fn geometry_within(
     model: &Model,
@@ -118,7 +123,7 @@ pub fn geometry_within(
     hypothesis
 }
 
-/// Whether any reading tells where a point of known place on the tool is, or how the tool stands.
+/// Whether any measurement depends on a point of known position on the tool, or on the tool's orientation.
 fn depends_on_tool(campaign: &Campaign) -> bool {
     let is_known = |place: &Place| match place {
         Place::Tcp => true,

@@ -1,11 +1,10 @@
 //! Gross errors of a recording, detected before identification: swapped columns, units, signs, a mirrored frame,
 //! a wrong tool, misaligned rows.
 //!
-//! Each hypothesis is one change of the recording; the extrinsic parameters are fitted with and without it. The error of a robot is a few
-//! millimetres; a gross error makes it centimetres, and only the right remedy removes it.
+//! Each hypothesis is one change of the recording; the extrinsic parameters are fitted with and without it. A robot's error is a few millimetres; a
+//! gross error causes centimetres, and only the right remedy removes it.
 //!
-//! Promises: a valid recording of an uncalibrated robot raises no suspicion; messages state the remedy.
-//! Never: a changed recording.
+//! A valid recording of an uncalibrated robot raises no suspicion; messages state the remedy. The recording itself is not changed.
 
 mod links;
 mod targets;
@@ -22,37 +21,37 @@ use glam::DVec3;
 use physics::{Arm, JointKind, Joints, Model};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// A remedy has to bring what is off down to this share, and below [`HOPELESS`].
+/// A remedy has to reduce the error to this fraction, and below [`HOPELESS`].
 const REMEDY: f64 = 0.25;
-/// A remedy that leaves as much is as good as the best, within this factor.
+/// Remedies whose remaining error is within this factor of the best one are reported too.
 const AS_GOOD: f64 = 1.3;
-/// What two remedies leave is the same within this share.
+/// Remaining errors of two remedies are equal within this fraction.
 const SAME: f64 = 1e-3;
-/// What is off by less than this share of the reach is no gross fault.
+/// Errors below this fraction of the workspace are not gross.
 const GROSS: f64 = 4e-3;
-/// What is off by more than this share of the reach is gross, even if no remedy is known.
+/// Errors above this fraction of the workspace are gross, even if no remedy is known.
 const HOPELESS: f64 = 2e-2;
-/// However small the motion was: what is off by less is no gross fault, m.
+/// Errors below this are not gross, however small the motion, m.
 const LEAST_M: f64 = 2e-3;
-/// The same where no remedy is known: what is off by less may be the robot's own, m.
+/// The same if no remedy is known: smaller errors may be those of the robot, m.
 const OWN_M: f64 = 5e-3;
-/// Standard uncertainties of an instrument: a reading of three coordinates is off by more once in a thousand (χ² of three).
+/// In standard uncertainties of an instrument: three coordinates exceed this with a probability of one in a thousand (χ² with 3 degrees of freedom).
 const NOISES: f64 = 4.0;
-/// Poses that are looked at.
+/// Largest number of poses that are evaluated.
 pub(crate) const POSES_MAX: usize = 150;
 
-/// A gross fault, with what speaks for it.
+/// A suspected gross error, with the evidence for it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Suspicion {
-    /// What is wrong and what to do, in words.
+    /// Text for users: the error and its remedy.
     pub says: String,
-    /// The median error as the recording stands, of the worst target, m (rad where a joint turns).
+    /// Median error of the worst target without a change, m (rad for a revolute joint).
     pub before_m: f64,
-    /// The same with the remedy, m; equal to `before_m` where none is known.
+    /// The same with the remedy, m; equal to `before_m` if none is known.
     pub after_m: f64,
 }
 
-/// All that is grossly wrong with the campaign, as far as `model` is the robot that was measured: [`suspicions`] and [`links`]; where there are none, [`torn`].
+/// All gross errors of the campaign, given that `model` is the measured robot: [`suspicions`] and [`links`]; if there are none, [`torn`].
 #[must_use]
 pub fn faults(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
     let mut found = suspicions(campaign, model);
@@ -63,7 +62,7 @@ pub fn faults(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
     found
 }
 
-/// What is grossly wrong with the campaign, as far as `model` is the robot that was measured; the best remedy first.
+/// Gross errors of the whole campaign, given that `model` is the measured robot; best remedy first.
 #[must_use]
 pub fn suspicions(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
     let few = thinned(campaign);
@@ -82,7 +81,7 @@ pub fn suspicions(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
         .filter(|(s, reach)| s.after_m < REMEDY * before_m && s.after_m < HOPELESS * reach)
         .map(|(suspicion, _)| suspicion)
         .collect();
-    // Two remedies may be one and the same turn of the arm: of these the earlier one, not the one that rounding favours.
+    // Two remedies may be equivalent; of these the earlier one is taken, independent of rounding.
     let step =
         |suspicion: &Suspicion| (suspicion.after_m.max(f64::MIN_POSITIVE).ln() / SAME).round();
     found.sort_by(|a, b| step(a).total_cmp(&step(b)));
@@ -101,19 +100,20 @@ pub fn suspicions(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
     found
 }
 
-/// The median error of the worst target with the surroundings alone fitted, m: one target that is grossly off does not hide among others.
+/// Median error of the worst target with only the extrinsic parameters fitted, m; the maximum over targets, so that one bad target is not averaged
+/// out.
 fn off(campaign: &Campaign, model: &Model) -> f64 {
     targets::medians(campaign, model).into_values().fold(0.0, f64::max)
 }
 
-/// The median standard uncertainty of a coordinate as the instruments state it, m.
+/// Median stated standard uncertainty of a coordinate, m.
 fn noise_m(campaign: &Campaign) -> f64 {
     let seen = campaign.poses.iter().flat_map(|pose| &pose.seen);
     let lengths = seen.filter(|seen| seen.reading.is_length());
     median(lengths.map(|seen| seen.whitening.x_axis.length().recip()))
 }
 
-/// How far the measured points spread, m: the scale of what is gross.
+/// Largest distance of a measured point from their mean, m: the scale for gross errors.
 fn reach(campaign: &Campaign) -> f64 {
     let points: Vec<DVec3> = points(campaign).collect();
     let middle = mean(&points);
@@ -128,7 +128,7 @@ fn points(campaign: &Campaign) -> impl Iterator<Item = DVec3> {
     })
 }
 
-/// Every so many poses, in order, without memory of those between.
+/// A subset of at most [`POSES_MAX`] measured poses, evenly spaced, without memory of the poses between them.
 fn thinned(campaign: &Campaign) -> Campaign {
     let measured: Vec<_> = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).collect();
     let step = measured.len().div_ceil(POSES_MAX).max(1);
@@ -158,7 +158,7 @@ fn with_points(campaign: &Campaign, change: impl Fn(DVec3) -> DVec3) -> Campaign
     changed
 }
 
-/// Each change that may put a recording right, with its words.
+/// Each change that may correct a recording, with its description.
 fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campaign)> {
     let mut list = of_joints(campaign, &model.arm);
     let mirrored = "the measuring frame is mirrored: one axis has the wrong sign, or two axes are swapped; correct the columns x, y, z";
@@ -204,7 +204,7 @@ fn of_joints(campaign: &Campaign, arm: &Arm) -> Vec<(String, Campaign)> {
             let says = format!("the columns of joints {} and {} are swapped", i + 1, j + 1);
             list.push((says, with_joints(campaign, |q| q.swap(i, j))));
         }
-        // The first joint's zero is the frame's, the last one's the targets'; both show nowhere.
+        // The offset of the first joint is confounded with the frame, that of the last joint with the targets: neither can be detected.
         for (turn, degrees) in [(FRAC_PI_2, 90), (-FRAC_PI_2, -90), (PI, 180)] {
             let says = format!("the zero of joint {} is {degrees} degrees off", i + 1);
             list.push((says, with_joints(campaign, |q| q[i] += turn)));
@@ -213,7 +213,7 @@ fn of_joints(campaign: &Campaign, arm: &Arm) -> Vec<(String, Campaign)> {
     list
 }
 
-/// Rows whose measurement belongs to the row before or after.
+/// Changes that assign measurements to the row before or after.
 fn of_rows(campaign: &Campaign) -> Vec<(String, Campaign)> {
     let shifted = |later: bool| {
         let mut changed = campaign.clone();
@@ -234,7 +234,7 @@ fn of_rows(campaign: &Campaign) -> Vec<(String, Campaign)> {
         .to_vec()
 }
 
-/// A tool that is not the model's: known places on it, found instead.
+/// A wrong tool: its known points are estimated instead.
 fn of_tool(campaign: &Campaign) -> Vec<(String, Campaign)> {
     let mut changed = campaign.clone();
     let mut tcp = None;

@@ -1,68 +1,67 @@
 //! The present model of the arm, and its free parameters.
 //!
-//! Promises: a free parameter has a prior: the stated value with its uncertainty, or otherwise a width that no undamaged robot exceeds, which
-//! regularises weakly determined parameters and does not affect well-determined ones.
-//! Never: data.
+//! Every free parameter has a prior: the stated value with its uncertainty, or otherwise a width that no undamaged robot exceeds, which regularises
+//! weakly determined parameters and does not affect well-determined ones.
 
 use glam::DVec3;
 use physics::spec::{Count, Parameter, Range, Role, Unit};
 use physics::{AnyEffect, Model, ModelError};
 
-/// How far from its bounds a number between two stays, as a share of the width.
+/// Distance that a parameter with two bounds keeps from them, as a fraction of the interval.
 const ASIDE: f64 = 5e-3;
 
-/// A number of an effect that a fit may change.
+/// A parameter of an effect that a fit may change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Free {
-    /// Place in [`Model::effects`].
+    /// Index into [`Model::effects`].
     pub effect: usize,
-    /// Place in the effect's values.
+    /// Index into the parameters of the effect.
     pub value: usize,
-    /// What is believed before the data, SI.
+    /// Mean of the prior, SI.
     pub mean: f64,
-    /// The standard uncertainty of that belief, SI.
+    /// Standard deviation of the prior, SI.
     pub sigma: f64,
-    /// Where that uncertainty comes from.
+    /// Origin of the prior.
     pub belief: Belief,
 }
 
-/// Where the prior of a free number comes from.
+/// Origin of the prior of a free parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Belief {
-    /// A wide guard, [`much`]: a number that the data do not determine is not fitted.
+    /// A wide default, [`much`]: the parameter is fitted only if the data determine it.
     Guard,
-    /// A maker's tolerance: the number is always fitted, and the prior decides what a gauge freedom leaves open. It counts as no information.
+    /// A manufacturing tolerance: the parameter is always fitted, and the prior fixes gauge freedoms. It does not count as information.
     Tolerance,
-    /// Stated with the model: the number is always fitted, and the prior counts as information.
+    /// Stated with the model: the parameter is always fitted, and the prior counts as information.
     Stated,
 }
 
-/// A model with the numbers of it that are free.
+/// A model with the set of its free parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hypothesis {
-    /// The arm and its effects; free numbers start from where they stand here.
+    /// The arm and its effects; the present values are the initial values of a fit.
     pub model: Box<Model>,
-    /// The free numbers, in the order in which they stand in a fit.
+    /// The free parameters, in the order of the columns of a fit.
     pub free: Vec<Free>,
 }
 
-/// A value of an effect by its entry in files.
+/// A parameter of an effect by its key in files.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Named {
-    /// The entry.
+    /// The key with its unit and range.
     pub parameter: &'static Parameter,
-    /// Place in the entry's list, from 0.
+    /// Index in the list of that key, 0-based.
     pub index: usize,
 }
 
 impl Hypothesis {
-    /// A model of which nothing is free.
+    /// A model without free parameters.
     #[must_use]
     pub fn fixed(model: Model) -> Self {
         Self { model: Box::new(model), free: Vec::new() }
     }
 
-    /// Adds an effect of which all values but those of `kept` (stems) are free about where they stand.
+    /// Adds an effect with all parameters free except those of the stems `kept`; the priors are centred on the present values.
     ///
     /// # Errors
     /// More effects than a model has room for.
@@ -73,8 +72,8 @@ impl Hypothesis {
         Ok(())
     }
 
-    /// Frees all values of the effect in place `index` but those of `kept` (stems); `sigma` above zero, in the order of the effect's
-    /// values, is the prior's, else [`much`].
+    /// Frees all parameters of the effect at `index` except those of the stems `kept`. Positive entries of `sigma` (in the order of the effect's
+    /// parameters, SI) are the standard deviations of the priors; the others use [`much`].
     pub fn free_all(&mut self, index: usize, kept: &[&str], sigma: &[f64]) {
         let Some(effect) = self.model.effects().nth(index).copied() else { return };
         for (value, mean) in effect.values().iter().enumerate() {
@@ -88,7 +87,7 @@ impl Hypothesis {
         }
     }
 
-    /// Frees the values of the effect in place `index` from what was believed of them; gives that back.
+    /// Replaces the priors of the effect at `index` by wide ones and returns the former priors.
     pub fn revise(&mut self, index: usize) -> Vec<Free> {
         let (stated, kept) = self.free.iter().partition(|free| free.effect == index);
         self.free = kept;
@@ -96,7 +95,7 @@ impl Hypothesis {
         stated
     }
 
-    /// Undoes [`Hypothesis::revise`]: the effect in place `index` is again as in `given`.
+    /// Undoes [`Hypothesis::revise`]: parameters and priors of the effect at `index` are those of `given` and `stated` again.
     pub fn restore(&mut self, index: usize, given: &Model, stated: &[Free]) {
         self.free.retain(|free| free.effect != index);
         self.free.extend_from_slice(stated);
@@ -106,7 +105,7 @@ impl Hypothesis {
         }
     }
 
-    /// Puts the numbers of these effects whose uncertainty is stated to what is believed of them; no fit changes them.
+    /// Fixes the parameters with stated priors of the effects selected by `wanted` at their prior means.
     pub fn believe(&mut self, wanted: impl Fn(&AnyEffect) -> bool) {
         let Self { model, free } = self;
         free.retain(|free| {
@@ -121,13 +120,13 @@ impl Hypothesis {
         });
     }
 
-    /// The same without the effect in place `index`.
+    /// The same hypothesis without the effect at `index`.
     #[must_use]
     pub fn without(&self, index: usize) -> Self {
         let mut less = Self::fixed(Model::nominal(self.model.arm));
         for (at, effect) in self.model.effects().enumerate() {
             if at != index {
-                // It had room before.
+                // Cannot fail: the effect was in the model before.
                 less.model.push(*effect).unwrap_or_default();
             }
         }
@@ -138,13 +137,13 @@ impl Hypothesis {
         less
     }
 
-    /// The effect and value that a free number stands for.
+    /// The effect that a free parameter belongs to.
     #[must_use]
     pub fn effect_of(&self, free: &Free) -> Option<&AnyEffect> {
         self.model.effects().nth(free.effect)
     }
 
-    /// Whether a free number bends what the others of its effect do, a wave's phase aside.
+    /// Whether a parameter is nonlinear, except the phase of a wave.
     #[must_use]
     pub fn bends(&self, free: &Free) -> bool {
         let named = self.effect_of(free).and_then(|effect| named(effect, free.value));
@@ -153,15 +152,15 @@ impl Hypothesis {
         })
     }
 
-    /// The free numbers as they stand.
+    /// Present values of the free parameters, SI.
     #[must_use]
     pub fn values(&self) -> Vec<f64> {
         let effects: Vec<&AnyEffect> = self.model.effects().collect();
         self.free.iter().map(|free| effects[free.effect].values()[free.value]).collect()
     }
 
-    /// The free numbers after a step. No number goes below where [`Hypothesis::lowest`] lets it; amplitude and phase of a wave go along the
-    /// straight line that their sine and cosine go.
+    /// The free parameters after a step. No parameter goes below the bound given by [`Hypothesis::lowest`]; amplitude and phase of a wave move along
+    /// the straight line of their sine and cosine components.
     #[must_use]
     pub fn stepped(&self, step: &[f64]) -> Self {
         let mut next = self.clone();
@@ -175,7 +174,7 @@ impl Hypothesis {
             let (along, across) =
                 (values[amplitude] + step[amplitude], values[amplitude] * step[phase]);
             next.model.change(self.free[phase].effect, |effect| {
-                // The nearer of the two ways to write the same wave: an amplitude may be negative.
+                // Of the two equivalent forms of the wave, the one closer to the present values: an amplitude may be negative.
                 let sign = 1.0_f64.copysign(along);
                 let turn = libm::atan2(sign * across, sign * along);
                 effect.values_mut()[self.free[amplitude].value] = sign * along.hypot(across);
@@ -185,8 +184,8 @@ impl Hypothesis {
         next
     }
 
-    /// The lowest step that each free number may take: one that must stay above zero goes at most nine tenths of the way there, one that must
-    /// not be negative ends at zero, one between two bounds beside them.
+    /// Lower bound on the step of each free parameter: a parameter that must stay positive moves at most nine tenths of the way to zero, a
+    /// non-negative one at most to zero, one with two bounds to slightly inside them.
     #[must_use]
     pub fn lowest(&self) -> Vec<f64> {
         let values = self.values();
@@ -202,10 +201,10 @@ impl Hypothesis {
         self.free.iter().zip(values).map(least).collect()
     }
 
-    /// How large each free number may be: the width on which it counts as hardly known. A phase counts by what it does at the largest amplitude,
-    /// so that a wave whose amplitude stands near nothing for a moment keeps both its numbers.
+    /// Largest plausible change of each free parameter: the unit in which a column counts as determined or not. For a phase it is scaled by the
+    /// present amplitude relative to the largest plausible one, so that a wave whose amplitude is momentarily near zero keeps both parameters.
     pub(crate) fn widths(&self) -> Vec<f64> {
-        // A stated belief is no reason to leave a direction to others.
+        // A narrow stated prior must not make a direction count as undetermined.
         let wide = |free: &Free| self.effect_of(free).map_or(0.0, |e| much(e, free.value));
         let of = |free: &Free| match free.belief {
             Belief::Stated => free.sigma.max(wide(free)),
@@ -221,7 +220,7 @@ impl Hypothesis {
         widths
     }
 
-    /// Amplitude and phase of each wave of which both are free: places among the free numbers.
+    /// Amplitude and phase of each wave of which both are free, as indices of free parameters.
     fn waves(&self) -> Vec<(usize, usize)> {
         let entry = |free: &Free| named(self.effect_of(free)?, free.value);
         let is = |free: &Free, stem: &str| entry(free).filter(|named| named.parameter.stem == stem);
@@ -237,7 +236,7 @@ impl Hypothesis {
         waves
     }
 
-    /// What a free number is called: `joint 3: tilt 2 of axis_tilt`.
+    /// Name of a free parameter for users, see [`describe`].
     #[must_use]
     pub fn describe(&self, free: &Free) -> String {
         let Some(effect) = self.effect_of(free) else { return String::new() };
@@ -245,7 +244,7 @@ impl Hypothesis {
     }
 }
 
-/// The highest step that a value may take: one that must stay below a bound ends beside it.
+/// Upper bound on the step of a parameter: slightly inside its upper bound.
 fn most(effect: &AnyEffect, value: usize) -> f64 {
     match named(effect, value).map(|named| named.parameter.range) {
         Some(Range::Between(low, high)) => high - ASIDE * (high - low) - effect.values()[value],
@@ -253,7 +252,7 @@ fn most(effect: &AnyEffect, value: usize) -> f64 {
     }
 }
 
-/// Which entry a value of an effect belongs to.
+/// The key of files that a parameter of an effect belongs to.
 #[must_use]
 pub fn named(effect: &AnyEffect, value: usize) -> Option<Named> {
     let mut first = 0;
@@ -271,7 +270,7 @@ pub fn named(effect: &AnyEffect, value: usize) -> Option<Named> {
     None
 }
 
-/// What a value of an effect is called, for users: `joint 3's tilt 2 (axis_tilt)`.
+/// Name of a parameter of an effect for users: `joint 3's tilt 2 (axis_tilt)`.
 #[must_use]
 pub fn describe(effect: &AnyEffect, value: usize) -> String {
     let kind = effect.spec().kind;
@@ -288,7 +287,7 @@ pub fn describe(effect: &AnyEffect, value: usize) -> String {
     format!("{whose} {which} ({kind})")
 }
 
-/// How large a number of a sound robot may be, SI: the width of the prior where nothing is stated.
+/// Largest plausible value of a parameter of an undamaged robot, SI: the width of the prior if none is stated.
 #[must_use]
 pub fn much(effect: &AnyEffect, value: usize) -> f64 {
     let Some(Named { parameter, .. }) = named(effect, value) else { return 1.0 };
@@ -330,7 +329,7 @@ pub fn much(effect: &AnyEffect, value: usize) -> f64 {
     }
 }
 
-/// An `axis_shift` has no part along its axis, which rounding may leave: the shift without it.
+/// The shift without its component along the axis, which is not a parameter of `axis_shift` and may remain from rounding.
 #[must_use]
 pub fn without_axial_part(axis: DVec3, shift: DVec3) -> DVec3 {
     shift - axis * axis.dot(shift)
@@ -343,7 +342,7 @@ mod tests {
     use physics::Given;
     use proptest::prelude::*;
 
-    /// One wave of joint 1 with amplitude and phase free.
+    /// One transmission error of joint 1 with amplitude and phase free.
     fn wave(amplitude: f64, phase: f64) -> Hypothesis {
         let mut hypothesis = Hypothesis::fixed(nominal());
         let arm = hypothesis.model.arm;

@@ -1,41 +1,42 @@
 //! Parameters determined by the data, and the confounding of the others.
 //!
-//! Columns are taken in order, nearly dependent ones last. A column whose residual, after projection on the preceding ones, is less than [`SHOWN`] standard deviations of the noise for the largest plausible
-//! change is not determined: it is confounded with those before it. This is a QR factorisation pivoted by
-//! preference instead of by size (docs/reference/effects.md, last section, says to which a shared direction is assigned).
+//! Columns are taken in order, nearly dependent ones last. A column whose residual, after projection on the preceding ones, is less than [`SHOWN`]
+//! standard deviations of the noise for the largest plausible change is not determined: it is confounded with those before it. This is a QR
+//! factorisation pivoted by preference instead of by size (the last section of docs/reference/effects.md gives the parameter to which a shared
+//! direction is assigned).
 //!
-//! Promises: kept columns are independent; others are listed with the columns they are confounded with, and their shares.
-//! Parameters that are not determined stay at their prior.
+//! Invariant: kept columns are independent; the others are listed with the columns they are confounded with, and their shares. Parameters that are
+//! not determined stay at their prior.
 
 use crate::triangle::Triangle;
 use crate::wide::dot;
 
-/// A number is determined when the largest sensible change of it shows at least as many noises as this: less would be a number with an
-/// uncertainty that nobody can use.
+/// A parameter is determined if its largest plausible change, after projection on the preceding columns, is at least this many standard deviations of
+/// the noise; below, its uncertainty would be too large to be useful.
 pub(crate) const SHOWN: f64 = 10.0;
-/// Below this share of its own length, what is left of a column is taken last. No unit, 0 to 1. Default 0.01: neighbouring axes that are parallel in the drawing
-/// are off by milliradians in the robot, and with them gauge freedoms show by as much.
+/// A column whose projected length is below this fraction of its full length is taken last. No unit, 0 to 1. Default 0.01: neighbouring axes that are
+/// nominally parallel deviate by milliradians in the real robot, which makes gauge freedoms appear determined by that much.
 const NEARLY: f64 = 0.01;
-/// Below this share of its own length, what is left of a column is rounding.
+/// A column whose projected length is below this fraction of its full length is zero up to rounding.
 const ROUNDING: f64 = 1e-9;
-/// Partners are named down to this share of the strongest.
+/// Confounded columns are listed down to this fraction of the largest share.
 const PARTNER: f64 = 0.2;
 
 /// A column that the data do not determine.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Dependent {
-    /// Which column.
+    /// Index of the column.
     pub(crate) column: usize,
-    /// Columns taken before it that do the same together, strongest first, with their shares in units of the widths; none where the column does nothing.
+    /// Preceding columns with the same combined effect, largest share first, in units of the widths; empty if the column is zero.
     pub(crate) partners: Vec<(usize, f64)>,
 }
 
-/// The columns of `triangle` (data, in units of noise) that are determined, and the others; `widths` is the largest sensible change of each.
+/// Splits the columns of `triangle` (data, in units of the noise) into determined and other ones; `widths` is the largest plausible change of each.
 pub(crate) fn sort(triangle: &Triangle, widths: &[f64]) -> (Vec<usize>, Vec<Dependent>) {
     sort_beside(triangle, widths, |_| false)
 }
 
-/// As [`sort`], with columns that are kept whatever they show.
+/// As [`sort`], with columns that are always kept.
 pub(crate) fn sort_beside(
     triangle: &Triangle,
     widths: &[f64],
@@ -52,7 +53,7 @@ pub(crate) fn sort_beside(
             rest => taken.leave(column, rest),
         }
     }
-    // What is nearly made of those before it comes last: taken at its place it would stand for a later one that shows the same direction well.
+    // Nearly dependent columns come last: taken in order, one would represent the direction of a later column that determines it well.
     for column in nearly {
         match taken.rest(column) {
             rest if rest.left >= SHOWN && rest.left > ROUNDING * rest.length => {
@@ -64,17 +65,17 @@ pub(crate) fn sort_beside(
     taken.sorted()
 }
 
-/// A column without what those that were taken before do.
+/// A column after projection on those that were taken before.
 struct Rest {
     column: Vec<f64>,
-    /// Its length, and that of the whole column.
+    /// Length after projection, and full length.
     left: f64,
     length: f64,
-    /// Shares of the basis in what was removed.
+    /// Coefficients of the removed part in the basis.
     shares: Vec<f64>,
 }
 
-/// Columns that were taken, and those that were left.
+/// Taken and rejected columns.
 struct Taken<'a> {
     triangle: &'a Triangle,
     widths: &'a [f64],
@@ -96,7 +97,7 @@ impl<'a> Taken<'a> {
         rest.iter_mut().for_each(|x| *x *= self.widths[column]);
         let length = dot(&rest, &rest).sqrt();
         let mut shares = vec![0.0; self.basis.len()];
-        // Twice is enough (Kahan and Parlett): the second pass removes what rounding left of the first.
+        // Two passes suffice (Kahan and Parlett): the second removes the rounding errors of the first.
         for _ in 0..2 {
             for (share, unit) in shares.iter_mut().zip(&self.basis) {
                 let along = dot(unit, &rest);
@@ -121,7 +122,7 @@ impl<'a> Taken<'a> {
         self.others.push(Dependent { column, partners: strongest(&self.kept, &shares) });
     }
 
-    /// Both in the order of the columns.
+    /// Sorted by column index.
     fn sorted(mut self) -> (Vec<usize>, Vec<Dependent>) {
         self.kept.sort_unstable();
         self.others.sort_by_key(|other| other.column);
@@ -129,7 +130,7 @@ impl<'a> Taken<'a> {
     }
 }
 
-/// From shares in the basis to shares in the columns that it was made of.
+/// Converts coefficients of the basis to coefficients of the original columns.
 fn in_columns(made_of: &[Vec<f64>], mut shares: Vec<f64>) -> Vec<f64> {
     for j in (0..shares.len()).rev() {
         let column = &made_of[j];
@@ -176,7 +177,8 @@ mod tests {
 
     #[test]
     fn a_column_that_is_nearly_another_does_not_take_the_place_of_one_that_shows_the_difference() {
-        // The second is the first and a thousandth of the third: in its place it would show the third's direction a thousand times as weakly.
+        // Column 2 is column 1 plus a thousandth of column 3: taken in order, it would represent the direction of column 3 a thousand times more
+        // weakly.
         let rows: Vec<[f64; 4]> = (0..50)
             .map(|i| f64::from(i) * 0.37)
             .map(|t| [t.sin(), t.sin() + 1e-3 * t.cos(), t.cos(), 0.0])
@@ -184,7 +186,7 @@ mod tests {
         let (kept, others) = sort(&triangle(&rows), &[1e4; 4]);
         assert_eq!(kept, [0, 2]);
         assert_eq!(others[0].column, 1);
-        // Where nothing else shows that direction, it is taken.
+        // If no other column contains that direction, it is taken.
         let alone: Vec<[f64; 4]> = rows.iter().map(|row| [row[0], row[1], 0.0, 0.0]).collect();
         assert_eq!(sort(&triangle(&alone), &[1e4; 4]).0, [0, 1]);
     }

@@ -1,21 +1,21 @@
 //! Pose accuracy and repeatability according to ISO 9283.
 //!
-//! Source: ISO 9283:1998, pose and distance characteristics; its letters in brackets. `l̄` and `S_l` are mean and standard
-//! deviation (over n − 1) of the attained positions' distances from their barycentre. Orientations are taken as rotation
-//! vectors from the commanded one, in the measuring axes: for small rotations these are the standard's
-//! angles a, b, c about x, y, z.
-//! Units: m and rad, as they come. Promise: pure arithmetic, no limit of its own; what the standard asks of a test (30
-//! visits, five poses of a cube, the rated load) is the caller's. Never: a frame fitted, which would hide accuracy.
+//! Source: ISO 9283:1998, pose and distance characteristics; its symbols in brackets. `l̄` and `S_l` are mean and standard deviation (divisor n − 1)
+//! of the attained positions' distances from their barycentre. Orientations are rotation vectors relative to the commanded orientation, in the
+//! measuring axes: for small rotations these are the standard's angles a, b, c about x, y, z.
+//!
+//! Units: m and rad. No frame is fitted, which would hide errors of accuracy. Test conditions of the standard (30 visits, five poses of a cube, the
+//! rated load) are the responsibility of the caller.
 
 use glam::{DQuat, DVec3};
 use thiserror::Error;
 
-/// Where something stands, or was told to stand, in one frame for all: the measuring frame brought to the base.
+/// A commanded or attained pose; all poses in one frame (measuring frame transformed to the base).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// m.
+    /// Position, m.
     pub position_m: DVec3,
-    /// A unit quaternion, tool axes to the frame's; none where only points were measured.
+    /// Unit quaternion from tool axes to the axes of the frame; `None` if only points were measured.
     pub orientation: Option<DQuat>,
 }
 
@@ -26,7 +26,7 @@ pub struct PoseFigures {
     pub visits: usize,
     /// Positioning accuracy (`AP_P`), m: from the command to the barycentre.
     pub accuracy_m: f64,
-    /// Its parts (`AP_x`, `AP_y`, `AP_z`), m: barycentre minus command.
+    /// Its components (`AP_x`, `AP_y`, `AP_z`), m: barycentre minus command.
     pub accuracy_xyz_m: DVec3,
     /// Orientation accuracy (`AP_a`, `AP_b`, `AP_c`), rad: mean minus command.
     pub accuracy_abc_rad: Option<DVec3>,
@@ -49,31 +49,32 @@ pub struct Drift {
     pub accuracy_abc_rad: Option<DVec3>,
     /// Largest change of the repeatability (`dRP_P`), m.
     pub repeatability_m: f64,
-    /// Largest distance of a later barycentre from the first, m. Not the standard's: a place that wanders around its command
-    /// keeps its accuracy and drifts all the same.
+    /// Largest distance of a later barycentre from the first, m. Not part of the standard: a barycentre that moves around the command keeps its
+    /// accuracy although it drifts.
     pub travel_m: f64,
 }
 
-/// Accuracy and repeatability of the distance between two poses. Orientations by their difference in the first pose's command.
+/// Accuracy and repeatability of the distance between two poses. Orientation figures refer to the difference of the two orientations, in the axes of
+/// the first commanded pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DistanceFigures {
     /// Pairs of visits, n.
     pub visits: usize,
     /// Distance accuracy (`AD_P`), m: mean minus command.
     pub accuracy_m: f64,
-    /// Its parts (`AD_x`, `AD_y`, `AD_z`), m, each of the distance along its axis.
+    /// Its components (`AD_x`, `AD_y`, `AD_z`), m, of the distance along each axis.
     pub accuracy_xyz_m: DVec3,
-    /// Of the orientations' difference (`AD_a`, `AD_b`, `AD_c`), rad.
+    /// Accuracy of the orientation difference (`AD_a`, `AD_b`, `AD_c`), rad.
     pub accuracy_abc_rad: Option<DVec3>,
     /// Distance repeatability (`RD` = ±3 S), m.
     pub repeatability_m: f64,
-    /// Its parts (`RD_x`, `RD_y`, `RD_z`), m.
+    /// Its components (`RD_x`, `RD_y`, `RD_z`), m.
     pub repeatability_xyz_m: DVec3,
-    /// Of the orientations' difference (`RD_a`, `RD_b`, `RD_c`), rad.
+    /// Repeatability of the orientation difference (`RD_a`, `RD_b`, `RD_c`), rad.
     pub repeatability_abc_rad: Option<DVec3>,
 }
 
-/// Why there are no figures.
+/// Why no figures can be computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum IsoError {
     /// Nothing to evaluate.
@@ -85,26 +86,26 @@ pub enum IsoError {
     /// Too few groups to compare.
     #[error("there are {0} groups of visits: a comparison needs 2")]
     Groups(usize),
-    /// A number that is none.
+    /// A value is not finite.
     #[error(
         "visit {visit} (from 1) has a position or orientation that is not finite: leave it out"
     )]
     NotFinite {
-        /// From 1; 0 is the command.
+        /// 1-based; 0 is the command.
         visit: usize,
     },
-    /// A quaternion that is no rotation.
+    /// A quaternion is not of unit length.
     #[error(
         "visit {visit} (from 1; 0 is the command) has a quaternion off unit length by more than 1e-3"
     )]
     NoRotation {
-        /// From 1; 0 is the command.
+        /// 1-based; 0 is the command.
         visit: usize,
     },
 }
 
 impl Placement {
-    /// A point, its orientation unknown.
+    /// A point without orientation.
     #[must_use]
     pub const fn point(position_m: DVec3) -> Self {
         Self { position_m, orientation: None }
@@ -122,7 +123,7 @@ impl Placement {
         }
     }
 
-    /// The angles from `reference` to this orientation, about the measuring axes; none where one of the two is unknown.
+    /// Rotation vector from `reference` to this orientation, in the measuring axes, rad; `None` if either is unknown.
     fn angles_from(&self, reference: &Self) -> Option<DVec3> {
         let turn = (self.orientation? * reference.orientation?.inverse()).normalize();
         let shorter = if turn.w < 0.0 { -turn } else { turn };
@@ -130,10 +131,10 @@ impl Placement {
     }
 }
 
-/// Figures of one pose that was visited again and again, always from the same direction.
+/// Figures of one pose that was visited repeatedly, always from the same direction.
 ///
 /// # Errors
-/// Fewer than two visits, or numbers that are none.
+/// Fewer than two visits, or values that are not finite.
 pub fn pose(command: &Placement, attained: &[Placement]) -> Result<PoseFigures, IsoError> {
     check(command, attained)?;
     let barycentre = mean(attained.iter().map(|visit| visit.position_m));
@@ -154,10 +155,10 @@ pub fn pose(command: &Placement, attained: &[Placement]) -> Result<PoseFigures, 
     })
 }
 
-/// Drift at one pose; one group of visits for each cycle of measurement, in the order of time.
+/// Drift at one pose; one group of visits per measuring cycle, in the order of time.
 ///
 /// # Errors
-/// Fewer than two cycles, fewer than two visits in one, or numbers that are none.
+/// Fewer than two cycles, fewer than two visits in one, or values that are not finite.
 pub fn drift(command: &Placement, cycles: &[&[Placement]]) -> Result<Drift, IsoError> {
     let figures = each(command, cycles)?;
     let first = figures[0];
@@ -181,10 +182,10 @@ pub fn drift(command: &Placement, cycles: &[&[Placement]]) -> Result<Drift, IsoE
     }))
 }
 
-/// Figures of the distance between two poses, visited in turn.
+/// Figures of the distance between two poses that were visited alternately.
 ///
 /// # Errors
-/// Fewer than two pairs of visits, or numbers that are none.
+/// Fewer than two pairs of visits, or values that are not finite.
 pub fn distance(
     command: [Placement; 2],
     attained: &[[Placement; 2]],
@@ -215,7 +216,7 @@ pub fn distance(
     })
 }
 
-/// The figures of each group; at least two.
+/// Figures of each group; there must be at least two groups.
 fn each(command: &Placement, groups: &[&[Placement]]) -> Result<Vec<PoseFigures>, IsoError> {
     if groups.len() < 2 {
         return Err(IsoError::Groups(groups.len()));
@@ -231,12 +232,12 @@ fn check(command: &Placement, attained: &[Placement]) -> Result<(), IsoError> {
     attained.iter().enumerate().try_for_each(|(at, visit)| visit.check(at + 1))
 }
 
-/// Each visit's angles from the command; none where an orientation is missing.
+/// Rotation vectors of the visits relative to the command; `None` if an orientation is missing.
 fn angles(command: &Placement, attained: &[Placement]) -> Option<Vec<DVec3>> {
     attained.iter().map(|visit| visit.angles_from(command)).collect()
 }
 
-/// The larger of `so_far` and the difference of two, axis by axis.
+/// Elementwise maximum of `so_far` and the absolute difference of two vectors.
 fn wider(so_far: Option<DVec3>, one: Option<DVec3>, other: Option<DVec3>) -> Option<DVec3> {
     Some(so_far?.max((one? - other?).abs()))
 }
@@ -246,7 +247,7 @@ fn mean(vectors: impl ExactSizeIterator<Item = DVec3>) -> DVec3 {
     vectors.sum::<DVec3>() / count
 }
 
-/// Mean and standard deviation over n − 1.
+/// Mean and standard deviation (divisor n − 1).
 fn spread(values: &[f64]) -> (f64, f64) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
@@ -254,7 +255,7 @@ fn spread(values: &[f64]) -> (f64, f64) {
     (mean, (squares / (count - 1.0)).sqrt())
 }
 
-/// Three standard deviations, axis by axis.
+/// Three standard deviations, per axis.
 fn three_deviations(vectors: &[DVec3]) -> DVec3 {
     let axis =
         |part: fn(&DVec3) -> f64| 3.0 * spread(&vectors.iter().map(part).collect::<Vec<_>>()).1;

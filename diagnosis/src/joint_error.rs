@@ -1,9 +1,11 @@
 //! Errors of a joint at equal steps of its sweep, in both directions (thesis 3.5 and the measurements behind 3.7 to 3.18).
 //!
-//! The angle of each target about the estimated axis, compared with the command; targets are weighted by the square of their radius. Radial noise displaces
-//! the estimated axis, which appears in the angles as a sine and cosine of the joint angle, like gravity: [`JointErrors`] contains the uncertainty of this.
+//! The angle of each target about the estimated axis, compared with the command; targets are weighted by the square of their
+//! radius. Radial noise displaces the estimated axis, which appears in the angles as a sine and cosine of the joint angle,
+//! like gravity: [`JointErrors`] contains the uncertainty of this.
 //!
-//! Promises: actual minus commanded (the thesis plots the opposite), signed, precise for small angles. Never: the joint's zero, which a sweep of one joint does not determine.
+//! Sign: actual minus commanded (the thesis plots the opposite), precise for small angles. The joint offset is not estimated, because a sweep of one
+//! joint does not determine it.
 
 use crate::single_joint::{JointAxis, SAME_STEP_RAD, Sweep, angle_about};
 use crate::triangle::Triangle;
@@ -11,20 +13,21 @@ use glam::DVec3;
 use physics::frame::{normals, rotation_about};
 use physics::{Inputs, JOINTS_MAX, Model};
 
-/// What a joint does at one commanded position.
+/// Error of a joint at one commanded position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepError {
-    /// What was commanded; `direction` is 0, since both directions go into the mean.
+    /// Inputs of the model; `direction` is 0, because the mean is over both directions.
     pub inputs: Inputs,
-    /// Commanded, rad.
+    /// Commanded position, rad.
     pub position_rad: f64,
-    /// Actual minus commanded, the mean of both directions where both were seen, rad.
+    /// Actual minus commanded, mean of both directions if both were measured, rad.
     pub mean_rad: f64,
-    /// Standard uncertainty of the mean by the noise of this step's points, rad.
+    /// Standard uncertainty of the mean due to the noise of this step's points, rad.
     pub sigma_rad: f64,
-    /// How the mean changes as the axis is shifted along its two normals, rad/m: alike for all steps of a sweep, hence no part of the sigma.
+    /// Derivative of the mean by a shift of the axis along its two normals, rad/m. The shift is common to all steps of a sweep and therefore not
+    /// included in the standard uncertainty.
     pub by_shift: [f64; 2],
-    /// Half of what arriving downwards shows more than arriving upwards, rad: half of `backlash`'s width. `None` without both directions.
+    /// Half the difference between downward and upward approach, rad: half the width of `backlash`. `None` unless both directions were measured.
     pub half_lost_motion_rad: Option<f64>,
 }
 
@@ -33,22 +36,22 @@ pub struct StepError {
 pub struct JointErrors {
     /// 0-based.
     pub joint: usize,
-    /// In rising order of the joint's position.
+    /// In increasing order of the joint's position.
     pub steps: Vec<StepError>,
-    /// Covariance of the axis' shifts along its two normals, m².
+    /// Covariance of the shifts of the axis along its two normals, m².
     pub shift_covariance: [[f64; 2]; 2],
 }
 
-/// One target's part in one step.
+/// One target at one step.
 struct Seen {
     step: usize,
     target: usize,
-    /// Ahead of the command, from where this target was first seen, rad.
+    /// Angle relative to the command, minus its value at the first measurement of this target, rad.
     angle: f64,
     by_shift: [f64; 2],
 }
 
-/// One step as all its targets show it.
+/// One step, averaged over its targets.
 struct Read {
     step: usize,
     angle: f64,
@@ -57,7 +60,8 @@ struct Read {
 }
 
 impl Sweep {
-    /// What the joint does at each step about `found`. Zero at the step nearest to `zero_at_rad`: a sweep does not see the zero.
+    /// Errors of the joint at each step about the axis `found`, relative to the step nearest to `zero_at_rad`, because a sweep does not determine the
+    /// offset.
     #[must_use]
     pub fn errors(&self, model: &Model, found: &JointAxis, zero_at_rad: f64) -> JointErrors {
         let read = self.angles(model, found);
@@ -75,7 +79,7 @@ impl Sweep {
         JointErrors { joint: self.joint, steps, shift_covariance }
     }
 
-    /// For each step with a target: how far it stands ahead of the command, up to a constant.
+    /// Angle minus command for each step with a target, up to a constant.
     fn angles(&self, model: &Model, found: &JointAxis) -> Vec<Read> {
         let weights: Vec<f64> =
             found.axis.circles.iter().map(|circle| circle.radius_m * circle.radius_m).collect();
@@ -154,8 +158,8 @@ impl Sweep {
     }
 }
 
-/// How far ahead of the command each target already was where it was first seen, against the first target: targets seen at different steps
-/// would otherwise pull these steps apart. Least squares over all that was seen, in the order of the steps; what the step itself does falls out.
+/// Initial angle error of each target relative to the first target: targets measured from different steps on would otherwise distort those steps.
+/// Least squares over all measurements; the error of the step itself cancels.
 fn starting_angles(ahead: &[Seen], weights: &[f64]) -> Vec<f64> {
     let mut triangle = Triangle::new(weights.len());
     for step in ahead.chunk_by(|a, b| a.step == b.step) {

@@ -4,7 +4,7 @@
 //! [`mod@geometry`] (the tolerances that fix gauge freedoms),
 //! [`fit()`] (parameters, their uncertainty, and those that the data do not determine), `residual` (one rule per kind of reading).
 //!
-//! Promises: the same input and seed give the same bits. Never: shared memory, a clock, access to files, special treatment of a data set.
+//! The same input and seed give the same bits. No shared memory, no clock, no file access, no special treatment of a data set.
 
 mod blocks;
 pub mod campaign;

@@ -1,6 +1,7 @@
-//! Residuals and derivatives of a whole campaign at one state, kept, so that other weights, columns or noise models need no further evaluation of the arm.
+//! Cached residuals and derivatives of a whole campaign at one state, so that other weights, columns or noise models need no further evaluation of
+//! the arm.
 //!
-//! The rows are those of [`visit`], in its order, of the poses that are used; weights and whitening are applied when they are read.
+//! Rows are those of [`visit`], in its order, for the poses in use; weights and whitening are applied when rows are used.
 
 use crate::campaign::Campaign;
 use crate::colour::Filter;
@@ -8,7 +9,7 @@ use crate::problem::{At, Look, State, Weighing, prior_cost, visit};
 use crate::residual::Rows;
 use crate::triangle::Triangle;
 
-/// A reading with where its derivatives begin.
+/// A measurement with the index of its first derivative.
 #[derive(Debug)]
 struct Entry {
     pose: usize,
@@ -19,7 +20,7 @@ struct Entry {
     first: usize,
 }
 
-/// How far a reading of so many numbers lies from a state, in units of the noise.
+/// Norm of the residual of one measurement at a state, in units of the noise, with its number of components.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Length {
     pub(crate) reading: usize,
@@ -30,13 +31,13 @@ pub(crate) struct Length {
     pub(crate) length: f64,
 }
 
-/// The rows of a state.
+/// The rows at one state.
 #[derive(Debug)]
 pub(crate) struct Linearisation {
     pub(crate) state: State,
     used: Vec<bool>,
     entries: Vec<Entry>,
-    /// Derivatives by every column of the state, one row after the other, in units of the noise.
+    /// Derivatives by every column of the state, row-major, in units of the noise.
     slopes: Vec<f64>,
 }
 
@@ -60,12 +61,12 @@ impl Linearisation {
         Self { state, used: used.to_vec(), entries, slopes }
     }
 
-    /// Whether it shows this state and these poses.
+    /// Whether it was computed for this state and these poses.
     pub(crate) fn shows(&self, state: &State, used: &[bool]) -> bool {
         self.used == used && self.state == *state
     }
 
-    /// The readings in order, each with its derivatives row after row.
+    /// Visits the measurements in order, each with its derivatives, row-major.
     pub(crate) fn look(&self, mut look: impl FnMut(&At<'_>, &[f64])) {
         let width = self.state.width();
         for Entry { pose, reading, instrument, stream, rows, first } in &self.entries {
@@ -75,7 +76,7 @@ impl Linearisation {
         }
     }
 
-    /// The rows over the columns `active`, weighed, the noise's memory taken out: each with its right-hand side.
+    /// Passes the weighted and whitened rows, restricted to the columns `active`, each with its right-hand side.
     pub(crate) fn rows(
         &self,
         campaign: &Campaign,
@@ -101,7 +102,7 @@ impl Linearisation {
         });
     }
 
-    /// Data reduced to a triangle over the columns `active`.
+    /// The data reduced by QR over the columns `active`.
     pub(crate) fn triangle(
         &self,
         campaign: &Campaign,
@@ -114,14 +115,14 @@ impl Linearisation {
         triangle
     }
 
-    /// The weighed sum of squares of data and priors: bit for bit that of [`crate::problem::cost`].
+    /// Weighted sum of squares of data and priors: bit for bit that of [`crate::problem::cost`].
     pub(crate) fn cost(&self, campaign: &Campaign, weighing: &Weighing) -> f64 {
         let mut sum = 0.0;
         self.rows(campaign, weighing, &[], |_, _, right| sum += right * right);
         sum + prior_cost(&self.state.hypothesis)
     }
 
-    /// Lengths of the residuals, in stated noises.
+    /// Norms of the residuals, in units of the stated noise.
     pub(crate) fn lengths(&self) -> Vec<Length> {
         let length = |one: &Entry| {
             let Entry { reading, pose, instrument, stream, ref rows, .. } = *one;

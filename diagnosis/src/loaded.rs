@@ -3,7 +3,7 @@
 //!
 //! Two poses with the same command, one of them under a wrench, are a pair: geometry, gravity deflection and offsets cancel in their difference.
 //!
-//! Promises: each loaded pose is in one pair, with the unloaded one nearest before or after it. Never: a change to a fit.
+//! Each loaded pose is paired with the unloaded pose of the same command that was measured nearest before or after it. No fit is changed.
 
 use crate::campaign::{Campaign, Place, Pose, Reading};
 use crate::enhanced::{self, EnhancedEffect};
@@ -15,19 +15,20 @@ use glam::DVec3;
 use physics::frame::vector_from_rotation;
 use physics::{Arm, Chain, Joints, Model, Wrench};
 
-/// What `K_C` changes less than this counts as nothing, m.
+/// Changes of the deflection by `K_C` below this are negligible, m.
 pub const NEGLIGIBLE_M: f64 = 1e-6;
 
-/// What a wrench at one pose is worth.
+/// Effect of the load-induced change of geometry at one loaded pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Worth {
-    /// Place in the campaign's poses.
+    /// Index into the campaign's poses.
     pub pose: usize,
-    /// What bending changes; none where the load has the arm buckle.
+    /// The change of the deflection; `None` if the arm buckles under the load.
     pub effect: Option<EnhancedEffect>,
 }
 
-/// The pairs of a campaign. Points come to the base frame by the stations of `surroundings`, targets' places are theirs.
+/// The pairs of a campaign. Points are transformed to the base frame by the stations of `surroundings`, which also contains the target positions on
+/// the tool.
 #[must_use]
 pub fn pairs(arm: &Arm, campaign: &Campaign, surroundings: &Surroundings) -> Vec<LoadedPose> {
     let poses = campaign.poses.iter().enumerate();
@@ -41,7 +42,7 @@ pub fn pairs(arm: &Arm, campaign: &Campaign, surroundings: &Surroundings) -> Vec
     loaded.filter_map(one).collect()
 }
 
-/// The place of the pose with the same command and no wrench that was measured nearest to the one in place `at`.
+/// Index of the pose with the same command and no wrench that was measured nearest to pose `at`.
 pub(crate) fn unloaded_twin(arm: &Arm, campaign: &Campaign, at: usize) -> Option<usize> {
     let pose = campaign.poses.get(at)?;
     let same = |(_, other): &(usize, &Pose)| {
@@ -54,7 +55,7 @@ pub(crate) fn unloaded_twin(arm: &Arm, campaign: &Campaign, at: usize) -> Option
     unloaded.map(|(other, _)| other).min_by_key(|other| other.abs_diff(at))
 }
 
-/// How the TCP moved, and how the tool turned where three targets show it.
+/// Translation of the TCP, m, and rotation of the tool if three targets determine it, between two poses.
 fn moved(
     arm: &Arm,
     before: &Pose,
@@ -86,10 +87,10 @@ fn moved(
     Some((motion.point(at) - at, Some(vector_from_rotation(&motion.rotation))))
 }
 
-/// The compliances that pairs show; none where there are no pairs. `noise_m` is that of one coordinate of one point.
+/// Compliances estimated from pairs; `None` without pairs. `noise_m` is the standard deviation of one coordinate of one point.
 ///
 /// # Errors
-/// Numbers that cannot be.
+/// Values that are not finite, or noise that is not positive.
 pub fn compliances(
     arm: &Arm,
     pairs: &[LoadedPose],
@@ -98,13 +99,13 @@ pub fn compliances(
     if pairs.is_empty() {
         return Ok(None);
     }
-    // Targets a decimetre apart: a turn is that much less sure than a shift.
+    // Targets are about a decimetre apart, so the uncertainty of a rotation is that of a translation over 0.1 m.
     let shift_m = noise_m * std::f64::consts::SQRT_2;
     let noise = DifferenceNoise { shift_m, turn_rad: shift_m / 0.1 };
     all_at_once(arm, pairs, noise).map(Some)
 }
 
-/// What bending is worth at each loaded pose, with the compliances of `model` under a wrench.
+/// Effect of the load-induced change of geometry at each loaded pose, with the compliances of `model` under a wrench.
 #[must_use]
 pub fn worth(model: &Model, campaign: &Campaign) -> Vec<Worth> {
     let compliance = under_wrench(model);
@@ -121,7 +122,7 @@ pub fn worth(model: &Model, campaign: &Campaign) -> Vec<Worth> {
     loaded.map(one).collect()
 }
 
-/// What each joint gives way by under a wrench, rad/Nm (m/N).
+/// Compliance of each joint under an external wrench, rad/Nm (m/N).
 #[must_use]
 pub fn under_wrench(model: &Model) -> Joints {
     let mut compliance = Joints::default();
@@ -173,7 +174,7 @@ mod tests {
         let most = |of: fn(&EnhancedEffect) -> f64| -> f64 {
             worth.iter().filter_map(|w| w.effect.as_ref()).map(of).fold(0.0, f64::max)
         };
-        // A robot of this class: a fraction of a millimetre, of which bending changes little.
+        // A robot of this class deflects by a fraction of a millimetre; the change of geometry matters little.
         assert!(
             most(|e| e.deflection_m) > 1e-4
                 && most(|e| e.by_wrench_m) < 1e-2 * most(|e| e.deflection_m)

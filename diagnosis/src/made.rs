@@ -8,17 +8,18 @@ use physics::frame::rotation_from_vector;
 use physics::{Frame, Inputs, JOINTS_MAX, Model};
 use recording::model::presets::preset;
 
-/// The thesis' robot: the truth.
+/// The true robot of the synthetic campaigns: that of the thesis.
 pub(crate) fn thesis() -> Model {
     preset("irb1600-6-145-thesis").expect("preset").model().expect("sound").physics
 }
 
-/// What its controller believes.
+/// The nominal model of its controller.
 pub(crate) fn nominal() -> Model {
     preset("irb1600-6-145").expect("preset").model().expect("sound").physics
 }
 
-/// Poses without readings' values; `targets` on the tool, or its TCP where there are none.
+/// Poses without measured values, with `targets` reflectors on the tool, or only its TCP if there
+/// are none.
 pub(crate) fn empty(targets: usize, count: u32) -> Campaign {
     let frame =
         Frame::new(rotation_from_vector(DVec3::new(0.02, 0.01, 2.1)), DVec3::new(2.0, -1.0, 0.4));
@@ -68,7 +69,7 @@ pub(crate) fn empty(targets: usize, count: u32) -> Campaign {
     }
 }
 
-/// Sixty poses of the thesis' robot.
+/// Sixty simulated poses of the thesis' robot.
 pub(crate) fn measured(targets: usize) -> Campaign {
     let campaign = empty(targets, 60);
     simulate::readings(&campaign, &thesis(), &campaign.surroundings, 1.0, 5)

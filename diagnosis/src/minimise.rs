@@ -1,11 +1,10 @@
 //! Levenberg-Marquardt minimisation of a weighted sum of squares.
 //!
 //! The step solves `min |J dx − r|² + λ |D dx|²`, D the largest column norms seen so far (Moré 1978); λ follows the ratio of actual to predicted
-//! reduction (Nielsen 1999). A step that does not lower the sum needs no new derivatives. A parameter that would go below its bound is fixed there for the step of the
-//! others.
+//! reduction (Nielsen 1999). A step that does not lower the sum needs no new derivatives. A parameter that would go below its bound is fixed there
+//! for the step of the others.
 //!
-//! Promises: the sum never increases; the same input gives the same bits; it ends after a bounded number of steps.
-//! Never: a choice of columns or weights.
+//! The sum never increases; the same input gives the same bits; the number of steps is bounded. Columns and weights are selected by the caller.
 
 use crate::campaign::Campaign;
 use crate::linearisation::Linearisation;
@@ -13,38 +12,38 @@ use crate::problem::{State, Weighing, cost, with_priors};
 use crate::triangle::Triangle;
 use std::sync::Arc;
 
-/// The fit has converged when a full step would lower the sum by no more than this part of it.
+/// Converged when a full step would reduce the sum by no more than this fraction.
 const ENOUGH: f64 = 1e-13;
 const STEPS_MAX: usize = 60;
 const DAMPING_START: f64 = 1e-6;
 const DAMPING_MAX: f64 = 1e12;
 
-/// Where the steps ended.
+/// Result of a minimisation.
 pub(crate) struct Minimum {
     pub(crate) linearisation: Arc<Linearisation>,
-    /// Data and priors, at the end.
+    /// Reduced system of data and priors at the end.
     pub(crate) triangle: Triangle,
-    /// The data alone, at the end.
+    /// Reduced system of the data alone at the end.
     pub(crate) data: Triangle,
     pub(crate) steps: usize,
     pub(crate) converged: bool,
 }
 
-/// When steps end.
+/// Termination criterion.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Until {
-    /// The number of steps.
+    /// Largest number of steps.
     pub(crate) steps_max: usize,
-    /// What a full step would still gain, in units of the noise's variance; rounding ends the steps where this is zero.
+    /// Smallest predicted reduction of the sum by a full step, in units of the noise variance; with zero, steps end at rounding.
     pub(crate) gain_least: f64,
 }
 
 impl Until {
-    /// Until rounding leaves nothing to gain.
+    /// Until the predicted reduction is within rounding.
     pub(crate) const CONVERGED: Self = Self { steps_max: usize::MAX, gain_least: 0.0 };
 }
 
-/// Steps over the columns `active` from where `linearisation` stands, with its data reduced to them.
+/// Minimises over the columns `active`, starting from `linearisation`, whose data are already reduced to these columns.
 pub(crate) fn minimise(
     campaign: &Campaign,
     mut linearisation: Arc<Linearisation>,
@@ -73,7 +72,7 @@ pub(crate) fn minimise(
         let promised = promise(&triangle, &step);
         let mut full = vec![0.0; state.width()];
         active.iter().zip(&step).for_each(|(column, by)| full[*column] = *by);
-        // After a step that failed the next may fail too: its derivatives wait until it is known.
+        // After a rejected step the next may be rejected too: its derivatives are computed only once it is accepted.
         let next = Next::at(campaign, state.stepped(&full), weighing, growth == 2.0);
         let ratio = if promised > 0.0 { (sum - next.reached) / promised } else { -1.0 };
         if next.reached < sum {
@@ -86,7 +85,7 @@ pub(crate) fn minimise(
             growth = 2.0;
             steps += 1;
         } else {
-            // Rounding: a step whose promise drowns in the sum cannot be told from none.
+            // Rounding: the predicted reduction is too small compared with the sum to be verified.
             if promised <= 1e-11 * sum {
                 converged = true;
                 break;
@@ -98,7 +97,7 @@ pub(crate) fn minimise(
     Minimum { linearisation, triangle, data, steps, converged }
 }
 
-/// Where a step would lead: with derivatives, or the sum alone.
+/// The state after a trial step: with derivatives, or the sum of squares alone.
 struct Next {
     reached: f64,
     stands: Stands,
@@ -130,7 +129,7 @@ impl Next {
     }
 }
 
-/// By how much the linearised sum would fall with a full step.
+/// Reduction of the linearised sum of squares by a full step.
 fn left_to_gain(triangle: &Triangle, lowest: &[f64]) -> f64 {
     if lowest.iter().all(|least| least.is_infinite()) {
         return triangle.total() - triangle.rest();
@@ -138,7 +137,7 @@ fn left_to_gain(triangle: &Triangle, lowest: &[f64]) -> f64 {
     promise(triangle, &triangle.solve_above(&vec![0.0; lowest.len()], lowest))
 }
 
-/// By how much the linearised sum falls with this step.
+/// Reduction of the linearised sum of squares by this step.
 fn promise(triangle: &Triangle, step: &[f64]) -> f64 {
     let mut left: f64 = triangle.rest();
     for i in 0..step.len() {

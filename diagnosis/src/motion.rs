@@ -1,8 +1,7 @@
 //! Derivatives of the tool pose by contributions of effects, on the deviated chain.
 //!
-//! Promises: the derivative is taken on the real chain, at its present deviation, so that unobservable directions
-//! have exactly zero derivative; agrees with central differences (property tests).
-//! Never: a parameter's name or unit.
+//! Derivatives are taken on the real chain at its present deviation, so that unobservable directions have exactly zero derivative. They agree with
+//! central differences (property tests).
 //!
 //! A deviation is the exponential of a twist ξ; a change dξ of it moves what it carries by `J(ξ) dξ`, with the left Jacobian
 //! `J = Σ ad_ξᵏ/(k+1)!` (Murray, Li and Sastry, A Mathematical Introduction to Robotic Manipulation, appendix A). Deviations are
@@ -12,25 +11,25 @@ use glam::DVec3;
 use physics::frame::Twist;
 use physics::{Arm, Chain, Contribution, Evaluation, Frame, Joints};
 
-/// A small motion of the tool, base axes, per unit of what causes it.
+/// A small motion of the tool, base axes, per unit of the parameter that causes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
-    /// How it turns, rad.
+    /// Rotation, rad.
     pub turn: DVec3,
-    /// How its TCP moves, m.
+    /// Translation of the TCP, m.
     pub shift: DVec3,
-    /// How much the joints' own positions change, rad or m.
+    /// Changes of the joint positions, rad or m.
     pub joints: Joints,
 }
 
 impl Motion {
-    /// How a point that moves with the tool moves; `lever` is from the TCP to the point, base axes, m.
+    /// Displacement of a point fixed to the tool; `lever` is from the TCP to the point, base axes, m.
     #[must_use]
     pub fn of_point(&self, lever: DVec3) -> DVec3 {
         self.shift + self.turn.cross(lever)
     }
 
-    /// The motion of a contribution's derivative on the arm as `seen`; none for what acts on loads, torque or force.
+    /// The motion for the derivative of a contribution, on the arm as evaluated in `seen`; `None` for contributions to loads, torques or forces.
     #[must_use]
     pub fn of(arm: &Arm, seen: &Evaluation, change: &Contribution) -> Option<Self> {
         let tcp = seen.real.base_from_tool.origin;
@@ -74,7 +73,7 @@ impl Motion {
         }
     }
 
-    /// The motion when `joint` of the controller's own arm, standing as `chain`, moves by one rad or m.
+    /// The motion when `joint` of the nominal arm at the configuration `chain` moves by one rad or m.
     #[must_use]
     pub fn of_joint(arm: &Arm, chain: &Chain, joint: usize) -> Self {
         let (shift, turn) = chain.motion_of(joint, arm.joints()[joint].kind);
@@ -83,7 +82,7 @@ impl Motion {
         Self { turn, shift, joints }
     }
 
-    /// Both motions together.
+    /// Sum of two motions.
     #[must_use]
     pub fn plus(&self, other: &Self) -> Self {
         let mut joints = self.joints;
@@ -91,14 +90,14 @@ impl Motion {
         Self { turn: self.turn + other.turn, shift: self.shift + other.shift, joints }
     }
 
-    /// This motion times a number.
+    /// This motion times a scalar.
     #[must_use]
     pub fn times(&self, factor: f64) -> Self {
         let joints = self.joints.map(|joint| joint * factor);
         Self { turn: self.turn * factor, shift: self.shift * factor, joints }
     }
 
-    /// The motion between two places of the tool (with how far each joint is off), per `step` of what changed.
+    /// The motion from pose `a` of the tool to pose `b` (each with its joint deviations), divided by `step`.
     #[must_use]
     pub fn between(
         (a, a_joints): &(Frame, Joints),
@@ -114,14 +113,14 @@ impl Motion {
     }
 }
 
-/// The twist of a turn about a pivot.
+/// The twist of a rotation about a pivot.
 fn about(turn: DVec3, pivot: DVec3) -> Twist {
     let mut twist = Twist::default();
     twist.add(turn, pivot);
     twist
 }
 
-/// `[a, b]`: how the screw `a` changes the screw `b`.
+/// Lie bracket `[a, b]` of two twists.
 fn bracket(a: &Twist, b: &Twist) -> Twist {
     Twist {
         turn: a.turn.cross(b.turn),
@@ -129,7 +128,7 @@ fn bracket(a: &Twist, b: &Twist) -> Twist {
     }
 }
 
-/// The left Jacobian of the exponential at `bent`, applied to `change`.
+/// The left Jacobian of the exponential at the twist `bent`, applied to `change`.
 fn left(bent: &Twist, change: &Twist) -> Twist {
     if *bent == Twist::default() {
         return *change;
@@ -144,7 +143,7 @@ fn left(bent: &Twist, change: &Twist) -> Twist {
     sum
 }
 
-/// What carries link `link`, before that link's own deviation.
+/// Frame that carries link `link`, before that link's own deviation.
 fn before_link(seen: &Evaluation, link: usize) -> Frame {
     match link.checked_sub(1) {
         Some(joint) => seen.real.body(joint),
@@ -154,7 +153,7 @@ fn before_link(seen: &Evaluation, link: usize) -> Frame {
     }
 }
 
-/// What carries joint `link`, after that link's own deviation.
+/// Frame that carries joint `link`, after that link's own deviation.
 fn after_link(seen: &Evaluation, link: usize) -> Frame {
     let before = before_link(seen, link);
     seen.deviation.link(link).map_or(before, |link| before.after(&link.frame()))
@@ -168,8 +167,8 @@ fn carried(carrier: &Frame, tcp: DVec3, twist: &Twist) -> Motion {
     Motion { turn, shift: carrier.rotation * shift, ..Motion::default() }
 }
 
-/// An axis that moves by `moved` while the joint stands where it stands: the joint's motion is then another one,
-/// `X M X⁻¹` instead of `M`, so that what it carries moves by the difference of `moved` before and after it.
+/// Displacement of a joint axis at constant joint position: the joint's motion `M` becomes `X M X⁻¹`, so what it carries moves by the difference of
+/// `moved` before and after it.
 fn of_axis(seen: &Evaluation, joint: usize, moved: &Twist) -> Motion {
     let carrier = after_link(seen, joint);
     let motion = carrier.inverse().after(&seen.real.body(joint));

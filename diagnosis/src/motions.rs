@@ -1,30 +1,30 @@
 //! Jacobian of the tool pose by the free parameters of a hypothesis, for each pose.
 //!
-//! Parameters of the loads act through all that follows the loads: what it adds is evaluated twice, under slightly smaller and larger loads.
+//! Load parameters act through all load-dependent effects: these are evaluated twice, under slightly smaller and larger loads.
 //!
-//! Promises: agrees with central differences of the whole model (property tests); one evaluation per loaded joint suffices.
-//! Never: a delay, a lag, a mode; see [`crate::rides`].
+//! Agrees with central differences of the whole model (property tests); one evaluation per loaded joint suffices. Delay, lag and modes are treated in
+//! [`crate::rides`].
 
 use crate::hypothesis::{Hypothesis, much, named};
 use crate::motion::Motion;
 use physics::spec::{ActsOn, Need, Role, Spec};
 use physics::{AnyEffect, Contribution, Evaluation, Inputs, JOINTS_MAX, Memories, Model};
 
-/// Steps of a central difference, as shares of how large a number may be.
+/// Steps of a central difference, as fractions of the largest plausible value.
 const STEP: f64 = 1e-4;
 
-/// Whether an effect changes the loads or gives way under them.
+/// Whether an effect changes the loads or depends on them.
 pub(crate) fn is_about_loads(spec: &Spec) -> bool {
     let gives_way = spec.needs.contains(&Need::Masses) || spec.needs.contains(&Need::Wrench);
     spec.acts_on == ActsOn::Loads || gives_way
 }
 
-/// The free numbers of a hypothesis, ready to be asked.
+/// The free parameters of a hypothesis, prepared for evaluation at many poses.
 pub(crate) struct Motions<'a> {
     model: &'a Model,
-    /// Effect and value of each free number.
+    /// Effect and parameter index of each free parameter.
     wanted: Vec<(usize, usize)>,
-    /// How large each of them may be.
+    /// Largest plausible value of each.
     much: Vec<f64>,
     are_candidates: bool,
     yielding: Option<Yielding>,
@@ -39,12 +39,12 @@ impl<'a> Motions<'a> {
         Self { model: &hypothesis.model, wanted, much, are_candidates: false, yielding: None }
     }
 
-    /// The same of candidates, which stand beside one another without being there.
+    /// The same for candidates: each is evaluated alone, not together with the others.
     pub(crate) fn of_candidates(hypothesis: &'a Hypothesis) -> Self {
         Self { are_candidates: true, ..Self::of(hypothesis) }
     }
 
-    /// At one pose, of which `seen` is what the model says, or at least [`Model::load_into`]; one motion per free number.
+    /// Motions at one pose, one per free parameter; `seen` is the evaluation of the model, or at least the result of [`Model::load_into`].
     pub(crate) fn at(
         &mut self,
         inputs: &Inputs,
@@ -61,7 +61,7 @@ impl<'a> Motions<'a> {
         });
         if !on_loads.is_empty() {
             let yielding = self.yielding.get_or_insert_with(|| {
-                // A sag has gravity's direction, which no compliance has; candidates give way by compliances alone.
+                // Gravity sag depends on the direction of gravity like no compliance; among candidates only compliances respond to loads.
                 let is_sag = |effect: &AnyEffect| matches!(effect, AnyEffect::GravitySag(_));
                 let follows = |effect: &AnyEffect| {
                     is_about_loads(effect.spec()) || !self.are_candidates && is_sag(effect)
@@ -71,7 +71,8 @@ impl<'a> Motions<'a> {
             yielding.stand_at(memories, seen);
             let bent = self.are_candidates.then(|| yielding.bent(inputs));
             let seen = bent.as_ref().unwrap_or(seen);
-            // What one unit of load does is told by the change that loads most: others may do next to nothing here, as at a spring's dead point.
+            // The response to a unit load is computed with the step of the largest change: others may be nearly zero here, as at the dead point of a
+            // spring.
             let mut most = [0.0_f64; JOINTS_MAX];
             for (place, change) in &on_loads {
                 if let Contribution::JointLoad { joint, load } = change {
@@ -83,7 +84,7 @@ impl<'a> Motions<'a> {
             }
             for (place, change) in &on_loads {
                 motions[*place] = match *change {
-                    // Where no load on a joint changes, nothing responds.
+                    // A joint without a change of load has no response.
                     Contribution::JointLoad { joint, load } => {
                         yielding.responses[joint].unwrap_or_default().times(load)
                     }
@@ -95,17 +96,17 @@ impl<'a> Motions<'a> {
     }
 }
 
-/// A model of what follows the loads, at one pose.
+/// The load-dependent effects of a model, at one pose.
 struct Yielding {
     model: Box<Model>,
     memories: Memories,
-    /// Where each effect of the whole model stands here, if it follows the loads.
+    /// Index of each effect of the whole model in this one, if it depends on the loads.
     places: Vec<Option<usize>>,
-    /// How the tool moves per unit of load on a joint.
+    /// Motion of the tool per unit of load on each joint.
     responses: [Option<Motion>; JOINTS_MAX],
-    /// The controller's geometry at the pose, and the loads as they were changed last.
+    /// The nominal chain at the pose, and the loads as last changed.
     loaded: Box<Evaluation>,
-    /// What each effect adds under slightly smaller loads.
+    /// Contribution of each effect under slightly smaller loads.
     below: Vec<Contribution>,
 }
 
@@ -119,7 +120,7 @@ impl Yielding {
                     let role = named(effect, value).map(|named| named.parameter.role);
                     role == Some(Role::Linear) && effect.values()[value] != 0.0
                 });
-            // It had room in the whole model.
+            // Cannot fail: the whole model has room for it.
             let stands = at_work && model.push(*effect).is_ok();
             places.push(stands.then(|| model.effects().len() - 1));
         }
@@ -128,7 +129,7 @@ impl Yielding {
         Self { model, memories, places, responses, loaded, below: Vec::new() }
     }
 
-    /// `seen`: the geometry and the loads here.
+    /// Moves to a pose; `seen` contains its chain and loads.
     fn stand_at(&mut self, all: &Memories, seen: &Evaluation) {
         for (from, to) in self.places.iter().enumerate() {
             if let Some(to) = to {
@@ -139,14 +140,14 @@ impl Yielding {
         (self.loaded.nominal, self.loaded.loads) = (seen.nominal, seen.loads);
     }
 
-    /// What gives way under the loads here, and the arm with that alone.
+    /// The deflection under the present loads, and the arm with only that.
     fn bent(&self, inputs: &Inputs) -> Evaluation {
         let mut bent = *self.loaded;
         self.model.evaluate_under(inputs, &self.memories, &mut bent);
         bent
     }
 
-    /// How the tool moves per unit of load on a joint.
+    /// Motion of the tool per unit of load on a joint.
     fn respond(&mut self, joint: usize, step: f64, inputs: &Inputs, seen: &Evaluation) {
         let here = seen.loads.gravity_torque[joint];
         let response = self.response(inputs, seen, step, |yielding, by| {
@@ -156,7 +157,7 @@ impl Yielding {
         self.responses[joint] = Some(response);
     }
 
-    /// How the tool moves per unit of a contribution to the loads that is no torque of a joint.
+    /// Motion of the tool per unit of a contribution to the loads other than a joint torque.
     fn respond_to(
         &mut self,
         change: &Contribution,
@@ -170,8 +171,8 @@ impl Yielding {
         })
     }
 
-    /// How the tool moves per unit of a change of the loads, of which `load` brings in so many: the difference of what each effect adds under a little less
-    /// and a little more of it, on the arm as `seen`.
+    /// Motion of the tool per unit of a change of the loads, which `load` applies by a given amount: difference of the contributions of all effects
+    /// under slightly smaller and larger loads, on the arm as evaluated in `seen`.
     fn response(
         &mut self,
         inputs: &Inputs,

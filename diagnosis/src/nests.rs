@@ -1,8 +1,9 @@
 //! Drift of the instrument, measured by reference targets on the base: the readings of each row are transformed to one frame.
 //!
-//! A tracker on its stand moves by hundredths of a millimetre over hours, as much as the error of a good model. Three reference targets beside the robot measure
-//! this; the correction of each row is the rigid motion to their mean positions. Their readings are noisy too: the number of rows to average minimises the
-//! expected error (Mallows, Some comments on Cp, Technometrics 15, 1973), with the noise estimated from the residuals of the rigid motions.
+//! A tracker on its stand moves by hundredths of a millimetre over hours, as much as the error of a good model. Three reference targets beside the
+//! robot measure this; the correction of each row is the rigid motion to their mean positions. Their readings are noisy too: the number of rows to
+//! average minimises the expected error (Mallows, Some comments on Cp, Technometrics 15, 1973), with the noise estimated from the residuals of the
+//! rigid motions.
 //!
 //! A base that tilts under load moves the same targets: the corrected readings are then relative to the base, as required for a model of the arm.
 //!
@@ -15,41 +16,41 @@ use glam::DVec3;
 use physics::Frame;
 use recording::series::{Channel, Recording};
 
-/// A distance this many times its usual scatter away from its middle is no measurement of the same nests.
+/// A distance is inconsistent if it deviates from its median by this many times its usual scatter.
 const STRANGE: f64 = 6.0;
-/// No instrument repeats a distance better than this, m.
+/// Best repeatability of a distance that any instrument attains, m.
 const REPEATS: f64 = 1e-6;
-/// Distances that usually scatter by more are not those of nests, m.
+/// Distances with a larger usual scatter are not those of reference targets, m.
 const LOOSE: f64 = 1e-3;
-/// How far from a line nests must stand, as a share of the longest distance between them.
+/// Least distance of the reference targets from a line, as a fraction of the longest distance between them.
 const OFF_LINE: f64 = 0.05;
-/// Rows that are averaged, at most; three times more at each step.
+/// Largest number of rows that are averaged; the number triples at each step.
 const ROWS_MAX: usize = 729;
-/// A standard deviation is this many times the middle deviation of normal noise.
+/// Ratio of standard deviation to median absolute deviation for normal noise.
 const NORMAL: f64 = 1.4826;
 
-/// How each row's frame lies in the one that all are brought to.
+/// Drift correction of each row to the common measuring frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Nests {
-    /// Targets on the base, from 0.
+    /// Reference targets on the base, 0-based.
     pub targets: Vec<usize>,
     laid_from_seen: Vec<Frame>,
-    /// Rows in which the nests contradict their distances.
+    /// Rows in which the distances between the reference targets are inconsistent.
     pub strange: Vec<usize>,
-    /// By how much a nest went from its place at most, m.
+    /// Largest displacement of a reference target from its mean position, m.
     pub wander_m: f64,
-    /// Rows that were averaged; 0 where the nests lay nothing.
+    /// Number of rows that were averaged; 0 if nothing was corrected.
     pub averaged: usize,
 }
 
-/// Rows of one set-up, with what was seen of all nests in each.
+/// A row of one set-up, with the measured positions of all reference targets.
 struct Seen {
     row: usize,
     nests: Vec<DVec3>,
 }
 
 impl Nests {
-    /// What the targets on the base tell; none for fewer than three.
+    /// Drift from the targets on the base; `None` with fewer than three.
     #[must_use]
     pub fn of(recording: &Recording) -> Option<Self> {
         let on_base = recording.about.targets_on_link.iter().filter(|(_, link)| **link == 0);
@@ -69,13 +70,13 @@ impl Nests {
         Some(nests)
     }
 
-    /// From what the instrument reads in a row to the frame that all rows are brought to.
+    /// Transformation from the measured coordinates of a row to the common frame.
     #[must_use]
     pub fn laid_from_seen(&self, row: usize) -> Frame {
         self.laid_from_seen.get(row).copied().unwrap_or(Frame::IDENTITY)
     }
 
-    /// For people.
+    /// Description for users.
     #[must_use]
     pub fn note(&self) -> String {
         let numbers: Vec<String> = self.targets.iter().map(|t| (t + 1).to_string()).collect();
@@ -99,7 +100,7 @@ impl Nests {
         )
     }
 
-    /// Brings rows of one set-up to one frame.
+    /// Transforms rows of one set-up to one frame.
     fn lay(&mut self, recording: &Recording, rows: &[usize]) {
         let seen: Vec<Seen> = rows.iter().filter_map(|row| self.seen(recording, *row)).collect();
         let Some((sound, ordinary)) = sound(&seen) else { return };
@@ -139,7 +140,7 @@ impl Nests {
     }
 }
 
-/// Rows by where the instrument stood.
+/// Rows grouped by instrument position.
 fn set_ups(recording: &Recording) -> Vec<Vec<usize>> {
     let station = |row: usize| {
         let number = recording.column(Channel::Station).map_or(f64::NAN, |column| column[row]);
@@ -150,7 +151,7 @@ fn set_ups(recording: &Recording) -> Vec<Vec<usize>> {
     all.into_values().collect()
 }
 
-/// The nests' shape laid on the mean of all rows.
+/// The shape of the reference targets, fitted to their mean positions over all rows.
 fn amid(shape: &[DVec3], seen: &[Seen]) -> Option<Vec<DVec3>> {
     let of = |k: usize| seen.iter().map(move |seen| seen.nests[k] - shape[k]).sum::<DVec3>();
     let mean = |k: usize| shape[k] + of(k) / seen.len() as f64;
@@ -159,7 +160,8 @@ fn amid(shape: &[DVec3], seen: &[Seen]) -> Option<Vec<DVec3>> {
     Some(shape.iter().map(|nest| motion.point(*nest)).collect())
 }
 
-/// Which rows keep the nests' distances, and the one of them that keeps them best; none where none does, or nests stand on a line.
+/// Whether each row has consistent distances, and the index of the most consistent row; `None` if there is none, or if the reference targets are
+/// collinear.
 fn sound(seen: &[Seen]) -> Option<(Vec<bool>, usize)> {
     let all: Vec<Vec<f64>> = seen.iter().map(|one| distances(&one.nests)).collect();
     let pairs = all.first()?.len();
@@ -193,7 +195,7 @@ fn on_a_line(nests: &[DVec3]) -> bool {
     nests.iter().map(off).fold(0.0, f64::max) <= OFF_LINE * longest
 }
 
-/// Where the nests were in each row, averaged over as many rows as the expected error asks for; and how many.
+/// Positions of the reference targets in each row, averaged over the number of rows that minimises the expected error; and that number.
 fn smoothed(seen: &[Seen], place: &[DVec3]) -> (usize, Vec<Vec<DVec3>>) {
     let one = |seen: &Seen| {
         let motion = rigid(place, &seen.nests).unwrap_or(Frame::IDENTITY);
@@ -201,7 +203,7 @@ fn smoothed(seen: &[Seen], place: &[DVec3]) -> (usize, Vec<Vec<DVec3>>) {
         (place.iter().map(|at| motion.point(*at)).collect(), left)
     };
     let (rigid, left): (Vec<Vec<DVec3>>, Vec<f64>) = seen.iter().map(one).unzip();
-    // Six numbers of each row's readings are its motion; the rest is noise.
+    // Six parameters per row are its rigid motion; the remaining degrees of freedom estimate the noise.
     let free = (3 * place.len() - 6) * seen.len();
     let variance = left.iter().sum::<f64>() / free as f64;
     let error = |rows: usize, smooth: &[Vec<DVec3>]| {
@@ -224,11 +226,11 @@ fn smoothed(seen: &[Seen], place: &[DVec3]) -> (usize, Vec<Vec<DVec3>>) {
     (best.0, best.1)
 }
 
-/// Means of `rows` neighbours each; towards the ends those that are nearest.
+/// Moving averages over `rows` neighbours; towards the ends over the nearest rows.
 fn running(series: &[Vec<DVec3>], rows: usize) -> Vec<Vec<DVec3>> {
     let width = series.first().map_or(0, Vec::len);
     let from = series.first().cloned().unwrap_or_default();
-    // Sums of differences from the first, so that metres do not take the micrometres' digits.
+    // Sums of differences from the first value, so that metres do not cost the digits of micrometres.
     let mut sums = vec![vec![DVec3::ZERO; width]];
     for one in series {
         let last = &sums[sums.len() - 1];

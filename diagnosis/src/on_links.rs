@@ -1,7 +1,7 @@
 //! Targets on the base or on a link instead of the tool: tilt of the base (thesis 3.6), and joint stiffness one by one (3.13).
 //!
-//! Promises: such points are not part of the overall fit; they are transformed to the base frame by its estimated instrument poses.
-//! Never: a target on the last link, which is a target of the tool.
+//! Such points are not part of the overall fit; they are transformed to the base frame by its estimated instrument poses. Targets on the last link
+//! are targets of the tool and are not treated here.
 
 use crate::campaign::{Campaign, Reading};
 use crate::loaded::unloaded_twin;
@@ -12,31 +12,31 @@ use glam::DVec3;
 use physics::{Arm, Wrench};
 use recording::series::{Channel, Recording};
 
-/// A target on the base or a link, seen at a pose.
+/// A target on the base or on a link, measured at a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkPoint {
-    /// Place in the campaign's poses.
+    /// Index into the campaign's poses.
     pub pose: usize,
-    /// From 0.
+    /// 0-based.
     pub target: usize,
-    /// 0 for the base, else the joint (from 1) that moves the link.
+    /// 0 for the base, otherwise the joint (1-based) that moves the link.
     pub link: usize,
-    /// m, base frame.
+    /// Measured position, m, base frame.
     pub at_base: DVec3,
 }
 
-/// How the base tilted.
+/// Tilt of the base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseTilt {
-    /// Poses compared with the first.
+    /// Number of poses compared with the first.
     pub poses: usize,
     /// The pose with the largest tilt.
     pub pose: usize,
-    /// The largest.
+    /// The largest tilt.
     pub largest: TiltSeen,
 }
 
-/// Which targets sit where, by what any recording says: target and link.
+/// Location of targets that are not on the tool, as stated in any recording: target and link.
 #[must_use]
 pub fn places(recordings: &[Recording]) -> Vec<(usize, usize)> {
     let mut places: Vec<(usize, usize)> = recordings
@@ -49,7 +49,7 @@ pub fn places(recordings: &[Recording]) -> Vec<(usize, usize)> {
     places
 }
 
-/// All points on links, in the order of the poses.
+/// All points on the base and on links, in the order of the poses.
 #[must_use]
 pub fn points(
     campaign: &Campaign,
@@ -82,7 +82,8 @@ pub fn points(
     points
 }
 
-/// The largest tilt of the base against the first pose, from the first two targets on it. `noise_m` is that of one coordinate.
+/// The largest tilt of the base relative to the first pose, from the first two targets on it. `noise_m` is the standard deviation of one coordinate,
+/// m.
 #[must_use]
 pub fn base_tilt(points: &[LinkPoint], noise_m: f64) -> Option<BaseTilt> {
     let on_base: Vec<&LinkPoint> = points.iter().filter(|point| point.link == 0).collect();
@@ -102,7 +103,7 @@ pub fn base_tilt(points: &[LinkPoint], noise_m: f64) -> Option<BaseTilt> {
     Some(BaseTilt { poses: tilts.len(), pose, largest })
 }
 
-/// Targets on links before and after a load came on.
+/// Targets on links before and after the application of a load.
 #[must_use]
 pub fn loaded(arm: &Arm, campaign: &Campaign, points: &[LinkPoint]) -> Vec<LoadedLink> {
     let one = |point: &LinkPoint| {

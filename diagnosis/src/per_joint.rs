@@ -7,8 +7,8 @@
 //! | joint 4: `−B cos(θ2+θ3) sin θ4 sin θ5 + k θ4` (3.15, 3.16, signed) | `gravity_sag`, hand; `joint_ratio` |
 //! | joint 5: `B (cos(θ2+θ3) cos θ4 cos θ5 − sin(θ2+θ3) sin θ5) + k θ5` (3.17, 3.18 corrected) | `gravity_sag`, hand; `joint_ratio` |
 //!
-//! Promises: parameters that sweeps do not determine are listed; each sweep has its own zero, so offsets are not estimated.
-//! Never: torques from masses: if these are known, `gravity_compliance` is equivalent with one parameter.
+//! Parameters that sweeps do not determine are listed; each sweep has its own zero, so offsets are not estimated. Masses are not used: if they are
+//! known, `gravity_compliance` is equivalent with one parameter.
 
 use crate::hypothesis::{Belief, Free, Hypothesis};
 use crate::independent::sort;
@@ -18,31 +18,31 @@ use glam::DVec3;
 use physics::deviation::Contribution;
 use physics::{AnyEffect, Arm, BuildError, Given, Memories, Model};
 
-/// Gauss-Newton steps: one is exact where all numbers are linear, phases take a few.
+/// Largest number of Gauss-Newton steps: one is exact if all parameters are linear, phases take a few.
 const STEPS_MAX: usize = 20;
-/// A constant and two shifts of the axis for each sweep.
+/// Nuisance parameters per sweep: a constant and two shifts of the axis.
 const NUISANCES: usize = 3;
 
-/// What sweeps of one joint say of a hypothesis' free numbers.
+/// Parameters of a hypothesis estimated from the sweeps of one joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PerJoint {
-    /// The hypothesis with what was found put in, each determined number with its prior for a global fit.
+    /// The hypothesis with the estimated values, each determined parameter with its prior for a global fit.
     pub hypothesis: Hypothesis,
-    /// For each free number whether the sweeps determine it; the others stay as they were.
+    /// Whether the sweeps determine each free parameter; the others are unchanged.
     pub determined: Vec<bool>,
-    /// What stays, as root of the mean square in units of the stated noise.
+    /// Root mean square residual, in units of the stated noise.
     pub left: f64,
 }
 
-/// The thesis' model of `joint` (0-based, 1 to 4) for an arm like its own (upper arm and forearm turn about parallel axes, a wrist of three), all its numbers
-/// free from zero. Joints that the thesis gives no sag get `joint_ratio` alone.
+/// The thesis' model of `joint` (0-based, 1 to 4) for an arm like its robot (upper arm and forearm on parallel axes, wrist of three joints), with all
+/// parameters free and initially zero. Joints without gravity deflection in the thesis get only `joint_ratio`.
 ///
 /// # Errors
-/// An arm of too few joints, or of others.
+/// An arm with too few joints, or with a structure other than that of the thesis.
 pub fn thesis_model(arm: &Arm, joint: usize) -> Result<Hypothesis, BuildError> {
     let mut hypothesis = Hypothesis::fixed(Model::nominal(*arm));
     let first = |link: usize| (link - joint) * 3;
-    // Bodies hang on their first moment along the link: upper arm (body 2), forearm (3), hand (5).
+    // Deflection depends on the first mass moment of a body along its link: upper arm (body 2), forearm (3), hand (5).
     let along = |from: usize, to: usize| {
         let point = |i: usize| arm.joints().get(i).map_or(arm.tool.tcp, |joint| joint.point);
         largest_entry(point(to) - point(from))
@@ -67,14 +67,15 @@ pub fn thesis_model(arm: &Arm, joint: usize) -> Result<Hypothesis, BuildError> {
     Ok(hypothesis)
 }
 
-/// The free numbers of `hypothesis` from sweeps, each sweep with a constant and a shift of its axis of its own: Gauss-Newton on the joints' errors,
-/// from where the numbers stand. Their priors only say how large they may be.
+/// Estimates the free parameters of `hypothesis` from sweeps, with a constant and a shift of the axis per sweep as nuisance parameters: Gauss-Newton
+/// on the joint errors, from the present values. The priors only scale the test whether a parameter is determined.
 #[must_use]
 pub fn regress(hypothesis: &Hypothesis, sweeps: &[JointErrors]) -> PerJoint {
     let mut at = hypothesis.clone();
     let numbers = at.free.len();
     let nuisances = NUISANCES * sweeps.len();
-    // Nuisances first: what a constant or a shifted axis explains is theirs. Shifts are in units of their uncertainty, and always in.
+    // Nuisance parameters come first: what a constant or a shifted axis explains is assigned to them. Shifts are in units of their uncertainty, and
+    // always included.
     let mut widths = [0.1, 1e3, 1e3].repeat(sweeps.len());
     widths.extend(at.free.iter().map(|free| free.sigma));
     let mut steps = 0;
@@ -113,8 +114,8 @@ fn finish(mut at: Hypothesis, part: &Triangle, kept: &[usize], nuisances: usize)
     PerJoint { hypothesis: at, determined, left: (part.rest() / free as f64).sqrt() }
 }
 
-/// Rows: one for each step, in units of its noise, and what the axes' uncertainty says of their shifts. Columns: the nuisances of each sweep, then the
-/// free numbers.
+/// Rows: one per step, in units of its noise, and one per shift with its prior from the uncertainty of the axis. Columns: the nuisance parameters of
+/// each sweep, then the free parameters.
 fn linearised(at: &Hypothesis, sweeps: &[JointErrors]) -> Triangle {
     let wanted: Vec<(usize, usize)> =
         at.free.iter().map(|free| (free.effect, free.value)).collect();
@@ -138,7 +139,7 @@ fn linearised(at: &Hypothesis, sweeps: &[JointErrors]) -> Triangle {
             });
             let mut said = 0.0;
             at.model.contributions(&seen.inputs, &memories, |_, c| said += of_joint(c));
-            // Steps without any noise count as measured to a nanoradian.
+            // Steps without noise get a standard uncertainty of one nanoradian.
             let sigma = seen.sigma_rad.max(1e-9);
             row.iter_mut().for_each(|x| *x /= sigma);
             triangle.push(&row, (seen.mean_rad - said) / sigma);
@@ -149,7 +150,7 @@ fn linearised(at: &Hypothesis, sweeps: &[JointErrors]) -> Triangle {
     triangle
 }
 
-/// The lower triangle `L` of `L Lᵀ`.
+/// Lower Cholesky factor `L` with `L Lᵀ` equal to the covariance.
 fn square_root(covariance: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
     let [[xx, _], [yx, yy]] = covariance;
     let first = xx.max(0.0).sqrt();
@@ -159,7 +160,7 @@ fn square_root(covariance: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
 
 fn push(hypothesis: &mut Hypothesis, effect: AnyEffect, values: &[usize], sigma: f64) {
     let index = hypothesis.model.effects().len();
-    // A nominal model has room for two effects.
+    // Cannot fail: a nominal model has room for two effects.
     if hypothesis.model.push(effect).is_ok() {
         let free = |value: &usize| Free {
             effect: index,
@@ -172,7 +173,7 @@ fn push(hypothesis: &mut Hypothesis, effect: AnyEffect, values: &[usize], sigma:
     }
 }
 
-/// Which of x, y, z (0 to 2) a vector has most of.
+/// Index (0 to 2) of the component with the largest absolute value.
 fn largest_entry(v: DVec3) -> usize {
     (0..3).max_by(|a, b| v[*a].abs().total_cmp(&v[*b].abs())).unwrap_or(0)
 }

@@ -1,9 +1,9 @@
-//! Residuals and derivatives of all readings of a campaign for a hypothesis, reduced to a triangular system.
+//! Residuals and derivatives of all measurements of a campaign for a hypothesis, reduced to a triangular system.
 //!
 //! Columns are the fitted extrinsic parameters, then the free parameters of the hypothesis. Priors are additional rows.
 //!
-//! Promises: poses are visited in order, memory of effects follows them, so the sum is the same on any machine of one kind.
-//! Never: a step; see [`crate::minimise`].
+//! Poses are visited in order, together with the memory of effects, so the sum is the same on any machine of one kind. Steps of the fit:
+//! [`crate::minimise`].
 
 use crate::campaign::{Arrival, Campaign, Pose};
 use crate::colour::{Filter, stream};
@@ -19,7 +19,7 @@ use crate::triangle::Triangle;
 use physics::{Evaluation, Inputs, Memories, Model};
 use world::turn::advance;
 
-/// What a fit changes.
+/// The quantities that a fit changes.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct State {
     pub(crate) surroundings: Surroundings,
@@ -31,7 +31,7 @@ impl State {
         self.surroundings.numbers().len() + self.hypothesis.free.len()
     }
 
-    /// One entry of `step` per column.
+    /// The state after a step; one entry of `step` per column.
     pub(crate) fn stepped(&self, step: &[f64]) -> Self {
         let (first, second) = step.split_at(self.surroundings.numbers().len());
         Self {
@@ -40,7 +40,7 @@ impl State {
         }
     }
 
-    /// The lowest step that each of these columns may take.
+    /// Lower bounds on the step of these columns.
     pub(crate) fn lowest(&self, active: &[usize]) -> Vec<f64> {
         let first = self.surroundings.numbers().len();
         let lowest = self.hypothesis.lowest();
@@ -48,20 +48,20 @@ impl State {
         active.iter().map(|column| of(column).unwrap_or(f64::NEG_INFINITY)).collect()
     }
 
-    /// How large each column's number may be: the width on which it counts as hardly known.
+    /// Largest plausible change of each column's parameter: the unit in which a column counts as determined or not.
     pub(crate) fn widths(&self) -> Vec<f64> {
         let surroundings = self.surroundings.numbers().into_iter().map(Number::much);
         surroundings.chain(self.hypothesis.widths()).collect()
     }
 
-    /// What each column's number is believed to stand within: its prior's standard uncertainty; nothing is believed of the surroundings but their [`State::widths`].
+    /// Standard deviation of each column's prior; extrinsic parameters have none, so their [`State::widths`] are used.
     pub(crate) fn priors(&self) -> Vec<f64> {
         let surroundings = self.surroundings.numbers().into_iter().map(Number::much);
         surroundings.chain(self.hypothesis.free.iter().map(|free| free.sigma)).collect()
     }
 
-    /// The columns of `data` that are fitted, and those that move together with others or show nothing. Fitted are what the data determine beside the
-    /// tolerances, and all numbers of which there is a tolerance or a statement.
+    /// The columns of `data` that are fitted, and those that are confounded or without effect. Fitted are the columns that data and tolerances
+    /// together determine, and all parameters with a tolerance or a stated prior.
     pub(crate) fn sort(&self, data: &Triangle) -> (Vec<usize>, Vec<Dependent>) {
         let first = self.surroundings.numbers().len();
         let free = &self.hypothesis.free;
@@ -94,29 +94,30 @@ impl State {
     }
 }
 
-/// By how much less needs to show of a number that bends what others do: held, it would lend its doubt to none of them.
+/// Factor on the width of nonlinear parameters: they are fitted on weaker evidence, because a fixed one would not contribute to the uncertainty of
+/// the others.
 const BENT: f64 = 5.0;
 
-/// A reading at its place in the campaign.
+/// A measurement at its position in the campaign.
 pub(crate) struct At<'a> {
-    /// Place in [`Campaign::poses`].
+    /// Index into [`Campaign::poses`].
     pub(crate) pose: usize,
-    /// Place among all readings of the campaign.
+    /// Index among all measurements of the campaign.
     pub(crate) reading: usize,
     pub(crate) rows: &'a Rows,
-    /// One per free number of the hypothesis; empty where none were asked for.
+    /// One per free parameter of the hypothesis; empty if derivatives were not requested.
     pub(crate) motions: &'a [Motion],
     pub(crate) instrument: usize,
-    /// Which run of readings of one kind it belongs to.
+    /// The series of consecutive measurements that it belongs to.
     pub(crate) stream: usize,
 }
 
-/// Which readings count, and how much.
+/// Weights of the measurements.
 #[derive(Clone, Debug)]
 pub(crate) struct Weighing {
-    /// Poses that take part.
+    /// Whether each pose takes part.
     pub(crate) used: Vec<bool>,
-    /// Weight of each reading, 0 to 1.
+    /// Weight of each measurement, 0 to 1.
     pub(crate) weights: Vec<f64>,
     /// Factor on each instrument's stated noise.
     pub(crate) factors: Vec<f64>,
@@ -131,7 +132,7 @@ impl Weighing {
         }
     }
 
-    /// What a reading's rows are to be multiplied with; zero where its pose takes no part.
+    /// Factor on the rows of a measurement; zero if its pose takes no part.
     pub(crate) fn scale(&self, at: &At<'_>) -> f64 {
         if self.used[at.pose] {
             self.weights[at.reading].sqrt() / self.factors[at.instrument]
@@ -141,16 +142,16 @@ impl Weighing {
     }
 }
 
-/// What a visit looks at.
+/// Scope of a visit.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Look<'a> {
-    /// Poses that are looked at; none: all.
+    /// Whether each pose is evaluated; `None`: all.
     pub(crate) used: Option<&'a [bool]>,
-    /// Whether the motions are wanted.
+    /// Whether derivatives are computed.
     pub(crate) derivatives: bool,
 }
 
-/// Visits the readings in order.
+/// Visits the measurements in order.
 pub(crate) fn visit(
     campaign: &Campaign,
     state: &State,
@@ -185,7 +186,7 @@ pub(crate) fn visit(
     });
 }
 
-/// Lets the model's memory follow the campaign and shows the poses that are used; all where nothing is said.
+/// Advances the memory of effects along the campaign and passes each pose in use, with its evaluation, to `look`; all poses if `used` is `None`.
 pub(crate) fn follow(
     model: &Model,
     campaign: &Campaign,
@@ -195,7 +196,7 @@ pub(crate) fn follow(
     ride(model, campaign, &Rides::of(model, campaign), used, look);
 }
 
-/// The same on `rides`, which are those of the model.
+/// As [`follow`], with the dynamics `rides` of the model already computed.
 fn ride(
     model: &Model,
     campaign: &Campaign,
@@ -211,7 +212,7 @@ fn ride(
     });
 }
 
-/// The same without a look at where the arm is.
+/// As [`follow`], without evaluating the arm.
 pub(crate) fn remember(
     model: &Model,
     campaign: &Campaign,
@@ -234,8 +235,8 @@ pub(crate) fn remember(
     }
 }
 
-/// What went into a pose of a path, into the two before and the one after; into these alone where joints were read back, as what they are rounded to and how
-/// late they are lies in their turns too.
+/// Inputs of a pose on a path, of the two before and of the one after. For joint positions that were read back only those of the pose itself: their
+/// quantisation and delay would falsify the direction of motion.
 fn about<'a>(campaign: &'a Campaign, rides: &'a Rides, index: usize) -> [Option<&'a Inputs>; 4] {
     let poses = &campaign.poses;
     let goes_on = |from: &usize| {
@@ -254,7 +255,7 @@ fn about<'a>(campaign: &'a Campaign, rides: &'a Rides, index: usize) -> [Option<
     [first, before, Some(index), after].map(|pose| pose.map(inputs))
 }
 
-/// The weighed sum of squares of data and priors.
+/// Weighted sum of squares of data and priors.
 pub(crate) fn cost(campaign: &Campaign, state: &State, weighing: &Weighing) -> f64 {
     let mut sum = 0.0;
     let look = Look { used: Some(&weighing.used), derivatives: false };
@@ -273,12 +274,12 @@ pub(crate) fn cost(campaign: &Campaign, state: &State, weighing: &Weighing) -> f
     sum + prior_cost(&state.hypothesis)
 }
 
-/// The sum of squares of the priors.
+/// Sum of squares of the priors.
 pub(crate) fn prior_cost(hypothesis: &Hypothesis) -> f64 {
     prior_rows(hypothesis).map(|(_, right)| right * right).sum()
 }
 
-/// Weight and right-hand side of each free number's prior.
+/// Weight and right-hand side of the prior of each free parameter.
 fn prior_rows(hypothesis: &Hypothesis) -> impl Iterator<Item = (f64, f64)> {
     let values = hypothesis.values();
     hypothesis
@@ -288,7 +289,7 @@ fn prior_rows(hypothesis: &Hypothesis) -> impl Iterator<Item = (f64, f64)> {
         .map(|(free, value)| (1.0 / free.sigma, (free.mean - value) / free.sigma))
 }
 
-/// The rows of the data alone over the columns `active`, row by row.
+/// Passes the rows of the data alone, restricted to the columns `active`.
 pub(crate) fn data_rows(
     campaign: &Campaign,
     state: &State,
@@ -300,7 +301,7 @@ pub(crate) fn data_rows(
     linearisation.rows(campaign, weighing, active, take);
 }
 
-/// The triangle with the priors of the free numbers among `active` added.
+/// The reduced system with the priors of the free parameters among `active` added.
 pub(crate) fn with_priors(data: &Triangle, state: &State, active: &[usize]) -> Triangle {
     let mut triangle = data.clone();
     let first = state.surroundings.numbers().len();

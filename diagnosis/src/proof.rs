@@ -1,7 +1,6 @@
 //! Validation of a calibration: errors on held-out poses.
 //!
-//! Promises: held-out poses are used only for these errors; the same seed gives the same split.
-//! Never: a split that depends on readings.
+//! Held-out poses are used only for these errors; the same seed gives the same split. No split depends on measured values.
 
 use crate::campaign::Campaign;
 use crate::diagnose::{Selection, select};
@@ -17,37 +16,37 @@ use rand_chacha::rand_core::SeedableRng;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// Joint positions that differ by less everywhere are one pose measured again, rad or m.
+/// Two poses are repetitions of one pose if all joint positions differ by less, rad or m.
 const AGAIN: f64 = 3e-3;
 
-/// Runs from which on whole ones are held out.
+/// With at least this many runs, whole runs are held out.
 const RUNS_MANY: usize = 10;
-/// Stretches that a campaign of few runs is cut into.
+/// Number of blocks into which a campaign of few runs is divided.
 const BLOCKS: f64 = 20.0;
-/// Every n-th is held out.
+/// Every n-th block is held out.
 const HELD_EVERY: usize = 5;
-/// From a stretch of the test set to one of the validation set.
+/// Offset of the blocks of the validation set from those of the test set.
 const BESIDE: u64 = 2;
-/// With fewer poses there is no validation set.
+/// With fewer measured poses there is no validation set.
 const FEW: usize = 150;
 
-/// Which poses train and which are held out.
+/// Division of poses into training set and test set.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Split {
-    /// One entry per pose: whether it trains.
+    /// Whether each pose is in the training set.
     pub training: Vec<bool>,
-    /// How it was made, for users.
+    /// Description of the split, for users.
     pub says: String,
 }
 
 impl Split {
-    /// A random part of the poses trains, the rest is held out. A pose that was measured twice is on one side with both.
+    /// A random part of the poses is the training set, the rest is held out. Repetitions of one pose are on the same side.
     #[must_use]
     pub fn random(campaign: &Campaign, share: f64, seed: u64) -> Self {
         let count = campaign.poses.len();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut order: Vec<usize> = (0..count).collect();
-        // Fisher and Yates.
+        // Fisher-Yates shuffle.
         for last in (1..count).rev() {
             order.swap(last, rng.random_range(0..=last));
         }
@@ -74,7 +73,7 @@ impl Split {
         Self { training, says }
     }
 
-    /// The first part of the poses in time trains, the rest is held out.
+    /// The first part of the poses in time is the training set, the rest is held out.
     #[must_use]
     pub fn in_time(campaign: &Campaign, share: f64) -> Self {
         let count = campaign.poses.len();
@@ -83,14 +82,15 @@ impl Split {
         Self { training, says: format!("the first {trained} of {count} poses in the training set") }
     }
 
-    /// Whole runs are held out where there are many, else stretches of them: every fifth, the first by `seed`. A frame, an anchor or a body that
-    /// readings were taken against keeps at least half of them for the fit, or its place would be unknown where it is held out: runs are cut for it.
+    /// Every fifth run, or block of runs if there are few, is held out, beginning with a block given by `seed`. Each frame, anchor and touched object
+    /// keeps at least half of its measurements in the training set, because it would not be determined otherwise; runs are divided further if
+    /// necessary.
     #[must_use]
     pub fn in_blocks(campaign: &Campaign, seed: u64) -> Self {
         Self::of_blocks(campaign, seed, &vec![true; campaign.poses.len()])
     }
 
-    /// Of what trains here every fifth stretch is kept for another look before the end; of few readings none is.
+    /// Holds out every fifth block of this training set as a validation set; none with few measurements.
     #[must_use]
     pub fn keeping_some(&self, campaign: &Campaign, seed: u64) -> Self {
         let read = campaign.poses.iter().zip(&self.training);
@@ -102,7 +102,7 @@ impl Split {
         Self { training: other.training, says: self.says.clone() }
     }
 
-    /// Every fifth block of what trains is held out; blocks are as large as they may be.
+    /// Holds out every fifth block of the training set, with the largest blocks that keep enough measurements of each extrinsic object.
     fn of_blocks(campaign: &Campaign, seed: u64, training: &[bool]) -> Self {
         let runs = runs(campaign);
         let pieces = |fineness: usize, run: &std::ops::Range<usize>| {
@@ -131,7 +131,7 @@ impl Split {
         (whole..2).map(cut).find(enough).unwrap_or_else(|| cut(2))
     }
 
-    /// One split per pose: it is held out, with all poses that repeat it, and the others train.
+    /// One split per pose: leave-one-out, where repetitions of the pose are left out too.
     #[must_use]
     pub fn one_by_one(campaign: &Campaign) -> Vec<Self> {
         let count = campaign.poses.len();
@@ -152,7 +152,7 @@ impl Split {
     }
 }
 
-/// Poses in order of which each follows the one before in one recording, in time.
+/// Ranges of consecutive poses of one recording with increasing time.
 pub(crate) fn runs(campaign: &Campaign) -> Vec<std::ops::Range<usize>> {
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
     for (k, pose) in campaign.poses.iter().enumerate() {
@@ -168,7 +168,7 @@ pub(crate) fn runs(campaign: &Campaign) -> Vec<std::ops::Range<usize>> {
     runs
 }
 
-/// Whether all that readings were taken against keeps at least half of them, of those `before`, in `after`.
+/// Whether each extrinsic object keeps, in `after`, at least half of its measurements of `before`.
 fn all_keep_half(campaign: &Campaign, before: &[bool], after: &[bool]) -> bool {
     let mut counts: BTreeMap<(u8, usize), [usize; 2]> = BTreeMap::new();
     for (k, pose) in campaign.poses.iter().enumerate() {
@@ -181,13 +181,13 @@ fn all_keep_half(campaign: &Campaign, before: &[bool], after: &[bool]) -> bool {
     counts.values().all(|[all, kept]| 2 * kept >= *all)
 }
 
-/// Whether two poses are one that was measured twice; whole turns of a joint do not count.
+/// Whether two poses are repetitions of one; full turns of a joint are ignored.
 fn repeats(campaign: &Campaign, one: usize, other: usize) -> bool {
     let (a, b) = (&campaign.poses[one].inputs.q, &campaign.poses[other].inputs.q);
     one == other || a.iter().zip(b).all(|(a, b)| libm::remainder(a - b, TAU).abs() < AGAIN)
 }
 
-/// Poses by the first joint's position, which is enough to tell most apart.
+/// Poses sorted by the position of the first joint, to find repetitions quickly.
 struct Near(Vec<(f64, usize)>);
 
 impl Near {
@@ -199,7 +199,7 @@ impl Near {
         Self(order)
     }
 
-    /// All poses that repeat one, itself among them, in their order.
+    /// All repetitions of a pose, including itself, in order.
     fn repeats(&self, campaign: &Campaign, pose: usize) -> Vec<usize> {
         let here = campaign.poses[pose].inputs.q[0].rem_euclid(TAU);
         let within = |middle: f64| {
@@ -216,15 +216,15 @@ impl Near {
     }
 }
 
-/// Distances of measured points from where a model sees them, m.
+/// Distances between measured and predicted points, m.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Errors {
-    /// In rising order.
+    /// In increasing order.
     pub sorted_m: Vec<f64>,
 }
 
 impl Errors {
-    /// The lengths of all readings of length of the poses `wanted`.
+    /// Errors of all length measurements of the poses `wanted`.
     #[must_use]
     pub fn of(fit: &Fit, campaign: &Campaign, wanted: &[bool]) -> Self {
         let off = fit.off(campaign);
@@ -234,13 +234,13 @@ impl Errors {
         Self { sorted_m }
     }
 
-    /// The mean, m.
+    /// Mean, m.
     #[must_use]
     pub fn mean(&self) -> f64 {
         self.sorted_m.iter().sum::<f64>() / self.sorted_m.len().max(1) as f64
     }
 
-    /// The value below which this share lies (linear between neighbours), m.
+    /// Quantile at `share` (0 to 1), interpolated linearly, m.
     #[must_use]
     pub fn quantile(&self, share: f64) -> f64 {
         let place = share * self.sorted_m.len().saturating_sub(1) as f64;
@@ -249,26 +249,26 @@ impl Errors {
         at(below as usize) + (at(below as usize + 1) - at(below as usize)) * (place - below)
     }
 
-    /// The largest, m.
+    /// Maximum, m.
     #[must_use]
     pub fn max(&self) -> f64 {
         self.sorted_m.last().copied().unwrap_or(0.0)
     }
 }
 
-/// The three models on the poses that train.
+/// The three models fitted to the training set.
 #[derive(Clone, Debug)]
 pub struct Calibration {
-    /// Only the surroundings fitted.
+    /// Only the extrinsic parameters fitted.
     pub nominal: Fit,
-    /// With the geometry of every joint.
+    /// With the geometry of every joint fitted.
     pub calibrated: Fit,
-    /// With the effects that the data ask for.
+    /// With the selected effects fitted as well.
     pub advanced: Selection,
 }
 
-/// Fits the three models to the poses that train. `sigma`: what is stated of the model's own effects, one list per effect; `heard` is told what comes
-/// next: what is fitted takes from less than a second to many.
+/// Fits the three models to the training set. `sigma`: stated standard uncertainties of the model's own effects, one list per effect, SI; `heard` is
+/// called with the name of each stage before it begins (less than a second to many seconds each).
 #[must_use]
 pub fn calibrate(
     campaign: &Campaign,
@@ -312,7 +312,7 @@ mod tests {
 
     #[test]
     fn a_frame_keeps_readings_to_be_found_by_whatever_is_held_out() {
-        // Twelve runs of 20 poses each but the first, of 200; the last two alone see a second frame.
+        // Thirteen runs of 20 poses each, except the first with 200; only the last two are measured in a second frame.
         let mut campaign = crate::made::empty(0, 420);
         for (k, pose) in campaign.poses.iter_mut().enumerate() {
             let run = if k < 200 { 0 } else { 1 + (k - 200) / 20 };

@@ -3,8 +3,7 @@
 //! At settled poses both agree to a few thousandths of a degree. A controller that is read too early returns positions before
 //! the target, which degrade any calibration.
 //!
-//! Promises: only for settled poses; messages state which positions to use.
-//! Never: a changed recording.
+//! Only for settled poses; messages state which positions to use. The recording is not changed.
 
 use crate::campaign::Campaign;
 use crate::candidates::candidates;
@@ -19,14 +18,14 @@ use crate::score::Fitted;
 use physics::{AnyEffect, Model};
 use recording::series::{Channel, Input, Kind, Recording};
 
-/// Positions that differ by less, rad or m, are the same.
+/// Positions that differ by less are equal, rad or m.
 const SAME: f64 = 2e-4;
-/// One kind of position is worse where it leaves this much more.
+/// One kind of position is worse if its error is this many times larger.
 const WORSE: f64 = 1.3;
-/// Gain, in units of the noise, from which a gap of negative width is no chance.
+/// Improvement of the sum of squares, in units of the noise variance, above which a backlash of negative width is significant.
 const CERTAIN: f64 = 30.0;
 
-/// Whether commanded and read-back positions of `recording` contradict each other, and which of them the tool followed.
+/// Whether commanded and read-back positions of `recording` contradict each other, and which of them agree with the tool.
 #[must_use]
 pub fn contradiction(recording: &Recording, model: &Model) -> Option<Suspicion> {
     let joints = model.arm.count();
@@ -92,12 +91,12 @@ pub fn contradiction(recording: &Recording, model: &Model) -> Option<Suspicion> 
     Some(Suspicion { says, before_m, after_m })
 }
 
-/// How far read-back positions are from the commanded ones.
+/// Difference between read-back and commanded positions.
 struct Apart {
     rms: f64,
     most: f64,
     joint: usize,
-    /// Share of the moves in which they stop short.
+    /// Fraction of the moves in which the read-back position is short of the target.
     short: f64,
 }
 
@@ -131,10 +130,10 @@ impl Apart {
     }
 }
 
-/// Joints whose tool stands further along each move than their positions say: a gap of negative width, which no robot has.
+/// Joints for which the tool is further along each move than the joint positions imply: a backlash of negative width, which is physically impossible.
 #[must_use]
 pub fn ahead(campaign: &Campaign, found: &Fit, settings: &Settings<'_>) -> Option<Suspicion> {
-    // Along a path, a delay looks alike.
+    // Along a path, a delay has the same effect.
     if campaign.recordings.iter().any(|source| source.is_path) {
         return None;
     }

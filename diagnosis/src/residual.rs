@@ -1,10 +1,10 @@
-//! Residual of a reading and its derivatives: one rule per kind of reading.
+//! Residual of a measurement and its derivatives: one rule per kind of measurement.
 //!
-//! `residual = W (measured − predicted)`, W the whitening of its noise. Derivatives are those of the prediction, so that a step `dx` of the fit solves
-//! `J dx ≈ residual`.
+//! `residual = W (measured − predicted)`, W the whitening matrix of its noise. Derivatives are those of the prediction, so that a step `dx` of the
+//! fit solves `J dx ≈ residual`.
 //!
-//! Promises: exact derivatives where the residual is small against a radian and against the distances measured; agrees with central
-//! differences (property tests). Never: a weight; see [`crate::robust`].
+//! Derivatives are exact where the residual is small compared with a radian and with the measured distances; they agree with central differences
+//! (property tests). Robust weights: [`crate::robust`].
 
 use crate::campaign::{Observation, Place, Reading};
 use crate::motion::Motion;
@@ -14,7 +14,7 @@ use physics::frame::{normals, vector_from_rotation};
 use physics::{Evaluation, Joints};
 use std::collections::BTreeMap;
 
-/// Where the numbers of the surroundings stand among the columns of a fit.
+/// First column of each extrinsic object in a fit.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Columns(BTreeMap<(u8, usize), usize>);
 
@@ -41,25 +41,25 @@ impl Columns {
     }
 }
 
-/// A reading against the model.
+/// A measurement compared with the model.
 #[derive(Clone, Debug)]
 pub(crate) struct Rows {
-    /// How many of the three are used.
+    /// Number of components in use, 1 to 3.
     pub(crate) count: usize,
     /// Measured minus predicted, in units of the noise.
     pub(crate) residual: DVec3,
-    /// How the prediction changes with the tool's turn and shift (columns: x, y, z), in units of the noise.
+    /// Derivative of the prediction by rotation and translation of the tool (columns: x, y, z), in units of the noise.
     by_turn: DMat3,
     by_shift: DMat3,
-    /// The joint whose position is the prediction.
+    /// The joint whose position is predicted.
     by_joint: Option<usize>,
     whitening: DMat3,
-    /// Blocks of columns of the surroundings: first column, and derivative by each.
+    /// Columns of extrinsic parameters in blocks: first column, and derivative by each.
     local: Vec<(usize, Vec<DVec3>)>,
 }
 
 impl Rows {
-    /// A reading at what `seen` says of the arm.
+    /// Compares a measurement with the evaluation `seen` of the arm.
     pub(crate) fn of(
         observation: &Observation,
         seen: &Evaluation,
@@ -87,7 +87,7 @@ impl Rows {
         rows
     }
 
-    /// Adds the rows to `rows`, one slice per number read: surroundings first, then one column per motion from `effects_from`.
+    /// Writes the derivatives to `rows`, one slice per component: extrinsic parameters first, then one column per motion from `effects_from`.
     pub(crate) fn fill(&self, effects_from: usize, motions: &[Motion], rows: &mut [Vec<f64>]) {
         for row in rows.iter_mut() {
             row.fill(0.0);
@@ -105,12 +105,12 @@ impl Rows {
         }
     }
 
-    /// How the prediction changes with a motion of the tool, in units of the noise.
+    /// Derivative of the prediction along a motion of the tool, in units of the noise.
     pub(crate) fn along(&self, motion: &Motion) -> DVec3 {
         self.along_parts((motion.turn, motion.shift), |joint| motion.joints[joint])
     }
 
-    /// The same of a motion that is told in parts: how the tool turns and shifts, and how far a joint moves.
+    /// The same for a motion given as rotation and translation of the tool and a function of joint motions.
     pub(crate) fn along_parts(
         &self,
         (turn, shift): (DVec3, DVec3),
@@ -156,7 +156,7 @@ struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// A point of the tool in base coordinates, and its lever from the TCP.
+    /// Position of a point of the tool in base coordinates, and its lever arm from the TCP.
     fn place(&self, place: Place) -> (DVec3, DVec3) {
         let tool = &self.seen.real.base_from_tool;
         let lever = match place {
@@ -166,7 +166,7 @@ impl Scene<'_> {
         (tool.origin + lever, lever)
     }
 
-    /// Rows that change as `slope · (motion of the point)`: by the tool, and by the target's place on it.
+    /// Rows whose derivative is `slope · (displacement of the point)`, by the tool and by the position of the target on it.
     fn of_point(&self, count: usize, residual: DVec3, slope: DMat3, place: Place) -> Rows {
         let (_, lever) = self.place(place);
         let mut rows = Rows::blank(count, residual);
@@ -206,7 +206,7 @@ impl Scene<'_> {
         rows
     }
 
-    /// A reading of one number that changes along `direction` of the point.
+    /// A scalar measurement that changes with the displacement of the point along `direction`.
     fn along(&self, residual: f64, direction: DVec3, place: Place) -> Rows {
         let slope = DMat3::from_cols(
             DVec3::X * direction.x,
@@ -262,7 +262,7 @@ impl Scene<'_> {
     }
 }
 
-/// `[v]×`: `[v]× w = v × w`.
+/// Cross-product matrix `[v]×`: `[v]× w = v × w`.
 fn cross_matrix(v: DVec3) -> DMat3 {
     DMat3::from_cols(v.cross(DVec3::X), v.cross(DVec3::Y), v.cross(DVec3::Z))
 }

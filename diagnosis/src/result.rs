@@ -1,9 +1,9 @@
 //! Result of a fit: parameters, uncertainties, residuals.
 //!
-//! Covariance is `(JᵀWJ)⁻¹` with the priors, times the design effect for correlated readings of one pose: the mean over the
-//! parameters of the ratio of cluster-robust to independent variance (Liang and Zeger 1986).
+//! Covariance is `(JᵀWJ)⁻¹` with the priors, times the design effect for correlated measurements of one pose: the mean over the parameters of the
+//! ratio of cluster-robust to independent variance (Liang and Zeger 1986).
 //!
-//! Promises: covariance is symmetric and positive semidefinite. Never: statements on effects that were not in the fit.
+//! The covariance is symmetric and positive semidefinite.
 
 use crate::campaign::Campaign;
 use crate::hypothesis::{Belief, Hypothesis};
@@ -18,66 +18,66 @@ use glam::DVec3;
 use nalgebra::DMatrix;
 use std::sync::Arc;
 
-/// Share of a number's variance that may come from tolerances: up to it the number counts as determined by the data, and its interval holds whatever the
-/// tolerances are. No unit, 0 to 1: with a tenth the interval is at most 5 % wider than that of the data alone.
+/// Largest fraction of a parameter's variance that may come from tolerances if the parameter counts as determined by the data; its interval is then
+/// valid whatever the tolerances are. No unit, 0 to 1: with a tenth the interval is at most 5 % wider than from the data alone.
 const FROM_TOLERANCES: f64 = 0.1;
-/// Correlation from which numbers are said to move together. No unit, 0 to 1.
+/// Correlation from which parameters are reported as confounded. No unit, 0 to 1.
 const TOGETHER: f64 = 0.1;
-/// Numbers that are named of those that move together with one.
+/// Largest number of confounded parameters that are listed for one.
 const PARTNERS: usize = 4;
 
-/// A fit.
+/// Result of a fit.
 #[derive(Clone, Debug)]
 pub struct Fit {
-    /// The model with what was found.
+    /// The fitted model.
     pub hypothesis: Hypothesis,
-    /// Frames, targets and things touched, as found.
+    /// Frames, targets and touched objects, fitted.
     pub surroundings: Surroundings,
-    /// What the data do not determine: it stays where it was believed to be, or leans on a tolerance.
+    /// Parameters that the data do not determine: they stay at their prior mean, or depend on a tolerance.
     pub undetermined: Vec<Undetermined>,
-    /// Weight of each reading of the campaign, 0 to 1.
+    /// Weight of each measurement of the campaign, 0 to 1.
     pub weights: Vec<f64>,
-    /// Factor on each instrument's stated noise that the residuals show.
+    /// Factor on each instrument's stated noise, estimated from the residuals.
     pub factors: Vec<f64>,
-    /// By how much covariance is larger than that of independent readings.
+    /// Factor on the covariance relative to that of independent measurements.
     pub design_effect: f64,
-    /// Steps taken.
+    /// Number of steps.
     pub steps: usize,
-    /// Whether nothing was left to gain.
+    /// Whether the minimisation converged.
     pub converged: bool,
-    /// The weighed sum of squares of data and priors, in units of the noise.
+    /// Weighted sum of squares of data and priors, in units of the noise variance.
     pub sum: f64,
-    /// Numbers read in the poses that took part.
+    /// Number of scalar measurements in the poses that took part.
     pub readings: usize,
     active: Vec<usize>,
-    /// Which of them the data determine, or somebody's statement.
+    /// Whether each active column is determined by the data or by a stated prior.
     determined: Vec<bool>,
     inverse: Vec<Vec<f64>>,
     pub(crate) triangle: Triangle,
-    /// The rows where it stands.
+    /// The rows at the fitted state.
     pub(crate) linearisation: Arc<Linearisation>,
 }
 
-/// What the singular values of the Jacobian and the priors say, each column in units of its prior's width.
+/// Singular values of the Jacobian with priors, each column in units of its prior's standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conditioning {
-    /// Numbers that were fitted.
+    /// Number of fitted parameters.
     pub fitted: usize,
-    /// Independent directions among them that the data determine (the rank): those of which the largest sensible change shows ten noises. The others are gauge
-    /// freedoms, which priors fix, and what these poses show too little of.
+    /// Rank: number of independent directions that the data determine, those whose largest plausible change is at least ten standard deviations of
+    /// the noise. The others are gauge freedoms, fixed by priors, or insufficiently excited by these poses.
     pub determined: usize,
-    /// The largest singular value against the smallest of those directions.
+    /// Condition number over those directions: largest over smallest singular value.
     pub condition: f64,
 }
 
-/// A number that was not fitted.
+/// A parameter that was not fitted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Undetermined {
-    /// Its column: surroundings first, then the hypothesis' free numbers.
+    /// Its column: extrinsic parameters first, then the hypothesis' free parameters.
     pub column: usize,
-    /// Its name.
+    /// Its name for users.
     pub what: String,
-    /// What it moves together with, strongest first; none where nothing was seen of it at all.
+    /// Parameters it is confounded with, strongest first; empty if the data do not depend on it at all.
     pub with: Vec<String>,
 }
 
@@ -95,20 +95,20 @@ impl Undetermined {
     }
 }
 
-/// A reading against the fit.
+/// Residual of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Off {
-    /// Place in the campaign's poses.
+    /// Index into the campaign's poses.
     pub pose: usize,
-    /// Place among all readings.
+    /// Index among all measurements.
     pub reading: usize,
-    /// Measured minus predicted: m (or rad), the axes of the reading.
+    /// Measured minus predicted: m (or rad), axes of the measurement.
     pub off: DVec3,
     /// Whether it is a length.
     pub is_length: bool,
 }
 
-/// What a fit leaves when it ends.
+/// Final state of the fitting algorithm.
 pub(crate) struct Parts {
     pub(crate) linearisation: Arc<Linearisation>,
     pub(crate) weighing: Weighing,
@@ -161,19 +161,19 @@ impl Fit {
         }
     }
 
-    /// The columns that were fitted, in their order: surroundings first, then free numbers.
+    /// The fitted columns in order: extrinsic parameters first, then free parameters.
     #[must_use]
     pub fn columns(&self) -> &[usize] {
         &self.active
     }
 
-    /// The column of a free number of the hypothesis.
+    /// Column of a free parameter of the hypothesis.
     #[must_use]
     pub fn column_of(&self, free: usize) -> usize {
         self.surroundings.numbers().len() + free
     }
 
-    /// The covariance of two columns, SI; none where one was not fitted.
+    /// Covariance of two columns, SI; `None` if one was not fitted.
     #[must_use]
     pub fn covariance(&self, a: usize, b: usize) -> Option<f64> {
         let at = |column| self.active.iter().position(|c| *c == column);
@@ -182,27 +182,27 @@ impl Fit {
         Some(self.design_effect * dot(&self.inverse[i][j - i..], &self.inverse[j]))
     }
 
-    /// The standard uncertainty of a column, SI; none where it was not fitted, or where it leans on a tolerance.
+    /// Standard uncertainty of a column, SI; `None` if it was not fitted, or if it depends on a tolerance.
     #[must_use]
     pub fn sigma(&self, column: usize) -> Option<f64> {
         let place = self.active.iter().position(|c| *c == column)?;
         self.covariance(column, column).map(f64::sqrt).filter(|_| self.determined[place])
     }
 
-    /// The correlation of two columns; none where one was not fitted.
+    /// Correlation of two columns; `None` if one was not fitted.
     #[must_use]
     pub fn correlation(&self, a: usize, b: usize) -> Option<f64> {
         Some(self.covariance(a, b)? / (self.sigma(a)? * self.sigma(b)?))
     }
 
-    /// The variance of a sum of columns with these shares (one per entry of [`Fit::columns`]), SI.
+    /// Variance of a linear combination of columns (one coefficient per entry of [`Fit::columns`]), SI.
     #[must_use]
     pub fn variance_of(&self, shares: &[f64]) -> f64 {
         let seen = self.triangle.forward(shares.to_vec());
         self.design_effect * dot(&seen, &seen)
     }
 
-    /// How much of what was fitted the data determine, and how well they part it.
+    /// Rank and condition number of the fit.
     #[must_use]
     pub fn conditioning(&self) -> Conditioning {
         let (width, priors) = (self.active.len(), self.linearisation.state.priors());
@@ -217,7 +217,7 @@ impl Fit {
         Conditioning { fitted: width, determined: shown.len(), condition }
     }
 
-    /// Numbers that lie further from where their tolerance has them than `factor` times its standard deviation: name, and how many standard deviations.
+    /// Parameters that deviate from their prior mean by more than `factor` times their tolerance: name, and number of standard deviations.
     #[must_use]
     pub fn beyond_tolerance(&self, factor: f64) -> Vec<(String, f64)> {
         let (hypothesis, values) = (&self.hypothesis, self.hypothesis.values());
@@ -229,7 +229,7 @@ impl Fit {
         tolerated.map(off).filter(|(_, off)| *off > factor).collect()
     }
 
-    /// Poses with a reading that weighs less than half.
+    /// Poses with a measurement of weight below one half.
     #[must_use]
     pub fn outliers(&self, campaign: &Campaign) -> Vec<usize> {
         let mut weights = self.weights.iter();
@@ -241,7 +241,7 @@ impl Fit {
         (0..far.len()).filter(|pose| far[*pose]).collect()
     }
 
-    /// Every reading against the fit, those of poses that took no part too.
+    /// Residuals of all measurements, including those of poses that took no part.
     #[must_use]
     pub fn off(&self, campaign: &Campaign) -> Vec<Off> {
         let state =
@@ -262,7 +262,7 @@ impl Fit {
     }
 }
 
-/// The posterior covariance, looked at for what of it the data say.
+/// The posterior covariance, to separate the contributions of data and tolerances.
 struct Posterior<'a> {
     inverse: &'a [Vec<f64>],
     active: &'a [usize],
@@ -275,7 +275,7 @@ impl Posterior<'_> {
         dot(&self.inverse[i][j - i..], &self.inverse[j])
     }
 
-    /// Which columns are determined: of the variance `C = (JᵀWJ + P)⁻¹` the part `C P C`, which the tolerances (the diagonal of P) bring in, is at most
+    /// Which columns are determined: of the variance `C = (JᵀWJ + P)⁻¹`, the part `C P C` due to the tolerances (the diagonal of P) is at most
     /// [`FROM_TOLERANCES`].
     fn determined(&self) -> Vec<bool> {
         let first = self.state.surroundings.numbers().len();
@@ -294,7 +294,7 @@ impl Posterior<'_> {
             let shares = tolerances.iter().map(|(k, sigma)| self.covariance(place, *k) / sigma);
             shares.map(|share| share * share).sum()
         };
-        // Where things stand around the robot is told with what the tolerances leave of it.
+        // Extrinsic parameters are reported in any case, with the uncertainty that includes the tolerances.
         let holds = |place: usize| {
             self.active[place] < first
                 || lent(place) <= FROM_TOLERANCES * self.covariance(place, place)
@@ -302,7 +302,7 @@ impl Posterior<'_> {
         (0..self.active.len()).map(holds).collect()
     }
 
-    /// What a column moves together with: those that correlate with it most.
+    /// Parameters with which a column is confounded: those with the largest correlation.
     fn undetermined(&self, place: usize) -> Undetermined {
         let size = |k: usize| self.covariance(k, k).sqrt();
         let correlation = |k: usize| {
@@ -320,7 +320,7 @@ impl Posterior<'_> {
     }
 }
 
-/// Names of columns.
+/// Names of columns for users.
 pub(crate) struct Names<'a>(pub(crate) &'a State);
 
 impl Names<'_> {
@@ -346,7 +346,7 @@ impl Names<'_> {
     }
 }
 
-/// At least one: the mean variance of the numbers with poses as clusters, against that of independent readings.
+/// Mean ratio of the parameters' variances with poses as clusters to those of independent measurements; at least one.
 fn design_effect(
     campaign: &Campaign,
     linearisation: &Linearisation,
@@ -374,7 +374,7 @@ fn design_effect(
     if width == 0 || rows <= width || poses < 3 {
         return 1.0;
     }
-    // Residuals of a fit are smaller than the errors; with few rows per number the comparison says nothing.
+    // Residuals of a fit are smaller than the errors; with few rows per parameter the ratio is not significant.
     let freedom = rows as f64 / (rows - width) as f64;
     let effect = freedom * sum / width as f64;
     let doubt = 3.0 * (2.0 / width as f64).sqrt() + 3.0 * width as f64 / rows as f64;

@@ -1,8 +1,9 @@
 //! Dynamic effects of a hypothesis (delay, lag, modes, reversal spikes) over the paths of a campaign.
 //!
-//! These effects do not act on single poses; they change the input positions and add deflections. Their derivatives are central differences of the joint positions.
+//! These effects do not act on single poses; they change the input positions and add deflections. Their derivatives are central differences of the
+//! joint positions.
 //!
-//! Promises: no cost without such effects; settled poses are unchanged. Never: an error of a single pose.
+//! Hypotheses without such effects are not evaluated here, and settled poses are unchanged.
 
 use crate::campaign::Campaign;
 use crate::hypothesis::{Free, Hypothesis, much};
@@ -14,10 +15,10 @@ use std::ops::Range;
 use world::dynamics::{Dynamics, Rings};
 use world::ride::Ride;
 
-/// Steps of a central difference, as shares of how large a number may be.
+/// Steps of a central difference, as fractions of the largest plausible value.
 const STEP: f64 = 1e-3;
 
-/// The runs of a campaign that are paths: speeds and memory follow along them.
+/// Runs of a campaign along a path, on which velocity and memory are defined.
 pub(crate) fn paths(campaign: &Campaign) -> impl Iterator<Item = Range<usize>> {
     let is_path = |run: &Range<usize>| {
         let source = campaign.recordings.get(campaign.poses[run.start].recording);
@@ -29,7 +30,7 @@ pub(crate) fn paths(campaign: &Campaign) -> impl Iterator<Item = Range<usize>> {
 /// The paths of a campaign under one model's dynamics.
 pub(crate) struct Rides {
     rides: Vec<(Range<usize>, Ride)>,
-    /// The ride of each pose; empty where no model's effect asks for one.
+    /// Index of the ride of each pose; empty if no effect of the model needs one.
     of_pose: Vec<Option<usize>>,
 }
 
@@ -43,7 +44,7 @@ impl Rides {
         }
     }
 
-    /// The same where no effect asks for it.
+    /// The same, even if no effect needs it.
     pub(crate) fn always(model: &Model, campaign: &Campaign) -> Self {
         let dynamics = Dynamics::of(model);
         let mut of_pose = vec![None; campaign.poses.len()];
@@ -61,12 +62,12 @@ impl Rides {
         Some((ride, pose - run.start))
     }
 
-    /// What went into a pose.
+    /// Inputs of a pose after delay and lag.
     pub(crate) fn inputs<'a>(&'a self, campaign: &'a Campaign, pose: usize) -> &'a Inputs {
         self.at(pose).map_or(&campaign.poses[pose].inputs, |(ride, row)| &ride.inputs[row])
     }
 
-    /// Bends an evaluation by what rings and snaps.
+    /// Adds the deflections of modes and reversal spikes to an evaluation.
     pub(crate) fn bend(&self, arm: &Arm, pose: usize, seen: &mut Evaluation) {
         if let Some((ride, row)) = self.at(pose).filter(|(ride, _)| ride.bends()) {
             ride.bend(row, &mut seen.deviation);
@@ -75,7 +76,7 @@ impl Rides {
         }
     }
 
-    /// What a mode or spike moves at each of so many poses.
+    /// Displacement due to a mode or spike at each pose.
     pub(crate) fn column(&self, model: &Model, effect: &OverPath, poses: usize) -> Moved {
         let mut moved = (Rings::Joint(0), vec![0.0; poses]);
         for (run, ride) in &self.rides {
@@ -87,7 +88,7 @@ impl Rides {
         moved
     }
 
-    /// How joints and base move with each free number of an effect over paths; nothing for other numbers.
+    /// Derivatives of the motion of joints and base by each free parameter of a dynamic effect; empty for other parameters.
     pub(crate) fn slopes(&self, hypothesis: &Hypothesis, campaign: &Campaign) -> Slopes {
         let effects: Vec<&AnyEffect> = hypothesis.model.effects().collect();
         let of = |(place, free): (usize, &Free)| match effects.get(free.effect) {
@@ -108,7 +109,7 @@ impl Rides {
         let whole = AnyEffect::OverPath(*effect);
         let stands = effect.values()[free.value];
         let step = STEP * much(&whole, free.value);
-        // A time constant of zero lags in one direction only.
+        // A time constant cannot be negative, so at zero the difference is one-sided.
         let below = if effect.spec().kind == "servo_lag" { step.min(stands) } else { step };
         let at = |value: f64| {
             let mut effect = *effect;
@@ -146,12 +147,12 @@ impl Rides {
     }
 }
 
-/// The rows of a run, as commanded.
+/// The commanded inputs of a run.
 fn rows(campaign: &Campaign, run: &Range<usize>) -> Vec<Inputs> {
     campaign.poses[run.clone()].iter().map(|pose| pose.inputs).collect()
 }
 
-/// One number per pose for what moves.
+/// The series of one moving element (joint or base), one value per pose; added if missing.
 fn series(moved: &mut Vec<Moved>, of: Rings, poses: usize) -> &mut Vec<f64> {
     let place = moved.iter().position(|(rings, _)| *rings == of).unwrap_or_else(|| {
         moved.push((of, vec![0.0; poses]));
@@ -160,16 +161,16 @@ fn series(moved: &mut Vec<Moved>, of: Rings, poses: usize) -> &mut Vec<f64> {
     &mut moved[place].1
 }
 
-/// What moves, and by how much at each pose.
+/// The moving element, and its displacement at each pose.
 pub(crate) type Moved = (Rings, Vec<f64>);
 
-/// Per free number of an effect over paths: what moves by how much at each pose, per unit of the number.
+/// For each free parameter of a dynamic effect: the displacement at each pose per unit of the parameter.
 pub(crate) struct Slopes {
     of_free: Vec<(usize, Vec<Moved>)>,
 }
 
 impl Slopes {
-    /// Puts the motions at a pose in their places.
+    /// Writes the motions at a pose to the entries of their parameters.
     pub(crate) fn fill(&self, arm: &Arm, seen: &Evaluation, pose: usize, motions: &mut [Motion]) {
         for (place, moved) in &self.of_free {
             let mut sum = Motion::default();

@@ -1,12 +1,12 @@
 //! Best-fit rigid motion between two sets of points (Horn 1987: the largest eigenvector of a symmetric 4 × 4 matrix).
 //!
-//! Promises: always a proper rotation; mirrored points give a large residual, not a reflection.
-//! Never: weights or outliers.
+//! The result is always a proper rotation; mirrored points give a large residual, not a reflection. All points have equal weight, and outliers are
+//! not detected.
 
 use glam::{DMat3, DQuat, DVec3};
 use physics::Frame;
 
-/// The motion `x ↦ R x + p` that takes `from` to `to` with the least sum of squares; none for fewer than three points.
+/// The motion `x ↦ R x + p` that maps `from` to `to` with the least sum of squares; `None` with fewer than three points.
 #[must_use]
 pub fn rigid(from: &[DVec3], to: &[DVec3]) -> Option<Frame> {
     if from.len() < 3 || from.len() != to.len() {
@@ -33,20 +33,20 @@ pub fn rigid(from: &[DVec3], to: &[DVec3]) -> Option<Frame> {
     Some(Frame::new(rotation, b - rotation * a))
 }
 
-/// The mean of the squared distances that a motion leaves, as a root, m.
+/// Root mean square distance between the moved points and `to`, m.
 #[must_use]
 pub fn left_over(motion: &Frame, from: &[DVec3], to: &[DVec3]) -> f64 {
     let sum: f64 = from.iter().zip(to).map(|(x, y)| (motion.point(*x) - *y).length_squared()).sum();
     (sum / from.len().max(1) as f64).sqrt()
 }
 
-/// The middle of a cloud.
+/// The mean of points.
 #[must_use]
 pub fn mean(points: &[DVec3]) -> DVec3 {
     points.iter().sum::<DVec3>() / points.len().max(1) as f64
 }
 
-/// Jacobi's method: turns in planes until nothing is left beside the diagonal.
+/// Jacobi's method: plane rotations until the matrix is diagonal.
 fn largest_eigenvector(mut a: [[f64; 4]; 4]) -> [f64; 4] {
     let mut v = [[0.0; 4]; 4];
     (0..4).for_each(|i| v[i][i] = 1.0);

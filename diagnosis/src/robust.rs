@@ -1,31 +1,30 @@
-//! Robust weights of readings.
+//! Robust weights of measurements.
 //!
-//! The length of a whitened residual of `d` numbers is turned into a normal deviate (Wilson and Hilferty 1931). Up to the knee
-//! a reading has weight one, so that clean data are fitted by least squares; beyond it, the influence is constant in the first pass
-//! (Huber 1964) and redescends to zero in the second (Hampel 1974).
-//! The scale is the median of those lengths, with a breakdown point of one half.
+//! The norm of a whitened residual with `d` components is converted to a normal deviate (Wilson and Hilferty 1931). Up to the knee a measurement has
+//! weight one, so that clean data are fitted by least squares; beyond it, the influence is constant in the first pass (Huber 1964) and redescends to
+//! zero in the second (Hampel 1974). The scale is the median of those norms, with a breakdown point of one half.
 //!
-//! Promises: weights between 0 and 1, one for clean readings. Readings with a weight below one half are listed.
+//! Weights are between 0 and 1, and one for clean measurements. Measurements with a weight below one half are listed as outliers.
 
 use crate::engine::statistics::median;
 
-/// Deviate up to which a reading weighs one: one clean reading in a thousand lies beyond.
+/// Deviate up to which a measurement has weight one: one clean measurement in a thousand lies beyond.
 const KNEE: f64 = 3.0;
-/// A redescending weight is nothing at this multiple of the knee.
+/// A redescending weight is zero from this multiple of the knee on.
 const REACH: f64 = 2.5;
 
-/// Which influence a far reading keeps.
+/// Influence function for large residuals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Influence {
-    /// All weigh one.
+    /// All weights are one (least squares).
     Equal,
-    /// Constant beyond the knee.
+    /// Constant influence beyond the knee.
     Huber,
-    /// Falls to nothing.
+    /// Influence decreases to zero.
     Redescending,
 }
 
-/// Length of a whitened residual of `count` numbers at which the normal deviate is `deviate`.
+/// Norm of a whitened residual with `count` components that corresponds to the normal deviate `deviate`.
 #[must_use]
 pub fn length_at(count: usize, deviate: f64) -> f64 {
     let d = count as f64;
@@ -34,7 +33,7 @@ pub fn length_at(count: usize, deviate: f64) -> f64 {
     (d * root * root * root).sqrt()
 }
 
-/// The weight of a reading whose whitened residual, in units of the scale, is `length` long.
+/// Weight of a measurement with `count` components whose whitened residual, in units of the scale, has the norm `length`.
 #[must_use]
 pub fn weight(influence: Influence, count: usize, length: f64) -> f64 {
     let knee = length_at(count, KNEE);
@@ -51,7 +50,8 @@ pub fn weight(influence: Influence, count: usize, length: f64) -> f64 {
     }
 }
 
-/// The factor on the noise that the lengths of residuals show: one where it was stated right. `lengths`: with the count of each.
+/// Factor on the stated noise, estimated from the norms of residuals: one if the noise was stated correctly. `lengths`: number of components and norm
+/// of each.
 #[must_use]
 pub fn scale(lengths: impl Iterator<Item = (usize, f64)>) -> Option<f64> {
     let scale = median(lengths.map(|(count, length)| length / length_at(count, 0.0)));

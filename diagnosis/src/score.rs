@@ -3,7 +3,7 @@
 //! With `R` the triangle of the fit, `A = JᵀC` and `Y = R⁻ᵀ A`: the projected columns are `S = CᵀC − YᵀY + priors`, their gradient
 //! `b = Cᵀr − Yᵀ(R⁻ᵀ Jᵀr)`; the parameters would be `S⁻¹ b`, and the sum of squares would decrease by `bᵀ S⁻¹ b`.
 //!
-//! Promises: one pass over the campaign for all candidates. Never: a decision; see [`mod@crate::diagnose`].
+//! One pass over the campaign evaluates all candidates; the selection is made in [`mod@crate::diagnose`].
 
 mod series;
 mod sums;
@@ -26,33 +26,33 @@ use series::Series;
 use std::sync::Arc;
 use sums::Sums;
 
-/// Rows that are multiplied at once.
+/// Rows that are multiplied in one block.
 const ROWS: usize = 256;
-/// Columns whose products with those after them are taken at once.
+/// Width of a block of columns in a symmetric product.
 const STRIP: usize = 64;
 
-/// What a candidate would bring.
+/// Predicted improvement by a candidate.
 #[derive(Clone, Debug)]
 pub(crate) struct Score {
-    /// Place in the list of candidates.
+    /// Index in the list of candidates.
     pub(crate) candidate: usize,
-    /// By how much the sum of squares would fall, in units of the noise.
+    /// Decrease of the sum of squares, in units of the noise variance.
     pub(crate) gain: f64,
-    /// How many numbers it would take.
+    /// Number of parameters it would add.
     pub(crate) numbers: usize,
-    /// The numbers, one per probe.
+    /// Estimated parameters, one per probe.
     pub(crate) found: Vec<f64>,
 }
 
-/// Groups of columns that are asked for.
+/// Groups of columns to be tested.
 pub(crate) struct Asked {
-    /// Columns of each group.
+    /// Number of columns of each group.
     pub(crate) numbers: Vec<usize>,
-    /// How large each column's number may be.
+    /// Prior standard deviation of each column's parameter.
     pub(crate) sigmas: Vec<f64>,
 }
 
-/// A fit with its rows, ready to be asked.
+/// A fit with its rows, prepared for score tests.
 pub(crate) struct Fitted<'a> {
     pub(crate) campaign: &'a Campaign,
     pub(crate) fit: &'a Fit,
@@ -78,20 +78,20 @@ impl<'a> Fitted<'a> {
         Self { campaign, fit, state, weighing, linearisation }
     }
 
-    /// The same fit, asked on other poses.
+    /// The same fit, evaluated on other poses.
     pub(crate) fn among(&self, used: &[bool]) -> Self {
         let weighing = Weighing { used: used.to_vec(), ..self.weighing.clone() };
         let linearisation = Arc::new(Linearisation::of(self.campaign, self.state.clone(), used));
         Self { weighing, linearisation, state: self.state.clone(), ..*self }
     }
 
-    /// The pull that is left of the fit itself: zero at a minimum, but for priors.
+    /// Gradient of the fit itself in the basis of its triangle: zero at a minimum, apart from priors.
     pub(crate) fn right(&self) -> &[f64] {
         let triangle = &self.fit.triangle;
         triangle.column(triangle.width())
     }
 
-    /// Scores of all candidates that show something of their own.
+    /// Scores of all candidates that are not confounded with the fit.
     pub(crate) fn scores(&self, candidates: &[Candidate]) -> Vec<Score> {
         let mut scores = Vec::new();
         let mut from = 0;
@@ -111,7 +111,7 @@ impl<'a> Fitted<'a> {
         scores
     }
 
-    /// Scores of groups of columns that all move the tool as one motion does, told by how often they do so at a pose.
+    /// Scores of groups of columns that are all multiples of one motion of the tool, given by their factors at each pose.
     pub(crate) fn scores_of_multiples(
         &self,
         asked: &Asked,
@@ -131,7 +131,7 @@ impl<'a> Fitted<'a> {
         })
     }
 
-    /// Scores of groups of columns, told by what each is at a reading.
+    /// Scores of groups of columns, given by their derivatives at each measurement.
     pub(crate) fn scores_along(
         &self,
         asked: &Asked,
@@ -147,15 +147,15 @@ impl<'a> Fitted<'a> {
         asked.numbers.iter().enumerate().filter_map(group).collect()
     }
 
-    /// The effects that are there whatever is asked: what changes the loads or the way is felt by the candidates too, and what gives way shows those that
-    /// change loads.
+    /// Effects of the model that interact with candidates: those that change loads or the path affect the candidates, and load-dependent ones respond
+    /// to candidates that change loads.
     pub(crate) fn context(&self) -> Vec<AnyEffect> {
         let over_path = |effect: &AnyEffect| matches!(effect, AnyEffect::OverPath(_));
         let all = self.state.hypothesis.model.effects();
         all.filter(|effect| is_about_loads(effect.spec()) || over_path(effect)).copied().collect()
     }
 
-    /// As many candidates as fit into one model, from place `from`; and where the next batch begins.
+    /// The candidates from index `from` that fit into one model, and the index at which the next batch begins.
     fn batch(&self, candidates: &[Candidate], from: usize) -> (Hypothesis, usize) {
         let arm = self.state.hypothesis.model.arm;
         let mut batch = Hypothesis::fixed(physics::Model::nominal(arm));
@@ -187,7 +187,7 @@ impl<'a> Fitted<'a> {
         (batch, end.max(from + 1))
     }
 
-    /// Shows the rows of the fit with further columns, told by how the tool would move with each at a pose: the fit's columns, the others, what is left.
+    /// Passes the rows of the fit with further columns, given by the tool motion of each at a pose: columns of the fit, further columns, residual.
     pub(crate) fn rows(
         &self,
         count: usize,
@@ -197,7 +197,7 @@ impl<'a> Fitted<'a> {
         self.rows_along(count, pose_by_pose(motions), take);
     }
 
-    /// The same, told by what each column is at a reading.
+    /// The same, with further columns given by their derivatives at each measurement.
     fn rows_along(
         &self,
         count: usize,
@@ -237,7 +237,7 @@ impl<'a> Fitted<'a> {
         sums
     }
 
-    /// How the tool moves with each probe of each candidate, and how large its number may be.
+    /// Tool motion of each probe of each candidate, and the prior standard deviation of its parameter.
     pub(crate) fn moves(&self, candidates: &[Candidate]) -> Vec<Moves> {
         let mut all = Vec::with_capacity(candidates.len());
         let mut from = 0;
@@ -255,8 +255,8 @@ impl<'a> Fitted<'a> {
         all
     }
 
-    /// Products of all columns `C` that are told by how the tool moves with them: with the fit's columns at `places` (`JᵀC`), with each other (`CᵀC`),
-    /// with what is left (`Cᵀr`).
+    /// Products of all columns `C`, given by their tool motions: with the fit's columns at `places` (`JᵀC`), with each other (`CᵀC`), and with the
+    /// residual (`Cᵀr`).
     pub(crate) fn products(
         &self,
         series: &[&Series],
@@ -292,7 +292,7 @@ impl<'a> Fitted<'a> {
         (mixed, own, pulls)
     }
 
-    /// How the tool would move with each probe: one series over the poses up to the last that takes part. The candidates remember for themselves.
+    /// Tool motion of each probe as a series over the poses up to the last that takes part. The memory of the candidates is advanced with them.
     fn batch_motions(&self, batch: &Hypothesis) -> Vec<Series> {
         let arm = &batch.model.arm;
         let (poses, reads_joints) =
@@ -316,13 +316,13 @@ impl<'a> Fitted<'a> {
     }
 }
 
-/// A block's transpose, in its place.
+/// Transpose of a block as a view.
 fn turned(block: &DMatrix<f64>) -> DMatrixView<'_, f64, Dyn, Dyn> {
     let (rows, columns) = block.shape();
     DMatrixView::from_slice_with_strides(block.as_slice(), columns, rows, rows, 1)
 }
 
-/// Adds the products of a block's rows with each other: what is on and above the diagonal, and some of what is below.
+/// Adds the products of a block's rows with each other: the upper triangle, and parts of the lower one.
 fn add_upper(sums: &mut DMatrix<f64>, block: &DMatrix<f64>) {
     let (turned, wide) = (turned(block), block.nrows());
     for from in (0..wide).step_by(STRIP) {
@@ -332,7 +332,7 @@ fn add_upper(sums: &mut DMatrix<f64>, block: &DMatrix<f64>) {
     }
 }
 
-/// What each column is at a reading, of motions that are asked for once at each pose.
+/// Converts motions per pose, computed once at each pose, to derivatives at each measurement.
 fn pose_by_pose(
     mut motions: impl FnMut(usize, &mut Vec<Motion>),
 ) -> impl FnMut(&At<'_>, &mut Vec<DVec3>) {
@@ -346,10 +346,10 @@ fn pose_by_pose(
     }
 }
 
-/// How the tool moves with each probe of a candidate.
+/// Tool motions of the probes of a candidate.
 pub(crate) struct Moves {
-    /// One series each.
+    /// One series per probe.
     pub(crate) of_probes: Vec<Series>,
-    /// How large the number of each may be.
+    /// Prior standard deviation of each probe's parameter.
     pub(crate) sigmas: Vec<f64>,
 }

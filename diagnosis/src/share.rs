@@ -1,7 +1,7 @@
 //! Size of each effect at the tool.
 //!
-//! Promises: each effect against the same model without it, at the poses of the campaign, including its memory.
-//! Never: a decision; a large effect can still be poorly determined.
+//! Each effect is compared with the same model without it, at the poses of the campaign, including its memory. A large effect can still be poorly
+//! determined.
 
 use crate::campaign::Campaign;
 use crate::hypothesis::Hypothesis;
@@ -9,7 +9,7 @@ use crate::problem::follow;
 use glam::DVec3;
 use physics::Model;
 
-/// By how much each effect moves the TCP in the base frame, root of the mean square over the poses, m; one per effect of the model.
+/// Displacement of the TCP in the base frame due to each effect, root mean square over the poses, m; one per effect of the model.
 #[must_use]
 pub fn tool_shares(hypothesis: &Hypothesis, campaign: &Campaign) -> Vec<f64> {
     let places = |model: &Model| {

@@ -1,7 +1,6 @@
-//! Simulation of a campaign for a known robot: same poses and instruments, simulated readings.
+//! Simulation of a campaign for a known robot: same poses and instruments, simulated measurements.
 //!
-//! Promises: noise is normal with the covariance that each reading states; the same seed gives the same bits.
-//! Never: effects other than the model's.
+//! Noise is normal with the stated covariance of each measurement; the same seed gives the same bits.
 
 use crate::campaign::{Campaign, Place, Reading};
 use crate::problem::follow;
@@ -14,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::StandardNormal;
 
-/// `campaign` with what `model`, standing in `truth`, would have shown; `scale` times the stated noise.
+/// `campaign` with the values that would be measured of `model` with the extrinsic parameters `truth`; the noise is `scale` times the stated one.
 #[must_use]
 pub fn readings(
     campaign: &Campaign,

@@ -1,7 +1,7 @@
-//! Simulation of a recording: a model run forward on recorded commands, loads and temperatures, read by the recorded instruments.
+//! Simulation of a recording: a model run forward on recorded commands, loads and temperatures, measured by the recorded instruments.
 //!
-//! All effects of positions and torques act, delays, lags and modes too. The model is not fitted; only the measuring frame and unknown target positions
-//! are estimated, from the recorded data ([`station`]). What the instruments read: [`world::instrument`].
+//! All effects on positions and torques act, including delays, lags and modes. The model is not fitted; only the measuring frame and unknown target
+//! positions are estimated, from the recorded data ([`station`]). Instruments: [`world::instrument`].
 //!
 //! The same recording and seed give the same bits; without noise the result is the model's own, to the last digit.
 
@@ -26,11 +26,11 @@ pub use world::instrument::Readings;
 /// Noise of simulated readings: standard deviations, 0 or above. Default 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Noise {
-    /// Of lengths and angles, m and rad.
+    /// For lengths and angles, m and rad.
     pub length_m: f64,
-    /// Of torques, Nm (N of a slide).
+    /// For torques, Nm (N of a prismatic joint).
     pub torque_nm: f64,
-    /// Of forces of a cut, N.
+    /// For cutting forces, N.
     pub force_n: f64,
 }
 
@@ -43,7 +43,7 @@ pub enum Unsimulated {
     /// The model has too many effects.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The loop of the drives cannot be closed.
+    /// The closed loop of the drives cannot be simulated.
     #[error(transparent)]
     Servo(#[from] ServoError),
     /// The process data of a cut are missing.
@@ -57,17 +57,17 @@ pub enum Unsimulated {
         /// What is wrong with it.
         reason: String,
     },
-    /// A target's place on the tool is neither known nor measured.
+    /// A target's position on the tool is neither known nor measured.
     #[error(
         "{file}: where target {target} sits on the tool is not known, and nothing was recorded of it: give target{target}_mm in the TOML"
     )]
     TargetUnknown {
         /// The recording.
         file: String,
-        /// From 1.
+        /// 1-based.
         target: usize,
     },
-    /// Nothing can be simulated.
+    /// The recording contains nothing to simulate.
     #[error("{file}: neither joint positions nor a [cut]: nothing can be simulated")]
     Nothing {
         /// The recording.
@@ -75,7 +75,7 @@ pub enum Unsimulated {
     },
 }
 
-/// A recording with what its instruments would have read of the robot of `model`.
+/// The recording with the simulated measurements of its instruments on the robot `model`.
 ///
 /// ```
 /// use diagnosis::simulated::{Noise, simulate};
@@ -127,7 +127,7 @@ pub fn simulate(
     Ok(readings)
 }
 
-/// The positions of the arm on a recording, row by row.
+/// Positions of the arm along a recording, row by row.
 ///
 /// ```
 /// # use recording::model::RobotModel;
@@ -149,7 +149,7 @@ pub fn positions(model: &RobotModel, mut recording: Recording) -> Result<Vec<See
     Ok(run(model, &recording, DriveMotion::NotSimulated)?.seen)
 }
 
-/// The drive torques on a recording that moves as commanded, row by row, Nm or N.
+/// Drive torques along a recording, with motions as commanded, row by row, Nm or N.
 ///
 /// ```
 /// # use recording::model::RobotModel;
@@ -170,7 +170,7 @@ pub fn torques(model: &RobotModel, mut recording: Recording) -> Result<Vec<Joint
     Ok(run(model, &recording, DriveMotion::AsCommanded)?.torques.unwrap_or_default())
 }
 
-/// The sensor's readings of the recording's cut, row by row, N; none without a cut.
+/// Measured forces of the recording's cut, row by row, N; empty without a cut.
 ///
 /// ```
 /// # use recording::model::RobotModel;
@@ -191,14 +191,14 @@ pub fn cut_forces(model: &RobotModel, recording: &Recording) -> Result<Vec<DVec3
     Ok(forces::exact(&model.with_cutting()?, cut, recording)?)
 }
 
-/// What is simulated of the drives.
+/// Scope of the simulation of the drives.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum DriveMotion {
-    /// Nothing.
+    /// None.
     NotSimulated,
-    /// Their torques, on motions that are as commanded.
+    /// Torques, on motions as commanded.
     AsCommanded,
-    /// Their torques, and the motion of a closed loop of position and speed.
+    /// Torques, and the motion of a closed position and velocity loop.
     ClosedLoop,
 }
 
@@ -219,7 +219,7 @@ impl DriveMotion {
     }
 }
 
-/// The positions of the arm, row by row, on a recording whose inputs were held.
+/// Positions of the arm, row by row, along a recording whose inputs are held between samples.
 fn run(
     model: &RobotModel,
     recording: &Recording,
@@ -235,7 +235,7 @@ fn run(
         return Ok(Run { seen: forward::poses(&model.physics, &rows), torques });
     }
     let dynamics = dynamics(model)?;
-    // The motors' own motion already contains delay and lag.
+    // The measured motor motion already contains delay and lag.
     let on_motors = Dynamics { delay_s: 0.0, lags: Vec::new(), ..dynamics.clone() };
     let goes_on = |a: &Pose, b: &Pose| recording.segment.get(a.row) == recording.segment.get(b.row);
     let (mut seen, mut torques) = (Vec::with_capacity(rows.len()), Vec::new());
@@ -259,7 +259,7 @@ fn run(
     Ok(Run { seen, torques: has_torques.then_some(torques) })
 }
 
-/// Delays, lags and modes of the model; effects of drives and forces have no dynamics and are passed over.
+/// Delays, lags and modes of the model; effects of drives and forces have no dynamics and are skipped.
 fn dynamics(model: &RobotModel) -> Result<Dynamics, Unsimulated> {
     let mut dynamics = Dynamics::default();
     let arm = &model.physics.arm;

@@ -4,8 +4,8 @@
 //! tracks (thesis 3.2.4, 3.2.6). [`Sag`] contains the deflection removed by a gravity compliance model, and [`JointAxis`] the
 //! resulting change.
 //!
-//! Promises: without noise and with known deflection, the axis is that of the unloaded arm, to rounding. Never: a global fit: the axes before the
-//! one that moves are taken from the model that is passed in.
+//! Without noise and with known deflection, the result is the axis of the unloaded arm, to rounding. This is not a global fit: the preceding axes are
+//! taken from the given model.
 
 use crate::circle::{Axis, CircleError, axis, smallest_turn};
 use glam::DVec3;
@@ -20,60 +20,61 @@ pub(crate) const SAME_STEP_RAD: f64 = 1e-5;
 /// One settled step of a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
-    /// What was commanded, and from which side (`direction`).
+    /// Inputs of the model, with the direction of approach (`direction`).
     pub inputs: Inputs,
-    /// Where each target is, m, base frame; `None` where it was not seen. A station known to a milliradian is enough to bring readings there.
+    /// Measured target positions, m, base frame; `None` if a target was not measured. A station known to a milliradian is accurate enough for the
+    /// transformation.
     pub targets: Vec<Option<DVec3>>,
 }
 
-/// A sweep of one joint, the others standing.
+/// A sweep of one joint, with the others at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
     /// 0-based.
     pub joint: usize,
-    /// In the order in which they were measured.
+    /// In the order of measurement.
     pub steps: Vec<Step>,
 }
 
-/// What of the sag that changes along a sweep is taken out of the tracks.
+/// The varying gravity deflection that is removed from the tracks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sag {
     /// Nothing.
     AsMeasured,
-    /// That of the base and of the joints before the one that moves: the thesis' correction.
+    /// That of the base and of the joints before the moving one: the thesis' correction.
     Carriers,
-    /// That of all joints but the one that moves: those after it yield too, since the sweep turns gravity about them.
+    /// That of all joints but the moving one: those after it deflect too, since the sweep changes the direction of gravity relative to them.
     #[default]
     AllOthers,
 }
 
-/// A joint's axis as its sweep shows it.
+/// A joint's axis, estimated from its sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointAxis {
     /// 0-based.
     pub joint: usize,
-    /// Base frame, where the sweep holds the joints before this one.
+    /// Axis in the base frame, at the configuration at which the preceding joints were held.
     pub axis: Axis,
-    /// The targets that were seen often enough to count, in the order of the axis' circles.
+    /// Targets with at least three measurements, in the order of the axis' circles.
     pub targets: Vec<usize>,
-    /// What was taken out.
+    /// The deflection that was removed.
     pub sag: Sag,
-    /// The furthest that taking it out moved a target, m.
+    /// Largest displacement of a target by this correction, m.
     pub moved_by_sag_m: f64,
-    /// The turn that taking it out gave the axis, rad.
+    /// Rotation of the axis by this correction, rad.
     pub turned_by_sag: DVec3,
-    /// The shift that taking it out gave the axis at its middle, across it, m.
+    /// Shift of the axis by this correction at its point, perpendicular to the axis, m.
     pub shifted_by_sag: DVec3,
 }
 
-/// An axis against the controller's, at the zero configuration: start values for `axis_tilt` and `axis_shift`.
+/// Deviation of an axis from the nominal one, at the zero configuration: initial values for `axis_tilt` and `axis_shift`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisError {
     /// About `n1` and `n2` of the nominal axis, at its pivot, rad.
     pub tilt_rad: [f64; 2],
-    /// Across the axis at the pivot, base frame, m.
+    /// Perpendicular to the axis at the pivot, base frame, m.
     pub shift_m: DVec3,
-    /// Standard uncertainty of the tilt by the noise of the points, rad.
+    /// Standard uncertainty of the tilt due to the noise of the points, rad.
     pub sigma_tilt_rad: [f64; 2],
     /// Standard uncertainty of the shift along `n1` and `n2` of the nominal axis, m.
     pub sigma_shift_m: [f64; 2],
@@ -82,7 +83,7 @@ pub struct AxisError {
 /// Why a sweep cannot be used. Joints are 1-based here, as in files.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum SweepError {
-    /// There is no such joint, or it slides.
+    /// There is no such joint, or it is prismatic.
     #[error(
         "joint {joint} is not a revolute joint of this arm; sweeps determine only axes of revolute joints"
     )]
@@ -99,30 +100,31 @@ pub enum SweepError {
         joint: usize,
         /// 1-based.
         other: usize,
-        /// By how much, rad.
+        /// Displacement of that joint, rad.
         by_rad: f64,
     },
-    /// The tracks give no axis.
+    /// The tracks do not determine an axis.
     #[error("the sweep of joint {joint}: {fault}")]
     Tracks {
         /// 1-based.
         joint: usize,
-        /// What is wrong with them.
+        /// The reason.
         fault: CircleError,
     },
 }
 
-/// The angle from `a` to `b` about the unit axis `e`, rad, signed; what lies along the axis does not count. Thesis 3.5, in the form that keeps small angles.
+/// Signed angle from `a` to `b` about the unit axis `e`, rad; components along the axis are ignored. Thesis 3.5, in a form that is accurate for small
+/// angles.
 #[must_use]
 pub fn angle_about(e: DVec3, a: DVec3, b: DVec3) -> f64 {
     libm::atan2(e.dot(a.cross(b)), a.dot(b) - a.dot(e) * b.dot(e))
 }
 
 impl Sweep {
-    /// The joint's axis, with `sag` taken out by the effects of `model` that answer to gravity. `noise_m` as in [`axis`].
+    /// The joint's axis, after removal of `sag` by the gravity-dependent effects of `model`. `noise_m` as in [`axis`].
     ///
     /// # Errors
-    /// A sweep that does not fit the arm, moves other joints, or whose tracks determine no axis.
+    /// A sweep that does not match the arm, moves other joints, or whose tracks determine no axis.
     pub fn axis(
         &self,
         model: &Model,
@@ -172,7 +174,7 @@ impl Sweep {
         Ok(())
     }
 
-    /// Targets seen at three steps or more, each with its track.
+    /// Targets with at least three measurements, each with its track.
     fn tracks(&self, model: &Model, sag: Sag) -> (Vec<usize>, Vec<Vec<DVec3>>) {
         let count = self.steps.iter().map(|step| step.targets.len()).max().unwrap_or(0);
         let mut tracks = vec![Vec::new(); count];
@@ -184,7 +186,7 @@ impl Sweep {
         tracks.into_iter().enumerate().filter(|(_, track)| track.len() >= 3).unzip()
     }
 
-    /// A step's targets where they would be without the sag that is taken out.
+    /// Target positions of a step without the deflection that is removed.
     pub(crate) fn without_sag(&self, step: &Step, model: &Model, sag: Sag) -> Vec<Option<DVec3>> {
         if sag == Sag::AsMeasured {
             return step.targets.clone();
@@ -198,7 +200,8 @@ impl Sweep {
 }
 
 impl JointAxis {
-    /// The axis against the controller's at the zero configuration, the joints before it taken as the controller has them. `q` is where the sweep held these.
+    /// Deviation of the axis from the nominal one at the zero configuration, with the preceding joints as in the nominal model. `q` is the
+    /// configuration at which these were held.
     #[must_use]
     pub fn error(&self, arm: &Arm, q: &physics::Joints) -> Option<AxisError> {
         let nominal = arm.joints().get(self.joint)?;
@@ -209,10 +212,10 @@ impl JointAxis {
         let point = to_zero.point(self.axis.point);
         let (n1, n2) = normals(nominal.axis);
         let turn = smallest_turn(nominal.axis, direction);
-        // Where the axis pierces the plane across the nominal one: an `axis_shift` has no part along it.
+        // Intersection of the axis with the plane perpendicular to the nominal one: an `axis_shift` has no component along it.
         let ahead = nominal.axis.dot(nominal.point - point) / nominal.axis.dot(direction);
         let shift_m = point + direction * ahead - nominal.point;
-        // How tilt and shift go with each of the four numbers that the covariance is of.
+        // Derivatives of tilt and shift by each of the four parameters of the covariance.
         let (m1, m2) = normals(self.axis.direction);
         let lever = to_zero.inverse().point(nominal.point) - self.axis.point;
         let generators =
@@ -237,8 +240,8 @@ impl JointAxis {
     }
 }
 
-/// What gravity adds to the arm, and what of it stays once `sag` is taken out. The joint's own sag is in both, or else that of the joints after it would be
-/// taken out in the wrong place. A wrench does not count.
+/// Deviation due to gravity, and what remains of it after removal of `sag`. The joint's own deflection is in both; otherwise that of later joints
+/// would be removed about a wrong axis. External wrenches are not included.
 fn sag_with_and_without(model: &Model, inputs: &Inputs, joint: usize, sag: Sag) -> [Deviation; 2] {
     let unloaded = Inputs { wrench_base: physics::Wrench::ZERO, ..*inputs };
     let kinds: Vec<&str> = model.effects().map(|effect| effect.spec().kind).collect();
@@ -274,19 +277,19 @@ fn answers_to_gravity(kind: &str) -> bool {
     .contains(&kind)
 }
 
-/// How a body that carries two targets turned, as far as two targets show it (thesis 3.6).
+/// Rotation of a body that carries two targets, as far as they determine it (thesis 3.6).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TiltSeen {
-    /// Rotation vector, rad; it has no part along [`TiltSeen::blind`].
+    /// Rotation vector, rad, without component along [`TiltSeen::blind`].
     pub turn: DVec3,
-    /// Standard uncertainty of the turn about each axis across the line, rad.
+    /// Standard uncertainty of the rotation about each axis perpendicular to the line, rad.
     pub sigma_rad: f64,
-    /// Unit vector of the line through both targets: a turn about it moves neither, so it is not seen. A third target beside the line shows it.
+    /// Unit vector of the line through both targets: a rotation about it is not observable. A third target off the line would determine it.
     pub blind: DVec3,
 }
 
-/// The tilt of a base (or link) from where two targets on it were before and after, m; `noise_m` is the standard deviation of one coordinate.
-/// `None` where the targets coincide.
+/// Tilt of a base (or link) from the positions of two targets on it before and after, m; `noise_m` is the standard deviation of one coordinate.
+/// `None` if the targets coincide.
 #[must_use]
 pub fn tilt_of_two_targets(
     before: [DVec3; 2],

@@ -1,16 +1,16 @@
-//! Size of an effect: change of the readings of a recording by this effect alone.
+//! Size of an effect: change of the values of a recording by this effect alone.
 
-/// Of single values: lengths in m, angles in rad, torques in N m, forces in N.
+/// Over scalar values: lengths in m, angles in rad, torques in N m, forces in N.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Size {
     /// Root mean square.
     pub rms: f64,
-    /// The largest, without sign.
+    /// Largest absolute value.
     pub largest: f64,
 }
 
 impl Size {
-    /// Of these values; zero of none.
+    /// Size over these values; zero if there are none.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
         let (mut sum, mut count, mut largest) = (0.0, 0_usize, 0.0_f64);
         for value in values {

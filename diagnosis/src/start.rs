@@ -1,6 +1,7 @@
-//! Initial values of the extrinsic parameters: frames and targets by alternating least squares, fixed points, planes and spheres by linear least squares.
+//! Initial values of the extrinsic parameters: frames and targets by alternating least squares, fixed points, planes and spheres by linear least
+//! squares.
 //!
-//! Promises: close enough for convergence of [`crate::fit()`] (centimetres, degrees), for any position of the instrument and any mounting of the targets.
+//! Accurate enough (centimetres, degrees) for convergence of [`crate::fit()`], for any position of the instrument and any mounting of the targets.
 
 use crate::campaign::{Campaign, Place, Pose, Reading};
 use crate::rigid::{mean, rigid};
@@ -11,7 +12,7 @@ use physics::{Chain, Frame, Model};
 
 const ROUNDS: usize = 30;
 
-/// The surroundings of `campaign` with everything that is free brought to where the controller's own geometry sees it.
+/// Extrinsic parameters of `campaign`, with all free ones estimated from the nominal geometry.
 #[must_use]
 pub fn surroundings(campaign: &Campaign, model: &Model, used: &[bool]) -> Surroundings {
     let poses: Vec<(Frame, &Pose)> = campaign
@@ -34,7 +35,7 @@ pub fn surroundings(campaign: &Campaign, model: &Model, used: &[bool]) -> Surrou
     found
 }
 
-/// A point of the tool in base coordinates.
+/// Position of a point of the tool in base coordinates, m.
 fn point(found: &Surroundings, tool: &Frame, place: Place) -> DVec3 {
     match place {
         Place::Tcp => tool.origin,
@@ -85,7 +86,7 @@ fn place_targets(found: &mut Surroundings, poses: &[(Frame, &Pose)]) {
     }
 }
 
-/// Fixed points, planes and spheres from where the probe was and what it read.
+/// Fixed points, planes and spheres from the probe positions and the measured distances.
 fn place_touched(found: &mut Surroundings, poses: &[(Frame, &Pose)]) {
     let all = |wanted: &dyn Fn(&Reading) -> Option<(Place, f64)>, found: &Surroundings| {
         let each = poses.iter().flat_map(|(tool, pose)| pose.seen.iter().map(move |o| (tool, o)));
@@ -139,19 +140,19 @@ fn place_touched(found: &mut Surroundings, poses: &[(Frame, &Pose)]) {
     }
 }
 
-/// What is known of the distances of points from a centre.
+/// Prior knowledge on the distances of points from a centre.
 #[derive(Clone, Copy, PartialEq)]
 enum Lengths {
-    /// They are given.
+    /// They are measured.
     Known,
-    /// They are given but for one offset.
+    /// They are measured up to a common offset.
     FromSome,
-    /// They are equal.
+    /// They are equal, but unknown.
     OneUnknown,
 }
 
-/// The centre that points lie around, with the offset of their distances, or the one unknown distance.
-/// `|p − c|² = (d − o)²` is linear in `c`, `o` and `c² − o²`; with one unknown `d` in `c` and `c² − d²`.
+/// The centre around which points lie, with the offset of their distances, or the unknown distance. `|p − c|² = (d − o)²` is linear in `c`, `o` and
+/// `c² − o²`; with an unknown `d`, in `c` and `c² − d²`.
 fn centre_of(points: &[(DVec3, f64)], lengths: Lengths) -> Option<(DVec3, f64)> {
     if points.len() < 6 {
         return None;
@@ -175,14 +176,14 @@ fn centre_of(points: &[(DVec3, f64)], lengths: Lengths) -> Option<(DVec3, f64)> 
     Some((centre + middle, second))
 }
 
-/// The plane that the probe's middle keeps its radius from; its normal on the side of `side`.
+/// The plane at the probe's radius from its centres; its normal points to the side of `side`.
 fn plane_through(points: &[(DVec3, f64)], side: DVec3) -> Option<Plane> {
     if points.len() < 4 {
         return None;
     }
     let cloud: Vec<DVec3> = points.iter().map(|(p, _)| *p).collect();
     let middle = mean(&cloud);
-    // The direction of least spread, by the plane that is steepest against one of the axes.
+    // Direction of least spread: the regression over each of three pairs of axes is tried.
     let best = (0..3).filter_map(|k| {
         let mut triangle = Triangle::new(2);
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);

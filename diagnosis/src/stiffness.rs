@@ -1,12 +1,13 @@
 //! Joint stiffness from known loads: one joint after the other (thesis 3.13), or all at once by least squares (thesis 1.1 to 1.7).
 //!
-//! Uses differences, loaded minus unloaded at the same command: geometry, gravity deflection and offsets cancel. One by one, the rotation of a link is
+//! Uses differences, loaded minus unloaded at the same command: geometry, gravity deflection and offsets cancel. One by one, the rotation of a link
+//! is
 //! `angle_about` its joint, from the displacement of a target after removing the preceding joints (3.13 divides outside its arccosine, and an
 //! arccosine loses small angles and the sign). All at once, `dx = J diag(JᵀW) c` is linear in the compliances `c`; each row is divided
 //! by its noise, which makes metres and radians comparable.
 //!
-//! Promises: errors of compliances, not stiffnesses, are normal: covariances refer to them. Parameters that the loads do not determine are listed.
-//! Never: stiffening by the load itself; [`crate::enhanced`] shows where it is negligible.
+//! Errors of compliances, not of stiffnesses, are approximately normal: covariances refer to compliances. Parameters that the loads do not determine
+//! are listed. Stiffening by the load itself is neglected; see [`crate::enhanced`].
 
 use crate::hypothesis::{Belief, Free, Hypothesis};
 use crate::independent::sort;
@@ -17,72 +18,72 @@ use physics::frame::rotation_about;
 use physics::{AnyEffect, Arm, Chain, Given, JOINTS_MAX, JointKind, Joints, Loads, Wrench};
 use thiserror::Error;
 
-/// The largest compliance of a sound joint, rad/Nm (m/N): what counts as determined is judged against it.
+/// Largest compliance of an undamaged joint, rad/Nm (m/N): the unit in which a compliance counts as determined or not.
 const WIDEST: f64 = 2e-3;
 
-/// A target on the link that a joint moves, before and after a load came on at the TCP.
+/// A target on the link that a joint moves, measured before and after a load is applied at the TCP.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadedLink {
     /// 0-based: the joint that moves the link.
     pub joint: usize,
-    /// Commanded, rad.
+    /// Commanded position, rad.
     pub q: Joints,
-    /// What came on, at the TCP, base axes.
+    /// Applied wrench, at the TCP, base axes.
     pub wrench_base: Wrench,
-    /// Where the target was, m, base frame.
+    /// Target position before, m, base frame.
     pub before: DVec3,
-    /// Where it went, m, base frame.
+    /// Target position under the load, m, base frame.
     pub after: DVec3,
 }
 
-/// How a load moved the tool.
+/// Displacement of the tool by a load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadedPose {
-    /// Commanded, rad or m.
+    /// Commanded position, rad or m.
     pub q: Joints,
-    /// What came on, at the TCP, base axes.
+    /// Applied wrench, at the TCP, base axes.
     pub wrench_base: Wrench,
-    /// How far the TCP moved, m, base axes.
+    /// Displacement of the TCP, m, base axes.
     pub shift: DVec3,
-    /// How far the tool turned, where it was measured: rotation vector, rad, base axes.
+    /// Rotation of the tool if measured: rotation vector, rad, base axes.
     pub turn: Option<DVec3>,
 }
 
 /// Standard deviations of one coordinate of a difference, loaded minus unloaded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DifferenceNoise {
-    /// m.
+    /// Of a translation, m.
     pub shift_m: f64,
-    /// rad; counts only where turns were measured.
+    /// Of a rotation, rad; used only if rotations were measured.
     pub turn_rad: f64,
 }
 
-/// Compliances as loads show them.
+/// Compliances estimated from loads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compliances {
-    /// rad/Nm or m/N; `None` for a joint that the loads do not determine, which counted as rigid.
+    /// rad/Nm or m/N; `None` for a joint that the loads do not determine, which was treated as rigid.
     pub value: [Option<f64>; JOINTS_MAX],
     /// rad²/(Nm)²: a row and column per joint, zero where not determined.
     pub covariance: [[f64; JOINTS_MAX]; JOINTS_MAX],
-    /// What stays, as root of the mean square in units of the stated noise: near 1 for a sound model.
+    /// Root mean square residual in units of the stated noise: near 1 if the model is adequate.
     pub left: f64,
-    /// Joints that cannot be distinguished from those before them, or that no load bends, 0-based.
+    /// Joints that are confounded with preceding ones, or that no load deflects, 0-based.
     pub undetermined: Vec<usize>,
 }
 
-/// Why loads give no stiffness.
+/// Why loads do not determine stiffness.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum StiffnessError {
-    /// A number that cannot be.
+    /// A value is not finite.
     #[error("loaded case {case}: its numbers must be finite")]
     NotFinite {
         /// 1-based.
         case: usize,
     },
-    /// Noise that cannot be.
+    /// Noise that is not positive and finite.
     #[error("the noise of the measurement must be above zero")]
     Noise,
-    /// A joint that the arm does not have, or that slides.
+    /// A joint that the arm does not have, or that is prismatic.
     #[error("loaded case {case}: joint {joint} is not a revolute joint of this arm")]
     NotRevolute {
         /// 1-based.
@@ -93,7 +94,7 @@ pub enum StiffnessError {
 }
 
 impl Compliances {
-    /// Stiffness of a joint and its standard uncertainty, Nm/rad, to first order; `None` where it is not determined or not above zero.
+    /// Stiffness of a joint and its standard uncertainty, Nm/rad, to first order; `None` if it is not determined or not positive.
     #[must_use]
     pub fn stiffness(&self, joint: usize) -> Option<(f64, f64)> {
         let compliance = (*self.value.get(joint)?)?;
@@ -101,17 +102,17 @@ impl Compliances {
             .then(|| (1.0 / compliance, self.sigma(joint) / (compliance * compliance)))
     }
 
-    /// Standard uncertainty of a compliance, rad/Nm.
+    /// Standard uncertainty of a compliance, rad/Nm (m/N).
     #[must_use]
     pub fn sigma(&self, joint: usize) -> f64 {
         self.covariance.get(joint).map_or(0.0, |row| row[joint].sqrt())
     }
 
-    /// Hands what is determined to a global fit: value and prior of `joint_compliance` or `load_compliance`, or a `load_compliance` that is added
-    /// where a joint has neither. A compliance below zero starts at zero.
+    /// Transfers determined compliances to a global fit: as value and prior of `joint_compliance` or `load_compliance`, or of a new `load_compliance`
+    /// if a joint has neither. Negative estimates are replaced by zero.
     ///
     /// # Errors
-    /// More effects than a model has room for, in words.
+    /// More effects than a model has room for.
     pub fn hand_over(&self, hypothesis: &mut Hypothesis) -> Result<(), physics::ModelError> {
         for joint in 0..hypothesis.model.arm.count() {
             let Some(mean) = self.value[joint] else { continue };
@@ -150,11 +151,11 @@ impl Compliances {
     }
 }
 
-/// One joint after the other from the base on: each from the targets on the link that it moves. `noise_m` is the standard deviation of one coordinate of
-/// one point.
+/// Estimates one joint after the other, from the base on, each from the targets on the link that it moves. `noise_m` is the standard deviation of one
+/// coordinate of one point.
 ///
 /// # Errors
-/// Cases that cannot be, see [`StiffnessError`].
+/// Invalid cases, see [`StiffnessError`].
 pub fn one_after_the_other(
     arm: &Arm,
     cases: &[LoadedLink],
@@ -200,10 +201,10 @@ pub fn one_after_the_other(
     Ok(found)
 }
 
-/// All joints at once: weighed least squares of `dx = J diag(JᵀW) c`.
+/// Estimates all joints at once: weighted least squares of `dx = J diag(JᵀW) c`.
 ///
 /// # Errors
-/// Poses or noise that cannot be, see [`StiffnessError`].
+/// Invalid poses or noise, see [`StiffnessError`].
 pub fn all_at_once(
     arm: &Arm,
     poses: &[LoadedPose],
@@ -259,7 +260,7 @@ impl Compliances {
         }
     }
 
-    /// Puts a joint in whose value also depends on those before it.
+    /// Adds a joint whose estimate depends on those of the preceding joints.
     fn insert(&mut self, joint: usize, value: f64, variance: f64, by_before: &[f64; JOINTS_MAX]) {
         let carried: [f64; JOINTS_MAX] = std::array::from_fn(|m| {
             by_before[..joint].iter().zip(&self.covariance).map(|(d, row)| d * row[m]).sum()
@@ -274,7 +275,7 @@ impl Compliances {
     }
 }
 
-/// How far a load wound one joint up.
+/// Rotation of one joint under a load.
 struct Wound {
     angle: f64,
     variance: f64,
@@ -287,7 +288,7 @@ fn wound(arm: &Arm, case: &LoadedLink, known: &[Option<f64>; JOINTS_MAX], noise_
     let chain = Chain::nominal(arm, &case.q);
     let torque = Loads::on(arm, &chain, case.wrench_base).wrench_torque;
     let (e, centre) = (chain.axis(case.joint), chain.point(case.joint));
-    // The innermost joint turns all: it is undone first.
+    // The joint nearest to the base moves all others: it is corrected first.
     let mut after = case.after;
     for k in 0..case.joint {
         let angle = known[k].unwrap_or(0.0) * torque[k];
@@ -297,7 +298,7 @@ fn wound(arm: &Arm, case: &LoadedLink, known: &[Option<f64>; JOINTS_MAX], noise_
     let lever = case.before - centre;
     let across = lever - e * e.dot(lever);
     let square = across.length_squared();
-    // A target on the axis shows nothing: its variance is infinite.
+    // A target on the axis does not move: its variance is infinite.
     let tangent = if square > 0.0 { e.cross(lever) / square } else { DVec3::ZERO };
     let by_before = std::array::from_fn(|k| {
         if k >= case.joint || known[k].is_none() {

@@ -3,40 +3,39 @@
 //! They precede the parameters of effects in every fit, in the order of the fields here: directions confounded with an unknown measuring frame or
 //! target (docs/reference/effects.md, last section) are assigned to these, not to the arm.
 //!
-//! Promises: a step of the fit keeps rotations orthonormal and normals of unit length.
-//! Never: a residual; see `residual.rs`.
+//! Invariant: a step of the fit keeps rotations orthonormal and normals of unit length.
 
 use glam::DVec3;
 use physics::Frame;
 use physics::frame::{normals, rotation_from_vector};
 
-/// A thing and whether the fit may change it.
+/// A quantity, and whether the fit may change it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fitted<T> {
-    /// What is known or found.
+    /// Known or estimated value.
     pub value: T,
-    /// Whether it is to be found.
+    /// Whether it is fitted.
     pub free: bool,
 }
 
 impl<T> Fitted<T> {
-    /// A thing that is known.
+    /// A known quantity.
     pub const fn known(value: T) -> Self {
         Self { value, free: false }
     }
 
-    /// A thing to be found, from where the search starts.
+    /// A quantity to be estimated, with its initial value.
     pub const fn unknown(start: T) -> Self {
         Self { value: start, free: true }
     }
 }
 
-/// A measuring frame.
+/// Pose of a measuring frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Station {
-    /// Base coordinates to measuring coordinates.
+    /// Transformation from base coordinates to measuring coordinates.
     pub measuring_from_base: Frame,
-    /// The point about which a fit turns it, measuring frame, m: the middle of what was seen.
+    /// The point about which the fit rotates it, measuring frame, m: the mean of the measured points.
     pub pivot: DVec3,
 }
 
@@ -45,29 +44,29 @@ pub struct Station {
 pub struct Plane {
     /// Unit vector towards the side that is touched.
     pub normal: DVec3,
-    /// m.
+    /// Offset, m.
     pub offset_m: f64,
 }
 
-/// A fixed point that distances are measured from.
+/// A fixed point from which distances are measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Anchor {
-    /// Base frame, m.
+    /// Position, base frame, m.
     pub place: Fitted<DVec3>,
-    /// What is read more than the distance, m.
+    /// Constant offset of the measured distance (measured minus true), m.
     pub offset_m: Fitted<f64>,
 }
 
 /// A sphere, base frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
-    /// m.
+    /// Centre, m.
     pub centre: Fitted<DVec3>,
-    /// m.
+    /// Radius, m.
     pub radius_m: Fitted<f64>,
 }
 
-/// All of it.
+/// All extrinsic parameters of a campaign.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surroundings {
     /// Measuring frames.
@@ -82,23 +81,23 @@ pub struct Surroundings {
     pub spheres: Vec<Sphere>,
 }
 
-/// One fitted number of the surroundings.
+/// One scalar extrinsic parameter: index of the object (0-based) and component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Number {
-    /// A frame (from 0); 0 to 2 turn it about its pivot (measuring axes, rad), 3 to 5 shift it (m).
+    /// A frame; 0 to 2 rotate it about its pivot (measuring axes, rad), 3 to 5 translate it (m).
     Frame(usize, usize),
-    /// A target's coordinate.
+    /// A coordinate of a target, m.
     Target(usize, usize),
-    /// A fixed point; 0 to 2 are its coordinates, 3 what is read more than the distance.
+    /// A fixed point; 0 to 2 are its coordinates, 3 the offset of its distances, m.
     Anchor(usize, usize),
-    /// A plane; 0 and 1 tilt it along the normals of its normal, 2 is its offset.
+    /// A plane; 0 and 1 tilt it about the two perpendiculars of its normal (rad), 2 is its offset (m).
     Plane(usize, usize),
-    /// A sphere; 0 to 2 are its centre, 3 its radius.
+    /// A sphere; 0 to 2 are its centre, 3 its radius, m.
     Sphere(usize, usize),
 }
 
 impl Surroundings {
-    /// The fitted numbers in their order in a fit.
+    /// The fitted parameters in their order in a fit.
     #[must_use]
     pub fn numbers(&self) -> Vec<Number> {
         let mut numbers = Vec::new();
@@ -125,7 +124,7 @@ impl Surroundings {
         numbers
     }
 
-    /// The surroundings after a step of the fit, one entry per number of [`Surroundings::numbers`].
+    /// The extrinsic parameters after a step of the fit, one entry per element of [`Surroundings::numbers`].
     #[must_use]
     pub fn stepped(&self, step: &[f64]) -> Self {
         let mut next = self.clone();
@@ -150,7 +149,7 @@ impl Surroundings {
         next
     }
 
-    /// Its name, unit in words, and how much of it is much: what a fit takes as hardly known (m or rad).
+    /// Name of a parameter for users.
     #[must_use]
     pub fn describe(&self, number: Number) -> String {
         let coordinate = |k: usize| ["x", "y", "z"].get(k).copied().unwrap_or("size");
@@ -173,7 +172,7 @@ impl Surroundings {
 }
 
 impl Number {
-    /// What a shop hardly ever gets wrong by more, m or rad: the scale on which it counts as undetermined.
+    /// Largest plausible error of an initial value, m or rad: the unit in which a column counts as determined or not.
     #[must_use]
     pub fn much(self) -> f64 {
         match self {

@@ -1,10 +1,10 @@
 //! Detection and analysis of single-joint sweeps in a campaign (thesis 3.1 to 3.2.7, 3.5, 3.7 to 3.18).
 //!
-//! A sweep is a sequence of poses in which one joint moves and all others are at rest. Its readings are part of the global fit like all others; here they are
-//! analysed separately, joint by joint, which needs no global model and reveals its errors.
+//! A sweep is a sequence of poses in which one joint moves and all others are at rest. Its measurements are part of the global fit like all others;
+//! here they are analysed separately, joint by joint, which needs no global model and reveals its errors.
 //!
-//! Promises: removed gravity deflection is reported with its effect; a sweep without an axis is reported with the reason.
-//! Never: a change of a fit. The axes estimated here and those of a global fit are independent, so that each can validate the other.
+//! Removed gravity deflection is reported with its effect; a sweep without an axis is reported with the reason. The axes estimated here are
+//! independent of a global fit, so that each can validate the other.
 
 use crate::campaign::{Campaign, Place, Pose, Reading};
 use crate::joint_error::JointErrors;
@@ -14,60 +14,60 @@ use crate::surroundings::Surroundings;
 use glam::DVec3;
 use physics::{Arm, JointKind, Model};
 
-/// Different positions that a sweep has, at least.
+/// Smallest number of different positions in a sweep.
 const STEPS_LEAST: usize = 5;
-/// How far a sweep goes, at least, rad.
+/// Smallest range of a sweep, rad.
 const SWING_LEAST_RAD: f64 = 0.1;
 
-/// A sweep in its place in a campaign.
+/// A sweep with its location in a campaign.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
-    /// The sweep; target 0 is the TCP, those of the surroundings follow.
+    /// The sweep; target 0 is the TCP, followed by the targets of the campaign.
     pub sweep: Sweep,
-    /// Its recording, from 0.
+    /// Its recording, 0-based.
     pub recording: usize,
-    /// Its first and last row, from 0.
+    /// Its first and last row, 0-based.
     pub rows: (usize, usize),
 }
 
-/// What one sweep says.
+/// Results of one sweep.
 #[derive(Clone, Debug)]
 pub struct Said {
-    /// Where it stands.
+    /// The sweep.
     pub found: Found,
-    /// The axis, or why there is none.
+    /// The axis, or why it is not determined.
     pub axis: Result<JointAxis, SweepError>,
-    /// The axis against the controller's.
+    /// Deviation of the axis from the nominal one.
     pub error: Option<AxisError>,
-    /// The joint's error at each step.
+    /// Error of the joint at each step.
     pub errors: Option<JointErrors>,
 }
 
-/// What all sweeps of one joint say of the thesis' model of it.
+/// Parameters of the thesis' model of one joint, from all sweeps of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OfJoint {
     /// 0-based.
     pub joint: usize,
-    /// The model's numbers.
+    /// The fitted model.
     pub model: PerJoint,
 }
 
-/// How one axis stands to the next, whatever frame both were measured in.
+/// Relative position of two successive axes, independent of the measuring frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relative {
     /// Both joints, 0-based.
     pub joints: (usize, usize),
-    /// Between the directions, 0 to π, rad.
+    /// Angle between the directions, 0 to π, rad.
     pub angle_rad: f64,
     /// Standard uncertainty of the angle, rad.
     pub sigma_angle_rad: f64,
-    /// Between the axes at their nearest, m.
+    /// Shortest distance between the axes, m.
     pub distance_m: f64,
     /// Standard uncertainty of the distance, m.
     pub sigma_distance_m: f64,
 }
 
-/// The sweeps of a campaign, in the order of its poses. Points come to the base frame by the stations of `surroundings`.
+/// The sweeps of a campaign, in the order of its poses. Points are transformed to the base frame by the stations of `surroundings`.
 #[must_use]
 pub fn sweeps(arm: &Arm, campaign: &Campaign, surroundings: &Surroundings) -> Vec<Found> {
     let seen: Vec<&Pose> = campaign.poses.iter().filter(|pose| has_point(pose)).collect();
@@ -96,7 +96,7 @@ fn has_point(pose: &Pose) -> bool {
     pose.seen.iter().any(|seen| matches!(seen.reading, Reading::Point { .. }))
 }
 
-/// The joint that alone moves from pose `from` on, and the end of its run.
+/// The only joint that moves from pose `from` on, and the end of its run.
 fn run(arm: &Arm, poses: &[&Pose], from: usize) -> (Option<usize>, usize) {
     let first = poses[from];
     let mut moving = None;
@@ -141,7 +141,7 @@ fn sweep(poses: &[&Pose], joint: usize, surroundings: &Surroundings) -> Sweep {
         }
         let mut inputs = pose.inputs;
         let q = inputs.q[joint];
-        // Within a sweep the row before says from which side it came.
+        // Within a sweep the preceding row gives the direction of approach.
         if let Some(before) = before.filter(|before| *before != q) {
             inputs.direction[joint] = (q - before).signum();
         }
@@ -151,7 +151,7 @@ fn sweep(poses: &[&Pose], joint: usize, surroundings: &Surroundings) -> Sweep {
     Sweep { joint, steps: poses.iter().map(step).collect() }
 }
 
-/// What each sweep says; `model` tells what gives way under gravity.
+/// Results of each sweep; `model` provides the gravity-dependent effects.
 #[must_use]
 pub fn said(model: &Model, sag: Sag, found: Vec<Found>) -> Vec<Said> {
     let one = |found: Found| {
@@ -165,7 +165,7 @@ pub fn said(model: &Model, sag: Sag, found: Vec<Found>) -> Vec<Said> {
     found.into_iter().map(one).collect()
 }
 
-/// The thesis' model of each joint that was swept, from all its sweeps.
+/// The thesis' model of each joint with sweeps, from all its sweeps.
 #[must_use]
 pub fn of_joints(arm: &Arm, said: &[Said]) -> Vec<OfJoint> {
     let one = |joint: usize| {
@@ -180,7 +180,7 @@ pub fn of_joints(arm: &Arm, said: &[Said]) -> Vec<OfJoint> {
     (0..arm.count()).filter_map(one).collect()
 }
 
-/// How the axes of neighbours stand to each other, where both were swept with the joints before them in the same place.
+/// Relative positions of successive axes, for sweeps with the preceding joints at the same positions.
 #[must_use]
 pub fn relative(said: &[Said]) -> Vec<Relative> {
     let mut list = Vec::new();
@@ -200,7 +200,7 @@ pub fn relative(said: &[Said]) -> Vec<Relative> {
     list
 }
 
-/// Whether the joints before `joint` stand in the same place in both sweeps.
+/// Whether the joints before `joint` are at the same positions in both sweeps.
 fn stand_alike(one: &Sweep, other: &Sweep, joint: usize) -> bool {
     let (Some(a), Some(b)) = (one.steps.first(), other.steps.first()) else { return false };
     (0..joint).all(|k| (a.inputs.q[k] - b.inputs.q[k]).abs() <= SAME_STEP_RAD)
@@ -214,7 +214,7 @@ fn between(a: &JointAxis, b: &JointAxis) -> Relative {
     let turn = |axis: &JointAxis| axis.axis.sigma_turn_rad().into_iter().fold(0.0, f64::max);
     let shift = |axis: &JointAxis| axis.axis.sigma_point_m().into_iter().fold(0.0, f64::max);
     let sigma_angle_rad = turn(a).hypot(turn(b));
-    // Within its own uncertainty of parallel there is no common normal to speak of.
+    // If the axes are parallel within their uncertainty, the common normal is not determined.
     let (distance_m, lever) = if sin > 10.0 * sigma_angle_rad && sin > 1e-2 {
         let along: DVec3 = across / sin;
         (along.dot(apart).abs(), apart.length() / sin)

@@ -2,17 +2,18 @@
 
 use std::num::NonZeroUsize;
 
-/// A bound that came too late.
+/// The limit was set after threads had been started.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "the number of threads cannot be set to {0}: threads of this process are already running, or the system provides none"
 )]
 pub struct NotBounded(NonZeroUsize);
 
-/// Lets all diagnoses of this process share so many threads. To be called once, before the first; as many as the machine offers otherwise.
+/// Limits the number of threads that all diagnoses of this process share. To be called once, before the first diagnosis; default: as many as the
+/// machine offers.
 ///
 /// # Errors
-/// [`NotBounded`] where a diagnosis has begun, or the system gives no thread.
+/// [`NotBounded`] if a diagnosis has begun, or the system provides no thread.
 pub fn bound_threads(threads: NonZeroUsize) -> Result<(), NotBounded> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get());
     pool.build_global().map_err(|_| NotBounded(threads))

@@ -1,36 +1,35 @@
-//! Least squares by orthogonal reduction: rows go in one after the other, an upper triangle remains.
+//! Least squares by QR factorisation: rows are added one by one, and only the upper triangle is stored.
 //!
 //! `[J | r] = Q R` by Householder reflections, a block of rows at a time (Golub and Van Loan, Matrix Computations, 5.2 and 6.5),
 //! so that the square of the condition number never enters and no more than a block of rows is held. The reflections of a few columns are
 //! applied to all others together, as products of matrices.
 //!
-//! Promises: the same rows in the same order give the same bits; columns of nothing but zeros do no harm.
-//! Never: a judgement which columns are independent; see `independent.rs`.
+//! The same rows in the same order give the same bits; zero columns are harmless. Dependent columns are detected in `independent.rs`.
 
 use crate::wide::{dot, dot_here, subtract_here};
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut};
 use physics::lanes::{Lanes, Work, widest};
 use std::ops::Range;
 
-/// Rows that are reduced at once.
+/// Rows that are reduced in one block.
 const BLOCK: usize = 64;
-/// Columns whose reflections are applied to the others at once.
+/// Columns whose reflections are applied together.
 const PANEL: usize = 16;
 
-/// The triangle `R` of `[J | r]`: `width` columns of `J` and the right-hand side as one more.
+/// The upper triangle `R` of `[J | r]`: `width` columns of `J` and the right-hand side as one more.
 #[derive(Clone, Debug)]
 pub struct Triangle {
     width: usize,
-    /// Column-major, `width + 1` rows and columns; what is below the diagonal is never read.
+    /// Column-major, `width + 1` rows and columns; entries below the diagonal are never read.
     entries: Vec<f64>,
-    /// Rows that wait, column-major in blocks of [`BLOCK`].
+    /// Rows not yet reduced, column-major in blocks of [`BLOCK`].
     waiting: Vec<f64>,
     waiting_rows: usize,
     rows: usize,
 }
 
 impl Triangle {
-    /// A triangle without rows, for `width` columns.
+    /// An empty system for `width` columns.
     #[must_use]
     pub fn new(width: usize) -> Self {
         let columns = width + 1;
@@ -43,13 +42,13 @@ impl Triangle {
         }
     }
 
-    /// The number of columns, the right-hand side not counted.
+    /// Number of columns, without the right-hand side.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// The number of rows that went in.
+    /// Number of rows added.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.rows
@@ -69,14 +68,14 @@ impl Triangle {
         }
     }
 
-    /// The same as pushing the row `weight · x[column] ≈ right`.
+    /// Adds the row `weight · x[column] ≈ right`.
     pub fn push_one(&mut self, column: usize, weight: f64, right: f64) {
         let mut row = vec![0.0; self.width];
         row[column] = weight;
         self.push(&row, right);
     }
 
-    /// Brings the rows that wait into the triangle. All that is read off it needs this before.
+    /// Reduces the pending rows. Required before any result is read.
     pub fn reduce(&mut self) {
         if self.waiting_rows == 0 {
             return;
@@ -93,13 +92,13 @@ impl Triangle {
         self.waiting_rows = 0;
     }
 
-    /// Reflects the waiting rows of the columns `panel` into their diagonals, one column after the other, within the panel alone. The rows that waited
-    /// become the reflections' vectors `v` (with a one at the diagonal that is not stored), of each `1 − share · v vᵀ`.
+    /// Reflects the pending rows of the columns `panel` into their diagonals, column by column, within the panel only. The pending rows are replaced
+    /// by the Householder vectors `v` (with an implicit one at the diagonal) of the reflections `1 − share · v vᵀ`.
     fn reflect(&mut self, panel: Range<usize>) -> [f64; PANEL] {
         widest(0, Reflect { triangle: self, panel })
     }
 
-    /// Applies the reflections of `panel` to the columns behind it, all at once: their product is `1 − V T Vᵀ` (Schreiber and Van Loan 1989).
+    /// Applies the reflections of `panel` together to the following columns: their product is `1 − V T Vᵀ` (Schreiber and Van Loan 1989).
     fn reflect_others(&mut self, panel: Range<usize>, shares: &[f64; PANEL]) {
         let columns = self.width + 1;
         let (wide, others) = (panel.len(), columns - panel.end);
@@ -112,7 +111,8 @@ impl Triangle {
             DMatrixViewMut::from_slice_with_strides_mut(heads, wide, others, 1, columns);
         let mut waiting = DMatrixViewMut::from_slice(waiting, BLOCK, others);
         let mut along = heads.clone_owned();
-        // A copy: nalgebra 0.35 reads and writes beyond its matrices where the rows of the left factor are strided and the right one has few columns.
+        // The transpose is copied: nalgebra 0.35 reads and writes out of bounds if the rows of the left factor are strided and the right one has few
+        // columns.
         along.gemm(1.0, &v.transpose(), &waiting, 1.0);
         let along = t.transpose() * along;
         heads -= &along;
@@ -125,28 +125,28 @@ impl Triangle {
         self.entries[j * (self.width + 1) + i]
     }
 
-    /// Column `j` down to its diagonal; column `width` is the right-hand side without the rest.
+    /// Column `j` down to its diagonal; column `width` is the right-hand side without the residual.
     #[must_use]
     pub fn column(&self, j: usize) -> &[f64] {
         let from = j * (self.width + 1);
         &self.entries[from..from + self.width.min(j + 1)]
     }
 
-    /// The norm of column `j` of all rows together.
+    /// Norm of column `j` over all rows.
     #[must_use]
     pub fn norm(&self, j: usize) -> f64 {
         let column = self.column(j);
         dot(column, column).sqrt()
     }
 
-    /// The sum of squares that no `x` can remove.
+    /// Residual sum of squares.
     #[must_use]
     pub fn rest(&self) -> f64 {
         let rest = self.at(self.width, self.width);
         rest * rest
     }
 
-    /// The sum of squares of the right-hand side.
+    /// Sum of squares of the right-hand side.
     #[must_use]
     pub fn total(&self) -> f64 {
         let right = self.column(self.width);
@@ -160,7 +160,7 @@ impl Triangle {
         (0..self.width).map(|j| dot(self.column(j), &right[..=j])).collect()
     }
 
-    /// The `x` of least squares with the further rows `damping[j] x[j] ≈ 0`. Columns without any row stay at zero.
+    /// Least-squares solution with the additional rows `damping[j] x[j] ≈ 0`. Zero columns give zero.
     #[must_use]
     pub fn solve(&self, damping: &[f64]) -> Vec<f64> {
         let mut damped = self.clone();
@@ -171,7 +171,7 @@ impl Triangle {
         damped.back(damped.column(self.width).to_vec())
     }
 
-    /// As [`Triangle::solve`] with no `x` below its `lowest`: what would go below is put there, and the others are solved for beside it.
+    /// As [`Triangle::solve`] with `x ≥ lowest`: violated entries are fixed at their bound, and the others are solved for again.
     #[must_use]
     pub fn solve_above(&self, damping: &[f64], lowest: &[f64]) -> Vec<f64> {
         let mut x = self.solve(damping);
@@ -239,7 +239,7 @@ impl Triangle {
         rows
     }
 
-    /// The triangle of a part of the columns, in the order in which they are named.
+    /// The triangle of a subset of the columns, in the given order.
     #[must_use]
     pub fn of_columns(&self, columns: &[usize]) -> Self {
         let mut part = Self::new(columns.len());
@@ -256,7 +256,7 @@ impl Triangle {
     }
 }
 
-/// [`Triangle::reflect`].
+/// Work of [`Triangle::reflect`].
 struct Reflect<'a> {
     triangle: &'a mut Triangle,
     panel: Range<usize>,
@@ -299,7 +299,7 @@ impl Work for Reflect<'_> {
     }
 }
 
-/// The upper triangle `T` of `H₁ H₂ … = 1 − V T Vᵀ`, of reflections whose vectors lie one after the other.
+/// The upper triangle `T` of the product `H₁ H₂ … = 1 − V T Vᵀ` of reflections with consecutive vectors.
 fn product_of_reflections(vectors: &[f64], shares: &[f64]) -> DMatrix<f64> {
     let mut t = DMatrix::zeros(shares.len(), shares.len());
     let vectors: Vec<&[f64]> = vectors.chunks_exact(BLOCK).collect();
@@ -366,7 +366,7 @@ mod tests {
             let left: Vec<f64> = rows.iter().zip(&right).map(|(row, r)| r - dot(row, &x)).collect();
             for j in 0..4 {
                 prop_assert!(x[j] >= lowest[j]);
-                // The slope of the sum of squares is zero, or pushes against the bound (which the way there may have taken up too early).
+                // The gradient is zero, or points against an active bound (which may have been activated early).
                 let slope: f64 = rows.iter().zip(&left).map(|(row, l)| row[j] * l).sum();
                 prop_assert!(slope.abs() < 1e-8 || x[j] == lowest[j], "{j}: {slope}");
             }

@@ -1,10 +1,9 @@
-//! A search for waves of unknown period in the joints: gears whose teeth nobody wrote down.
+//! Search for periodic joint errors of unknown period, such as those of gears with unknown numbers of teeth.
 //!
-//! A wave in joint i is one number per pose times the joint's own column. With each pose's column brought to what the fit leaves of it
-//! once, every period costs one sum over the poses (the projected periodogram; Lomb 1976, Scargle 1982, with all that is fitted anyway taken out).
+//! A wave in joint i is one factor per pose times the joint's own column. Each pose's column is projected once on the complement of the fit, so every
+//! period costs only one sum over the poses (projected periodogram; Lomb 1976, Scargle 1982, with all fitted parameters as nuisance parameters).
 //!
-//! Promises: periods that the positions of the joint cannot tell apart are not tried twice.
-//! Never: a decision; see [`mod@crate::diagnose`].
+//! Periods that the joint positions cannot distinguish are tried only once. The selection is made in [`mod@crate::diagnose`].
 
 use crate::motion::Motion;
 use crate::score::Fitted;
@@ -13,15 +12,16 @@ use nalgebra::DMatrix;
 use physics::Chain;
 use std::f64::consts::TAU;
 
-/// The most cycles per revolution (per radian of phase for a prismatic joint) that are tried: twice the ratio of the largest common gears, and their wave.
+/// Largest number of cycles per revolution (prismatic joints: radians of phase per metre) that is tried: second harmonic of the largest common gear
+/// ratio.
 const CYCLES_MAX: f64 = 420.0;
-/// Steps per width of a line.
+/// Grid steps per width of a spectral line.
 const STEPS_PER_LINE: f64 = 4.0;
-/// Below this many cycles over the range of a joint, slow effects stand for it.
+/// Least number of cycles over the range of a joint; slower errors are modelled by other effects.
 pub(crate) const CYCLES_MIN: f64 = 2.0;
-/// Periods whose sums are taken together, as one product of matrices.
+/// Periods that are evaluated in one matrix product.
 const AT_ONCE: usize = 32;
-/// Positions closer than this are one, rad or m.
+/// Positions closer than this are equal, rad or m.
 const SAME: f64 = 1e-4;
 
 /// The best period of a joint.
@@ -32,7 +32,7 @@ pub(crate) struct Line {
     pub(crate) cycles: f64,
 }
 
-/// What one pose adds to the sums of one joint.
+/// Contribution of one pose to the sums of one joint.
 struct Part {
     position: f64,
     own: f64,
@@ -40,13 +40,13 @@ struct Part {
     seen: Vec<f64>,
 }
 
-/// The best line of each joint.
+/// The best period of each joint with enough positions.
 pub(crate) fn lines(fitted: &Fitted<'_>) -> Vec<Line> {
     let parts = parts(fitted);
     parts.iter().enumerate().filter_map(|(joint, parts)| best(parts, joint)).collect()
 }
 
-/// The parts of every joint.
+/// The contributions of all poses for every joint.
 fn parts(fitted: &Fitted<'_>) -> Vec<Vec<Part>> {
     let active = fitted.fit.columns();
     let width = fitted.state.width();
@@ -98,7 +98,7 @@ fn best(parts: &[Part], joint: usize) -> Option<Line> {
     if range <= SAME || different.len() < 20 {
         return None;
     }
-    // Fewer different positions than two per cycle cannot tell a wave from a slower one.
+    // Fewer than two different positions per cycle cannot distinguish a wave from a slower one.
     let most = CYCLES_MAX.min(TAU / range * different.len() as f64 / 2.0);
     let step = TAU / range / STEPS_PER_LINE;
     let least = CYCLES_MIN * TAU / range;
@@ -110,13 +110,13 @@ fn best(parts: &[Part], joint: usize) -> Option<Line> {
     Some(Line { joint, cycles })
 }
 
-/// Sine and cosine of every part at one period after the other, each turned on from the one before.
+/// Sine and cosine of every contribution at successive periods, each computed from the preceding one by a rotation.
 struct Turns {
     now: Vec<(f64, f64)>,
     by: Vec<(f64, f64)>,
-    /// What the fit's columns see of each part, one column per part.
+    /// Projection of each contribution on the fit's columns, one column per contribution.
     seen: DMatrix<f64>,
-    /// One row per part: its sines at [`AT_ONCE`] periods, then its cosines.
+    /// One row per contribution: its sines at [`AT_ONCE`] periods, then its cosines.
     waves: DMatrix<f64>,
 }
 
@@ -129,7 +129,7 @@ impl Turns {
         Self { now: at(first), by: at(step), seen, waves }
     }
 
-    /// By how much sine and cosine together would lower the sum of squares, for each of the next periods.
+    /// Decrease of the sum of squares by sine and cosine together, for each of the next periods.
     fn next_gains(&mut self, parts: &[Part]) -> [f64; AT_ONCE] {
         let mut sums = [Sums::default(); AT_ONCE];
         for (period, sums) in sums.iter_mut().enumerate() {
@@ -148,7 +148,7 @@ impl Turns {
     }
 }
 
-/// Sums over the parts at one period: products of sine and cosine, and what pulls at each.
+/// Sums over the contributions at one period: products of sine and cosine, and their gradients.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     ss: f64,
@@ -167,7 +167,7 @@ impl Sums {
         self.bc += cos * part.pull;
     }
 
-    /// By how much both would lower the sum of squares, where the fit's columns see so much of each.
+    /// Decrease of the sum of squares by both, given their projections on the fit's columns.
     fn gain(&self, sine: &[f64], cosine: &[f64]) -> f64 {
         let Self { bs, bc, .. } = *self;
         let ss = self.ss - dot(sine, sine);

@@ -1,6 +1,6 @@
 //! Loops over slices, compiled for the widest registers of the machine.
 //!
-//! Promises: the same bits as plain loops, whatever the registers: no sum is taken in another order, no product is fused with a sum.
+//! The results are bit-identical to plain loops on any machine: sums keep their order, and products are not fused with sums.
 
 use physics::lanes::{Lanes, Work, widest};
 
@@ -9,13 +9,13 @@ pub(crate) fn subtract(from: &mut [f64], share: f64, times: &[f64]) {
     widest(0, Subtract { from, share, times });
 }
 
-/// The scalar product, summed in eight strands: always in the same order.
+/// Scalar product, summed in eight partial sums in a fixed order.
 #[must_use]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     widest(0, Dot { a, b })
 }
 
-/// [`subtract`] as part of wider work.
+/// [`subtract`] for use inside vectorised code.
 #[inline(always)]
 pub(crate) fn subtract_here(from: &mut [f64], share: f64, times: &[f64]) {
     for (x, y) in from.iter_mut().zip(times) {
@@ -23,7 +23,7 @@ pub(crate) fn subtract_here(from: &mut [f64], share: f64, times: &[f64]) {
     }
 }
 
-/// [`dot`] as part of wider work.
+/// [`dot`] for use inside vectorised code.
 #[inline(always)]
 pub(crate) fn dot_here(a: &[f64], b: &[f64]) -> f64 {
     let mut strands = [0.0; 8];

@@ -1,10 +1,10 @@
 //! Effects that exclude each other.
 //!
-//! Promises: a model with effects allowed by these rules can be loaded. Never: use of data.
+//! Invariant: a model with effects allowed by these rules can be loaded.
 
 use physics::{AnyEffect, Effect};
 
-/// Effects of one slot stand for the same thing: one of them is enough.
+/// Slot of an effect: effects of one slot describe the same phenomenon and exclude each other.
 pub(super) fn slot(effect: &AnyEffect) -> String {
     let joint = effect.joint().map_or(-1, |joint| joint as i64);
     let what = match effect {
@@ -15,7 +15,7 @@ pub(super) fn slot(effect: &AnyEffect) -> String {
         AnyEffect::TransmissionError(wave) => return format!("wave {joint} {}", wave.values()[1]),
         AnyEffect::AxisWobble(wobble) => return format!("wobble {joint} {}", wobble.values()[4]),
         AnyEffect::JointCoupling(_) => {
-            // Which joint it comes from is a setting: only the effect itself knows it.
+            // The joint it couples from is a setting that only the effect itself knows.
             let mut coupling = *effect;
             coupling.values_mut().fill(0.0);
             format!("{coupling:?}")
@@ -25,7 +25,7 @@ pub(super) fn slot(effect: &AnyEffect) -> String {
     format!("{what} {joint}")
 }
 
-/// `joint_compliance` is gravity's and the wrench's with one number: it stands beside neither on one joint.
+/// `joint_compliance` covers gravity and wrench with one parameter, so it excludes effects for either of them on the same joint.
 pub(super) fn clash(one: &AnyEffect, other: &AnyEffect) -> bool {
     let whole = |effect: &AnyEffect| matches!(effect, AnyEffect::JointCompliance(_));
     let half = |effect: &AnyEffect| matches!(effect, AnyEffect::LoadCompliance(_));
@@ -33,8 +33,8 @@ pub(super) fn clash(one: &AnyEffect, other: &AnyEffect) -> bool {
 }
 
 impl super::Candidate {
-    /// Whether a model that has this effect leaves nothing of it to ask for. One name is enough for play and hysteresis that are missing; of a gear that is stated
-    /// to have the one, the other may be missing.
+    /// Whether a model that has this effect already covers the candidate. Backlash and hysteresis exclude each other as new effects; but if a model
+    /// states one of them, the other may still be missing.
     pub(crate) fn is_told_by(&self, effect: &AnyEffect) -> bool {
         use AnyEffect::{Backlash, Hysteresis};
         let own = self.probes.first().map(|probe| &probe.effect);

@@ -1,14 +1,14 @@
 //! Thermal candidates: growth and drift.
 //!
-//! Promises: as functions of temperature if recorded, otherwise as warm-up with a few time constants. Never: an assumed temperature.
+//! Functions of temperature if it was recorded, otherwise of time as warm-up with a few trial time constants.
 
 use super::List;
 
-/// Shares of the longest segment that are tried as a time constant.
+/// Trial time constants, as fractions of the longest segment.
 const WARM_UPS: [f64; 4] = [0.03, 0.1, 0.25, 0.6];
 
 impl List<'_> {
-    /// By temperature where one was recorded, else as a warm-up.
+    /// By temperature if recorded, otherwise as a warm-up.
     pub(super) fn heat(&mut self, joint: usize) {
         for (kind, per_kelvin) in [("thermal_zero", "drift"), ("thermal_growth", "growth")] {
             let laws: Vec<Vec<(&str, f64)>> = if self.shows.temperature {
@@ -30,7 +30,7 @@ impl List<'_> {
         }
     }
 
-    /// What stands between a joint and the next grows; below a first joint that has the next one's point, along its axis.
+    /// Growth of the link between a joint and the next; if a first joint's point coincides with that of the next, growth below it, along its axis.
     pub(crate) fn growth(&mut self, joint: usize, law: &[(&str, &[f64])]) {
         let plain = self.values("thermal_growth", Some(joint), law);
         if !plain && joint == 0 {

@@ -1,16 +1,17 @@
-//! How a candidate enters a hypothesis with the numbers that were found for it, and whether a robot may have these numbers.
+//! Adding a candidate to a hypothesis with its estimated parameters, and checking that these are physically possible.
 //!
-//! Promises: linear parameters start at zero belief, with a prior as wide as what was found. Never: use of data.
+//! Linear parameters get a prior with mean zero, as wide as the estimate.
 
 use super::Candidate;
 use crate::hypothesis::{Hypothesis, named};
 use physics::AnyEffect;
 use physics::spec::Role;
 
-/// What is found may be this many times as large.
+/// Factor of the prior width over the estimate.
 const BROAD: f64 = 3.0;
 
-/// Adds the effect of a candidate with the numbers that were found for it, all free but those of `kept`; gives its place, none where there is no room.
+/// Adds the effect of a candidate with the estimated parameters, all free except those of the stems `kept`; returns its index, `None` if the model
+/// has no room.
 pub(crate) fn put(
     hypothesis: &mut Hypothesis,
     candidate: &Candidate,
@@ -25,26 +26,26 @@ pub(crate) fn put(
     Some(place)
 }
 
-/// What was found is where the search starts; what is believed before the data is nothing.
+/// The estimate is the initial value; the prior mean of linear parameters is zero.
 fn believe_nothing(hypothesis: &mut Hypothesis, place: usize, effect: &AnyEffect) {
     for free in hypothesis.free.iter_mut().filter(|free| free.effect == place) {
         let named = named(effect, free.value);
         let linear = named.is_some_and(|named| named.parameter.role == Role::Linear);
         free.mean = if linear { 0.0 } else { free.mean };
-        // A place on a grid is no belief; and what the data ask for is no more than a robot may have.
+        // A grid value is no prior knowledge; and the prior must not be narrower than the estimate.
         let size = if linear { BROAD * size_of(effect, free.value) } else { free.mean.abs() };
         free.sigma = free.sigma.max(size);
     }
 }
 
-/// The largest number of the entry that a value belongs to.
+/// Largest absolute value among the parameters of the same key.
 fn size_of(effect: &AnyEffect, value: usize) -> f64 {
     let stem = |value| named(effect, value).map(|named| named.parameter.stem);
     let own = effect.values().iter().enumerate().filter(|(k, _)| stem(*k) == stem(value));
     own.map(|(_, x)| x.abs()).fold(0.0, f64::max)
 }
 
-/// Whether the numbers lie where they may: a gap or a compliance is not negative.
+/// Whether the parameters are in their physical range: a backlash or a compliance is not negative.
 pub(crate) fn is_sound(candidate: &Candidate, found: &[f64]) -> bool {
     let ranges = candidate.probes.iter().map(|probe| named(&probe.effect, probe.value));
     if candidate.is_one_mass() {

@@ -1,7 +1,6 @@
 //! Counterbalance springs, and polynomials for the remaining error of a joint.
 //!
-//! Promises: a spring is a candidate at the joint with the largest gravity load; polynomials are descriptions and tried last.
-//! Never: polynomials of more than a few terms.
+//! A spring is a candidate at the joint with the largest gravity load; polynomials of a few terms are empirical descriptions and tried last.
 
 use super::{Candidate, Make, Probe};
 use crate::campaign::Campaign;
@@ -9,30 +8,31 @@ use glam::DVec3;
 use physics::{AnyEffect, Arm, Evaluation, Given, JointKind, Loads, Memories, Model};
 use std::f64::consts::TAU;
 
-/// Numbers of a spring's shape that show: its angle, and its second wave's share of the first. To first order in `a/L` the moment is
-/// `k a L ((1 - s0/L) sin + (s0 a / 2 L²) sin 2)`: free length and fixed pivot are one number.
+/// Identifiable shape parameters of a spring: its angle, and the ratio of second to first harmonic. To first order in `a/L` the moment is `k a L ((1
+/// - s0/L) sin + (s0 a / 2 L²) sin 2)`: free length and fixed pivot are confounded.
 pub(super) const SHAPE: usize = 2;
-/// What loads a joint less is none, Nm or N: an axis that is upright but for rounding.
+/// Joint loads below this are zero up to rounding, as for a vertical axis, Nm or N.
 const ROUNDING: f64 = 1e-6;
-/// How far apart masses are tried, m.
+/// Distance between the trial positions of masses, m.
 const APART_M: f64 = 0.2;
-/// Angles of a spring that are tried.
+/// Number of trial angles of a spring.
 const ANGLES: u32 = 24;
-/// The carried pivot's distance from the axis, m: only ratios of lengths show, so it stays.
+/// Distance of the moving pivot from the axis, m: fixed, because only ratios of lengths are identifiable.
 const CARRIED_M: f64 = 0.5;
-/// Distances of the fixed pivot that are tried, as shares of the carried one's.
+/// Trial distances of the fixed pivot, as fractions of that of the moving one.
 const FIXED: [f64; 3] = [0.25, 0.5, 0.75];
-/// Free lengths that are tried, as shares of the same.
+/// Trial free lengths, as fractions of the same distance.
 const FREE_LENGTHS: [f64; 3] = [0.3, 0.6, 0.9];
-/// Chebyshev terms of a remainder, from the constant on; the first two are an offset and a ratio, and stay zero.
+/// Chebyshev terms of a joint error polynomial, including the constant; the first two are equivalent to an offset and a ratio, and stay zero.
 const TERMS: usize = 6;
 const FIRST_TERM: usize = 2;
-/// Different positions per term, at least.
+/// Least number of different positions per term.
 const DENSE: usize = 5;
-/// Positions closer than this are one, rad or m.
+/// Positions closer than this are equal, rad or m.
 const SAME: f64 = 1e-4;
 
-/// A mass at the flange, wherever it sits: four at corners, since mass and first moment are linear and the place is not.
+/// A mass at the flange at an unknown position: four masses at fixed corners, since the problem is linear in mass and first moment, but not in
+/// position.
 pub(super) fn payload(arm: &Arm) -> Option<Candidate> {
     let corners = std::iter::once(DVec3::ZERO).chain(DVec3::AXES);
     let one = |corner: DVec3| {
@@ -46,7 +46,7 @@ pub(super) fn payload(arm: &Arm) -> Option<Candidate> {
     Some(Candidate { slot, joint: None, probes, settings: Vec::new(), make: Make::Masses })
 }
 
-/// The sum of masses at their middle; none where they have no middle.
+/// The sum of masses at their centre of mass; `None` if the total mass gives no finite centre.
 pub(super) fn at_their_middle(probes: &[Probe], found: &[f64]) -> Option<AnyEffect> {
     let place = |effect: &AnyEffect| match effect.values() {
         [_, x, y, z] => DVec3::new(*x, *y, *z),
@@ -62,7 +62,7 @@ pub(super) fn at_their_middle(probes: &[Probe], found: &[f64]) -> Option<AnyEffe
     })
 }
 
-/// Masses at the corners that make up one in its middle.
+/// Masses at the corners that are equivalent to one mass at `middle`.
 pub(super) fn at_corners(probes: &[Probe], mass: f64, middle: &[f64]) -> Vec<f64> {
     let place = |probe: &Probe| probe.effect.values().get(1..).unwrap_or_default().to_vec();
     let first = probes.first().map(place).unwrap_or_default();
@@ -74,7 +74,7 @@ pub(super) fn at_corners(probes: &[Probe], mass: f64, middle: &[f64]) -> Vec<f64
     std::iter::once(mass - others.iter().sum::<f64>()).chain(others).collect()
 }
 
-/// Springs at the joint that most of the weight hangs on.
+/// Springs at the joint with the largest gravity load.
 pub(super) fn springs(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let turns = |joint: &usize| arm.joints()[*joint].kind == JointKind::Revolute;
     let hangs = |j: usize| move |loads: &Loads| loads.gravity_torque[j] + loads.wrench_torque[j];
@@ -83,7 +83,7 @@ pub(super) fn springs(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     most.map_or_else(Vec::new, |(_, joint)| springs_at(arm, joint))
 }
 
-/// Springs of all shapes at a joint.
+/// Springs of all trial shapes at a joint.
 pub(crate) fn springs_at(arm: &Arm, joint: usize) -> Vec<Candidate> {
     let shapes = FIXED.iter().flat_map(|a| FREE_LENGTHS.iter().map(move |free| (*a, *free)));
     let all = shapes.flat_map(|shape| (0..ANGLES).map(move |k| (shape, k)));
@@ -110,7 +110,7 @@ pub(crate) fn springs_at(arm: &Arm, joint: usize) -> Vec<Candidate> {
     all.filter_map(one).collect()
 }
 
-/// The compliance of each joint that carries a weight; none where a changing wrench shows each of them by itself.
+/// The compliance of each joint that carries a weight; none if a varying wrench determines each of them separately.
 pub(crate) fn loaded_compliances(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let wrenches = campaign.poses.iter().map(|pose| pose.inputs.wrench_base);
     if wrenches.clone().zip(wrenches.skip(1)).any(|(one, next)| one != next) {
@@ -125,7 +125,7 @@ pub(crate) fn loaded_compliances(arm: &Arm, campaign: &Campaign) -> Vec<Candidat
     (0..arm.count()).filter_map(one).collect()
 }
 
-/// A description of each joint's error over the positions that were measured, where these are dense enough: between few it would swing freely.
+/// An empirical polynomial of each joint's error over the measured positions, if these are dense enough: between few positions it would oscillate.
 pub(crate) fn remainders(arm: &Arm, campaign: &Campaign, used: &[bool]) -> Vec<Candidate> {
     let one = |joint: usize| {
         let used = campaign.poses.iter().zip(used).filter(|(_, used)| **used);
@@ -153,7 +153,7 @@ pub(crate) fn remainders(arm: &Arm, campaign: &Campaign, used: &[bool]) -> Vec<C
     (0..arm.count()).filter_map(one).collect()
 }
 
-/// The largest of a load of the arm's over the campaign, Nm or N; zero where it is rounding.
+/// Largest absolute value of a joint load over the campaign, Nm or N; zero if it is rounding.
 pub(super) fn largest(arm: &Arm, campaign: &Campaign, of: impl Fn(&Loads) -> f64) -> f64 {
     let (model, memories) = (Model::nominal(*arm), Memories::default());
     let mut seen = Evaluation::default();

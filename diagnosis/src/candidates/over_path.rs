@@ -1,20 +1,20 @@
 //! Dynamic candidates for paths: delay, lag, modes, reversal spikes.
 //!
-//! Promises: none for settled poses; no servo lag if the input is the measured joint position (docs/reference/recording.md). Never: a frequency above the
-//! sampling limit.
+//! Settled poses give no candidates; there is no servo lag if the input is the measured joint position (docs/reference/recording.md). Frequencies
+//! above the sampling limit are not tried.
 
 use super::{Candidate, List, Make, Probe, slot};
 use crate::campaign::Campaign;
 use crate::rides::paths;
 use physics::{AnyEffect, Arm, Given};
 
-/// Time constants of a spike that are tried, s.
+/// Trial time constants of a reversal spike, s.
 const SPIKES_S: [f64; 3] = [0.015, 0.05, 0.15];
-/// Places of participation and dynamic compliance among a mode's values.
+/// Indices of participation and dynamic compliance in the parameters of a mode.
 const PARTICIPATION: usize = 2;
 const COMPLIANCE: usize = 3;
 
-/// Delays, lags and spikes; modes are searched for, see `diagnose::modes`.
+/// Delays, lags and reversal spikes; modes are searched for in `diagnose::modes`.
 pub(crate) fn over_paths(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let mut list = List::new(arm, campaign);
     let Some(path) = paths(campaign).next() else { return list.found };
@@ -33,10 +33,10 @@ pub(crate) fn over_paths(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     list.found
 }
 
-/// What of a mode is asked.
+/// Excitation of a mode that is to be estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Driven {
-    /// By the joint's own acceleration.
+    /// By the acceleration of the joint.
     Motion,
     /// By loads.
     Load,

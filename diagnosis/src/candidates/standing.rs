@@ -1,12 +1,12 @@
 //! Candidates for existing effects: selected and fitted ones, and changes of the model's effects.
 //!
-//! Promises: columns at the present parameters of the effect. Never: a new effect.
+//! Columns are evaluated at the present parameters of the effect.
 
 use super::{Candidate, Make, Probe, loads, wave_candidate};
 use physics::{AnyEffect, Arm};
 
 impl Candidate {
-    /// The same at the numbers of an effect that came of it and was fitted since, and its linear numbers there; `had`: what a change started from.
+    /// The candidate re-linearised at its fitted effect, and the linear parameters there; `had`: the values before a change.
     pub(crate) fn standing(&self, arm: &Arm, effect: &AnyEffect, had: &[f64]) -> (Self, Vec<f64>) {
         let values = effect.values();
         let part = |amplitude: f64, phase: f64| {
@@ -38,7 +38,7 @@ impl Candidate {
         }
     }
 
-    /// The place of the model's effect whose values it changes; none for a new effect.
+    /// Index of the effect of the model whose parameters it changes; `None` for a new effect.
     pub(crate) fn changes(&self) -> Option<usize> {
         match self.make {
             Make::Change { place } => Some(place),
@@ -46,7 +46,7 @@ impl Candidate {
         }
     }
 
-    /// A change of an effect that the model has.
+    /// A change of the parameters of an effect that the model has.
     pub(crate) fn change(place: usize, effect: &AnyEffect) -> Self {
         let probes = (0..effect.values().len()).map(|value| Probe { effect: *effect, value });
         Self {

@@ -134,7 +134,8 @@ fn tracks_that_determine_no_axis_say_so() {
     assert_eq!(axis(&[few], DVec3::Z, None), Err(CircleError::TooFew { track: 1, found: 2 }));
     let broken = vec![DVec3::X, DVec3::Y, DVec3::NAN];
     assert_eq!(axis(&[broken], DVec3::Z, None), Err(CircleError::NotFinite { track: 1 }));
-    // Two millimetres of arc at 1 m with 50 µm of noise bend by half a micrometre.
+    // Two millimetres of arc at 1 m radius have a sagitta of half a micrometre, far below the noise
+    // of 50 µm.
     let short = arc(DVec3::Z, DVec3::ZERO, 1.0, 0.0, 0.002, 9);
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let seen = axis(&[noisy(&short, 50e-6, &mut rng)], DVec3::Z, Some(50e-6));

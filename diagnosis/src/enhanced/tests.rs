@@ -9,7 +9,7 @@ fn arm(name: &str) -> Arm {
     preset(name).expect("preset").model().expect("sound").physics.arm
 }
 
-/// An arm of which one joint slides.
+/// An arm with one prismatic joint.
 fn sliding(arm: &Arm, joint: usize) -> Arm {
     let mut joints = arm.joints().to_vec();
     joints[joint].kind = JointKind::Prismatic;
@@ -22,7 +22,7 @@ fn all(q: &[f64]) -> Joints {
     joints
 }
 
-/// The thesis' joints 2 to 5; joints 1 and 6 as joint 2 and joint 5.
+/// Compliances of the thesis for joints 2 to 5; joint 1 as joint 2, joint 6 as joint 5.
 fn thesis_compliance() -> Joints {
     all(&[451.5, 451.5, 90.3, 9.13, 3.05, 3.05].map(|k| 1.0 / (k * 1e3)))
 }
@@ -81,7 +81,7 @@ proptest! {
             (k - k.transpose()).amax()
         };
         prop_assert!(asymmetry(wrench(f, [0.0; 3])) < 1e-10);
-        // Its skew part is (z_j × z_i)·M for joints j before i.
+        // The skew-symmetric part is (z_j × z_i)·M for joints j before i.
         let moment = chain.axis(0).cross(chain.axis(4)) * 14.0;
         let seen = asymmetry(Wrench { force: DVec3::from_array(f) * 1e3, moment });
         prop_assert!(seen >= moment.dot(chain.axis(0).cross(chain.axis(4))) - 1e-9, "{seen}");

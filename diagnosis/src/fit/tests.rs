@@ -13,7 +13,7 @@ fn settings(used: &[bool], influence: Influence) -> Settings<'_> {
     Settings { used, influence, from: None, effort: Effort::Full }
 }
 
-/// The nominal robot with a few errors of geometry, and a compliance.
+/// The nominal robot with a few geometric errors and a compliance.
 fn truth() -> Model {
     let mut model = nominal();
     let arm = model.arm;
@@ -29,7 +29,7 @@ fn truth() -> Model {
     model
 }
 
-/// Geometry and the compliance of joint 2, all from nothing.
+/// Geometry and the compliance of joint 2 free, all initially zero.
 fn open() -> Hypothesis {
     let mut hypothesis = geometry(&nominal(), &[]);
     let arm = hypothesis.model.arm;
@@ -117,7 +117,7 @@ fn wild_readings_lose_their_pull_and_weigh_less_than_half() {
     assert!((offset - 1e-3).abs() < 4.0 * sigma.expect("determined"), "{offset}");
 }
 
-/// No tracker: a ballbar from two fixed points, a probe on two planes and a sphere.
+/// Without tracker: a ballbar from two fixed points, a probe on two planes and a sphere.
 fn without_tracker() -> Campaign {
     let mut campaign = empty(1, 160);
     let around = &mut campaign.surroundings;
@@ -171,7 +171,7 @@ fn distances_and_contacts_of_unknown_place_identify_the_arm_too() {
     }
 }
 
-/// Poses with three reflectors, one reading in twenty grossly wrong by up to centimetres; the rows of these.
+/// Poses with three reflectors, one measurement in twenty with a gross error of up to centimetres; and the rows of these.
 fn spoilt(seed: u64) -> (Campaign, Vec<usize>) {
     let campaign = empty(3, 120);
     let mut campaign = simulate::readings(&campaign, &truth(), &campaign.surroundings, 1.0, seed);
@@ -255,7 +255,7 @@ fn a_wave_is_found_from_the_opposite_phase() {
     }
 }
 
-/// Three encoders on the link side, of which that of joint 2 says forty times the noise more or less as the joint came from here or there.
+/// Three link-side encoders; that of joint 2 is off by forty times the noise, with a sign that depends on the direction of approach.
 fn with_play() -> Campaign {
     const NOISE_RAD: f64 = 1e-5;
     let mut campaign = empty(0, 120);

@@ -1,16 +1,15 @@
-//! The columns of a recording that make a campaign, looked up once instead of at every row.
-//!
-//! Promises: missing values are NaN. Never: a unit, a decision.
+//! The columns of a recording that make a campaign, looked up once instead of at every row. Missing
+//! values are NaN.
 
 use glam::DVec3;
 use recording::series::{Channel, Recording};
 
-/// A column's samples; none where the recording does not have it.
+/// Samples of a column; `None` if the recording does not have it.
 type Column<'a> = Option<&'a [f64]>;
 
-/// What is asked of every row.
+/// The columns that are read at every row.
 pub(super) struct Columns<'a> {
-    /// The joints' positions, of the group that is the input.
+    /// Joint positions, of the group that is the input.
     pub(super) inputs: Vec<Column<'a>>,
     pub(super) directions: Vec<Column<'a>>,
     pub(super) joint_temperatures: Vec<Column<'a>>,
@@ -47,12 +46,12 @@ impl<'a> Columns<'a> {
     }
 }
 
-/// A sample; not a number where there is none.
+/// A sample; NaN if missing.
 pub(super) fn sample(column: Column<'_>, row: usize) -> f64 {
     column.and_then(|column| column.get(row)).copied().unwrap_or(f64::NAN)
 }
 
-/// Three samples, where all are numbers.
+/// Three samples; `None` unless all are finite.
 pub(super) fn vector(columns: &[Column<'_>; 3], row: usize) -> Option<DVec3> {
     let vector = DVec3::from_array(columns.map(|column| sample(column, row)));
     vector.is_finite().then_some(vector)

@@ -1,9 +1,9 @@
-//! Distances and touches of recordings as readings of a campaign.
+//! Distances and touches of recordings as measurements of a campaign.
 //!
 //! Anchors, planes and spheres are in the base frame: a number denotes the same object in all recordings, known if any of these
 //! states it.
 //!
-//! Promises: parameters that no recording states are fitted; contradictions are refused. Never: fitted objects without measurements.
+//! Parameters that no recording states are fitted; contradictions are errors. Objects without measurements are not fitted.
 
 use super::Unusable;
 use crate::campaign::{Campaign, Instrument, Noise, Observation, Place, Reading};
@@ -13,10 +13,10 @@ use physics::Arm;
 use recording::series::{Channel, Distance, Recording, TouchedPlane, TouchedSphere};
 use std::collections::BTreeMap;
 
-/// Where nothing was said of the noise of a distance or a touch, the fit estimates a factor on this, m.
+/// Assumed standard uncertainty of distances and touches where none is stated, m; the fit estimates a factor on it.
 const LENGTH_M: f64 = 2e-5;
 
-/// What all recordings say of one thing.
+/// Definitions of one kind of object, merged over all recordings.
 fn merged<T: Copy + PartialEq + Default>(
     recordings: &[Recording],
     stem: &'static str,
@@ -37,7 +37,7 @@ fn merged<T: Copy + PartialEq + Default>(
     Ok(all)
 }
 
-/// What every recording measures against, as far as it is known.
+/// Adds the extrinsic objects of all recordings, as far as they are known.
 pub(super) fn surround(
     recordings: &[Recording],
     surroundings: &mut Surroundings,
@@ -69,14 +69,14 @@ pub(super) fn surround(
     Ok(())
 }
 
-/// What stands at a number that nobody uses: known, so that it stays out of every fit.
+/// Placeholder for unused numbers: known, so that it is never fitted.
 const NO_ANCHOR: Anchor =
     Anchor { place: Fitted::known(DVec3::ZERO), offset_m: Fitted::known(0.0) };
 const NO_PLANE: Fitted<Plane> = Fitted::known(Plane { normal: DVec3::Z, offset_m: 0.0 });
 const NO_SPHERE: Sphere =
     Sphere { centre: Fitted::known(DVec3::ZERO), radius_m: Fitted::known(0.0) };
 
-/// One thing for each number up to the highest.
+/// One object for each number up to the highest, with `none` for missing ones.
 fn all<T, U: Copy>(said: &BTreeMap<usize, T>, thing: impl Fn(&T) -> U, none: U) -> Vec<U> {
     let count = said.keys().next_back().map_or(0, |highest| highest + 1);
     (0..count).map(|at| said.get(&at).map_or(none, &thing)).collect()
@@ -86,7 +86,7 @@ fn distance(recording: &Recording, at: usize) -> Distance {
     recording.about.gauges.distances.get(&at).copied().unwrap_or_default()
 }
 
-/// The number of what is touched, from 0.
+/// 0-based index of a touched object; `None` if nothing was touched.
 fn place(number: f64) -> Option<usize> {
     (number >= 1.0).then(|| number as usize - 1)
 }
@@ -113,7 +113,7 @@ fn sphere(said: &TouchedSphere) -> Sphere {
     }
 }
 
-/// Whether a distance was read in a row, or something touched.
+/// Whether a row contains a distance or a touch.
 pub(super) fn is_read(recording: &Recording, row: usize) -> bool {
     let value = |channel| recording.column(channel).and_then(|column| column.get(row)).copied();
     let touches = |channel| value(channel).and_then(place).is_some();
@@ -125,7 +125,7 @@ pub(super) fn is_read(recording: &Recording, row: usize) -> bool {
         || (probes && (touches(Channel::TouchPlane) || touches(Channel::TouchSphere)))
 }
 
-/// Adds what one recording read to its poses, in the rows in which it `is_read`.
+/// Adds the distances and touches of one recording to its poses, for the rows selected by `is_read`.
 pub(super) fn read(
     campaign: &mut Campaign,
     index: usize,
@@ -164,7 +164,7 @@ pub(super) fn read(
         touch(Channel::TouchPlane, &|plane| Reading::Plane { place: on, plane, radius_m });
         touch(Channel::TouchSphere, &|sphere| Reading::Sphere { place: on, sphere, radius_m });
     }
-    // A recording's poses are rows of it, in their order.
+    // Poses of a recording are a subset of its rows, in the same order.
     let first = campaign.poses.partition_point(|pose| pose.recording < index);
     let poses = campaign.poses.get_mut(first..).unwrap_or_default();
     for (row, reading, instrument, noise) in readings.into_iter().filter(|one| is_read(one.0)) {
@@ -179,7 +179,7 @@ pub(super) fn read(
     Ok(())
 }
 
-/// Takes targets that sit on the base or on links out of every fit: they are no points of the tool.
+/// Excludes targets on the base or on links from every fit: they are not points of the tool.
 pub(super) fn leave_out_links(
     arm: &Arm,
     campaign: &mut Campaign,
@@ -201,7 +201,7 @@ pub(super) fn leave_out_links(
     Ok(())
 }
 
-/// Takes measuring frames in which nothing was measured out of every fit.
+/// Excludes measuring frames without measurements from every fit.
 pub(super) fn still_unused_frames(campaign: &mut Campaign) {
     let mut used = vec![false; campaign.surroundings.frames.len()];
     for seen in campaign.poses.iter().flat_map(|pose| &pose.seen) {

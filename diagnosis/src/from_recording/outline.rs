@@ -1,8 +1,8 @@
 //! Outline of recordings: the data of every row needed to select the rows to use, and a campaign of the selected ones.
 //!
-//! A pose with its readings takes a kilobyte, its outline some tens of bytes: of a million rows only the selected ones become poses.
+//! A pose with its measurements takes a kilobyte, its outline some tens of bytes: of a million rows only the selected ones become poses.
 //!
-//! Promises: the poses of a choice are those that the campaign of all rows has, to the bit. Never: a choice.
+//! Invariant: the poses of a selection are bit-identical to those in the campaign of all rows.
 
 use super::columns::{sample, vector};
 use super::{Reader, Unusable, Wanted, gauges, read};
@@ -12,37 +12,37 @@ use physics::{Arm, Joints};
 use recording::series::{Kind, Recording};
 use std::ops::Range;
 
-/// Rows of all recordings, counted through.
+/// Outline of the rows of all recordings, counted through.
 pub(crate) struct Outline {
-    /// Rows that follow each other in time along a path.
+    /// Ranges of rows that are consecutive in time along a path.
     pub(crate) paths: Vec<Range<usize>>,
-    /// Whether anything was measured, points of the base and of links aside.
+    /// Whether each row has a measurement, except of points on the base and on links.
     pub(crate) measured: Vec<bool>,
-    /// Whether a joint's direction is not the one of the row before.
+    /// Whether a joint's direction differs from that in the preceding row.
     pub(crate) turned: Vec<bool>,
-    /// Per joint, speed and acceleration in each row; zero off paths.
+    /// Velocity and acceleration of each joint in each row; zero outside paths.
     pub(crate) rates: Vec<Vec<(f64, f64)>>,
-    /// Whether the joints are not in one place in all rows.
+    /// Whether any joint moves.
     pub(crate) moves: bool,
     /// The first row of each recording.
     firsts: Vec<usize>,
-    /// Measuring frames in which anything was measured.
+    /// Whether each measuring frame has a measurement.
     frames: Vec<bool>,
 }
 
-/// What is gathered row by row.
+/// State while rows are read one by one.
 struct Gathered<'a> {
     arm: &'a Arm,
     outline: Outline,
     on_links: Vec<usize>,
-    /// Since its segment began, s.
+    /// Time since the beginning of the segment, s.
     time_s: Vec<f64>,
-    /// Per joint, rad or m.
+    /// Positions of each joint, rad or m.
     q: Vec<Vec<f64>>,
     last: Option<Last>,
 }
 
-/// The row before.
+/// The preceding row.
 struct Last {
     recording: usize,
     direction: Joints,
@@ -66,7 +66,7 @@ impl Outline {
         Ok(all.rated())
     }
 
-    /// A campaign of the rows that are `kept`, with what was seen in those of them that are `read`; speeds as along all rows.
+    /// A campaign of the rows in `kept`, with measurements for those in `read`; velocities are those along all rows.
     ///
     /// # Errors
     /// The first recording that cannot be used.
@@ -83,7 +83,7 @@ impl Outline {
         Ok(campaign)
     }
 
-    /// Gives poses of a campaign their speeds and accelerations.
+    /// Sets velocities and accelerations of the poses of a campaign.
     pub(crate) fn set_moving(&self, campaign: &mut Campaign) {
         for Pose { inputs, recording, row, .. } in &mut campaign.poses {
             let row = self.firsts.get(*recording).map_or(*row, |first| first + *row);
@@ -110,7 +110,7 @@ impl<'a> Gathered<'a> {
         Self { arm, outline, on_links, time_s: Vec::new(), q, last: None }
     }
 
-    /// Takes the rows of one recording; `targets`: how many there are.
+    /// Adds the rows of one recording; `targets`: their number.
     fn take(&mut self, reader: &Reader<'_>, targets: usize) -> Result<(), Unusable> {
         let is_path = reader.recording.about.kind == Kind::Path;
         self.outline.firsts.push(self.time_s.len());
@@ -135,7 +135,7 @@ impl<'a> Gathered<'a> {
         }
     }
 
-    /// Whether anything was read, be it of what does not move with the tool.
+    /// Adds one row; returns whether it has any measurement, including of points that do not move with the tool.
     fn take_row(&mut self, reader: &Reader<'_>, pose: &Pose, targets: usize) -> bool {
         let Self { outline, q, .. } = self;
         let (inputs, row, columns) = (&pose.inputs, pose.row, &reader.columns);
@@ -164,7 +164,7 @@ impl<'a> Gathered<'a> {
         measured || aside
     }
 
-    /// With speeds and accelerations.
+    /// Adds velocities and accelerations.
     fn rated(mut self) -> Outline {
         for q in std::mem::take(&mut self.q) {
             let mut rates = vec![(0.0, 0.0); q.len()];

@@ -1,21 +1,21 @@
-//! Joint positions alone, of recordings of any length: poses of all rows would take twenty times as much memory.
+//! Joint positions only, for recordings of any length: poses of all rows would take twenty times as much memory.
 
 use super::{Reader, Unusable};
 use physics::{Arm, Joints};
 use recording::series::Recording;
 
-/// Where the joints of a robot were, row by row.
+/// Joint positions of a robot, row by row.
 pub(crate) struct Positions {
     joints: usize,
-    /// Row after row, rad or m.
+    /// Row-major, rad or m.
     all: Vec<f64>,
 }
 
 impl Positions {
-    /// Of the robot `arm` in `recording`.
+    /// Positions of the robot `arm` in `recording`.
     ///
     /// # Errors
-    /// An input that lacks a joint.
+    /// An input lacks a joint.
     pub(crate) fn of(arm: &Arm, recording: &Recording) -> Result<Self, Unusable> {
         let (reader, joints) = (Reader::of(arm, recording, 0), arm.count());
         let mut all = Vec::with_capacity(recording.len() * joints);
@@ -28,7 +28,7 @@ impl Positions {
         Ok(Self { joints, all })
     }
 
-    /// Of the arm's joints alone.
+    /// Positions of the arm's joints in a row.
     pub(crate) fn row(&self, row: usize) -> &[f64] {
         &self.all[row * self.joints..(row + 1) * self.joints]
     }

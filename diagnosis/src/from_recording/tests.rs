@@ -1,4 +1,4 @@
-//! Recordings made here, with stations whose truth is known.
+//! Synthetic recordings with known stations.
 
 use super::*;
 use crate::made::{nominal, thesis};
@@ -7,7 +7,7 @@ use recording::series::Recording;
 
 const ROWS: usize = 90;
 
-/// Settled poses; the rows take turns among three stations where these are said.
+/// Settled poses; the rows alternate between three stations if `stations` is set.
 fn recorded(stations: bool) -> Recording {
     let mut made = Recording::new((0..ROWS).map(|row| row as f64).collect());
     for joint in 0..6 {
@@ -28,7 +28,7 @@ fn recorded(stations: bool) -> Recording {
     made
 }
 
-/// What trackers in three places would have seen of the thesis' robot, without noise.
+/// Simulated measurements of the thesis' robot by trackers at three stations, without noise.
 fn seen() -> Campaign {
     let campaign = campaign(&thesis().arm, &[recorded(true)]).expect("usable");
     let mut truth = campaign.surroundings.clone();

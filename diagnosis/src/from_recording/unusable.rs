@@ -8,41 +8,41 @@ pub enum Unusable {
     JointMissing {
         /// The recording.
         file: String,
-        /// From 1.
+        /// 1-based.
         joint: usize,
     },
-    /// A standard uncertainty that is no number above zero.
+    /// A standard uncertainty that is not positive.
     #[error("{file}: `sigma` of {what} must be above zero")]
     Sigma {
         /// The recording.
         file: String,
-        /// Which group.
+        /// The group of columns.
         what: &'static str,
     },
-    /// A target on a link that is not there, or is the tool's.
+    /// A target on a link that does not exist or that carries the tool.
     #[error(
         "`target{target}_on_link` is {link}: expected 0 (the base) to {}; targets on the last link move with the tool and need no such entry",
         joints - 1
     )]
     NoSuchLink {
-        /// From 1.
+        /// 1-based.
         target: usize,
-        /// As stated.
+        /// As stated in the file.
         link: usize,
-        /// The arm's joints.
+        /// Number of joints of the arm.
         joints: usize,
     },
-    /// Two recordings that do not agree.
+    /// Two recordings contradict each other.
     #[error(
         "{file}: its TOML defines `{what}` differently from another recording; a number has one meaning in all recordings"
     )]
     Contradiction {
         /// The recording.
         file: String,
-        /// Which thing.
+        /// The definition in question.
         what: String,
     },
-    /// Nothing measured.
+    /// No measurement.
     #[error(
         "{file}: nothing was measured; a calibration needs x_mm, y_mm, z_mm, targets, ql, distances or touches"
     )]

@@ -1,8 +1,7 @@
 //! Link-side joint positions assigned to the wrong joint.
 //!
-//! Errors of a gear are milliradians; another joint, unit or sign gives degrees. A constant offset is not an error, because encoders have their own zeros.
-//!
-//! Promises: a valid recording raises no suspicion. Never: use of tool measurements.
+//! Errors of a gear are milliradians; another joint, unit or sign gives degrees. A constant offset is not an error, because encoders have their own
+//! zeros. Tool measurements are not used.
 
 use super::{HOPELESS, REMEDY, Suspicion};
 use crate::campaign::{Campaign, Reading};
@@ -10,7 +9,7 @@ use crate::engine::statistics::median;
 use physics::{Arm, JointKind};
 use std::f64::consts::PI;
 
-/// What is grossly wrong with joint positions on the link side.
+/// A gross error of link-side joint positions.
 #[must_use]
 pub fn links(campaign: &Campaign, arm: &Arm) -> Option<Suspicion> {
     let joints = 0..arm.count();
@@ -47,7 +46,7 @@ pub fn links(campaign: &Campaign, arm: &Arm) -> Option<Suspicion> {
     Some(Suspicion { says, before_m: before, after_m: after })
 }
 
-/// How far, in the middle, the readings of a joint are from `factor` times the position of `followed`, their own middle aside, rad or m.
+/// Median absolute deviation of a joint's measurements from `factor` times the position of `followed`, after removal of the median offset, rad or m.
 fn off(campaign: &Campaign, joint: usize, followed: usize, factor: f64) -> Option<f64> {
     let mut off: Vec<f64> = Vec::new();
     for pose in &campaign.poses {

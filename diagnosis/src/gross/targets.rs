@@ -1,6 +1,6 @@
 //! Gross errors of single targets: swapped, mirrored or wrongly scaled columns of one reflector while the others are correct.
 //!
-//! Promises: none for recordings with fewer than two targets: errors of all points are handled in the parent. Never: a change of an approximately correct target.
+//! Requires at least two targets; errors common to all points are handled in the parent module.
 
 use super::{GROSS, LEAST_M, reach};
 use crate::campaign::{Campaign, Place, Reading};
@@ -12,10 +12,11 @@ use glam::DVec3;
 use physics::Model;
 use std::collections::BTreeMap;
 
-/// Readings of which a median says something: more than place a target.
+/// Least number of measurements for a median: more than needed to locate a target.
 const READINGS_LEAST: usize = 5;
 
-/// The median error of the readings of each target, m, with the surroundings alone fitted; none: the tool centre point, distances and touches.
+/// Median error of the measurements of each target, m, with only the extrinsic parameters fitted; key `None`: tool centre point, distances and
+/// touches.
 pub(super) fn medians(campaign: &Campaign, model: &Model) -> BTreeMap<Option<usize>, f64> {
     let used = vec![true; campaign.poses.len()];
     let settings =
@@ -27,7 +28,7 @@ pub(super) fn medians(campaign: &Campaign, model: &Model) -> BTreeMap<Option<usi
         let target = target_of(&seen[off.reading].reading);
         errors.entry(target).or_default().push(off.off.length());
     }
-    // Where all are few, they are one.
+    // If all targets have few measurements, they are evaluated together.
     if errors.values().all(|errors| errors.len() < READINGS_LEAST) {
         errors = BTreeMap::from([(None, errors.into_values().flatten().collect())]);
     }
@@ -44,7 +45,7 @@ fn target_of(reading: &Reading) -> Option<usize> {
     }
 }
 
-/// What is farthest off, for users.
+/// The target with the largest median error, for users.
 pub(super) fn worst(campaign: &Campaign, model: &Model) -> String {
     let medians = medians(campaign, model);
     let worst = medians.iter().max_by(|a, b| a.1.total_cmp(b.1));
@@ -54,10 +55,10 @@ pub(super) fn worst(campaign: &Campaign, model: &Model) -> String {
     }
 }
 
-/// What a wrong reading of one point's columns does to it, undone.
+/// Inverse of an error in one point's columns.
 type Change = fn(DVec3) -> DVec3;
 
-/// Changes of one target's columns that may put a recording right, with their words.
+/// Changes of one target's columns that may correct a recording, with their descriptions.
 pub(super) fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campaign)> {
     let medians = medians(campaign, model);
     if medians.len() < 2 {

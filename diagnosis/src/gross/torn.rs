@@ -1,6 +1,6 @@
-//! Partially invalid recordings: a frozen joint column, readings of another object.
+//! Partially invalid recordings: a frozen joint column, measurements of another object.
 //!
-//! Promises: a joint at rest raises no suspicion: the tool error must also increase strongly from there on. Never: automatic exclusion of a part.
+//! A joint at rest raises no suspicion: the tool error must also increase strongly from there on. No part is excluded automatically.
 
 use super::{HOPELESS, OWN_M, Suspicion, reach, thinned};
 use crate::campaign::Campaign;
@@ -10,16 +10,16 @@ use crate::proof::Errors;
 use crate::robust::Influence;
 use physics::Model;
 
-/// More than this share of readings that are grossly off is no row of outliers.
+/// A fraction of gross errors above this is not explained by outliers.
 const PART: f64 = 0.15;
-/// Poses before and after a joint's last motion, at least, as a share of all.
+/// Least number of poses before and after a joint's last motion, as a fraction of all.
 const STRETCH: f64 = 0.1;
 const LEAST: f64 = 10.0;
-/// A frozen column has the tool off by this many times more from there on, and by more than this share of the reach.
+/// A frozen column increases the tool error from there on at least by the first factor, and to more than the second fraction of the workspace.
 const WORSE: f64 = 5.0;
 const SHOWS: f64 = 1e-3;
 
-/// What is wrong with a part of the campaign, as far as `model` is the robot that was measured.
+/// A partial error of the campaign, given that `model` is the measured robot.
 #[must_use]
 pub fn torn(campaign: &Campaign, model: &Model) -> Option<Suspicion> {
     let few = thinned(campaign);
@@ -36,7 +36,7 @@ fn errors(few: &Campaign, model: &Model, used: &[bool], wanted: &[bool]) -> Erro
     Errors::of(&fit(few, &Hypothesis::fixed(*model), &settings), few, wanted)
 }
 
-/// A joint whose column never changes from some row on, though the tool goes where only that joint could have brought it.
+/// A joint whose column is constant from some row on, although the tool moves in a way that only that joint explains.
 fn frozen(
     few: &Campaign,
     model: &Model,
@@ -55,7 +55,7 @@ fn frozen(
     let of = |side: &[bool]| side.iter().filter(|own| **own).count();
     let least = (STRETCH * count as f64).max(LEAST);
     let goes_on = (0..joints).any(|j| (1..count).any(|k| late[k] && q(k)[j] != q(k - 1)[j]));
-    // A joint that was moved only now and then may as well rest.
+    // A joint that moved only occasionally may well be at rest.
     let busy = 2 * (1..last).filter(|k| early[*k] && changes(k)).count() > of(&early);
     if (of(&early) as f64) < least || (of(&late) as f64) < least || !goes_on || !busy {
         return None;
@@ -78,7 +78,7 @@ fn frozen(
     })
 }
 
-/// Too many readings of something else.
+/// Too many measurements of something else.
 fn far(few: &Campaign, model: &Model, spread_m: f64) -> Option<Suspicion> {
     let all = vec![true; few.poses.len()];
     let errors = errors(few, model, &all, &all);

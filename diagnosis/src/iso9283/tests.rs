@@ -1,4 +1,4 @@
-//! Known solutions: shifts without spread, spread without shift, five numbers by hand, the Maxwell distribution.
+//! Known solutions: shifts without spread, spread without shift, five values by hand, the Maxwell distribution.
 
 use super::*;
 use std::f64::consts::PI;
@@ -8,7 +8,7 @@ const COMMAND: Placement = Placement {
     orientation: Some(DQuat::from_xyzw(0.5, 0.5, 0.5, 0.5)),
 };
 
-/// The command, shifted (m) and turned (rad, measuring axes).
+/// The commanded pose, translated (m) and rotated (rad, measuring axes).
 fn off(shift: DVec3, turn: DVec3) -> Placement {
     Placement {
         position_m: COMMAND.position_m + shift,
@@ -24,7 +24,7 @@ fn close(found: DVec3, wanted: DVec3) -> bool {
     found.distance(wanted) < 1e-12
 }
 
-/// Standard normal numbers that fill the space evenly: Box and Muller's of Halton's points.
+/// Quasi-random standard normal values: Box-Muller transform of Halton points.
 fn normal(at: usize, pair: usize) -> [f64; 2] {
     let halton = |base: usize| {
         let (mut left, mut size, mut sum) = (at + 1, 1.0, 0.0);
@@ -60,7 +60,7 @@ fn a_spread_about_the_command_is_repeatability_alone() {
         near(figures.accuracy_m, 0.0)
             && close(figures.accuracy_abc_rad.expect("angles"), DVec3::ZERO)
     );
-    // All at one distance: no deviation of it.
+    // All distances are equal, so their deviation is zero.
     assert!(near(figures.repeatability_m, 1e-4) && near(figures.distance_deviation_m, 0.0));
     let deviation = (2.0 * 4e-6_f64 / 5.0).sqrt();
     assert!(close(figures.repeatability_abc_rad.expect("angles"), DVec3::splat(3.0 * deviation)));
@@ -68,14 +68,14 @@ fn a_spread_about_the_command_is_repeatability_alone() {
 
 #[test]
 fn five_numbers_give_what_the_hand_gives() {
-    // Places −2 … 2 mm on a line: distances 2, 1, 0, 1, 2; mean 1.2; squares 2.8 over 4, S = √0.7.
+    // Positions −2 … 2 mm on a line: distances 2, 1, 0, 1, 2; mean 1.2; sum of squares 2.8 over 4, S = √0.7.
     let visits = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| off(DVec3::X * x * 1e-3, DVec3::Y * x * 1e-3));
     let figures = pose(&COMMAND, &visits).expect("figures");
     assert_eq!(figures.visits, 5);
     assert!(near(figures.mean_distance_m, 1.2e-3));
     assert!(near(figures.distance_deviation_m, 0.7_f64.sqrt() * 1e-3));
     assert!(near(figures.repeatability_m, 3.709_980_079_602_2e-3));
-    // Angles −2 … 2 mrad about y: squares 10 over 4, 3 S = 3 √2.5.
+    // Angles −2 … 2 mrad about y: sum of squares 10 over 4, 3 S = 3 √2.5.
     let angles = figures.repeatability_abc_rad.expect("angles");
     assert!(close(angles, DVec3::Y * 4.743_416_490_252_6e-3));
 }
@@ -144,7 +144,7 @@ fn drift_is_against_the_first_cycle() {
     let found = drift(&COMMAND, &[&cold, &warm]).expect("figures");
     assert!(near(found.accuracy_m, 2e-4) && near(found.travel_m, 2e-4));
     assert!(near(found.repeatability_m, 2e-5), "two visits at one distance: l̄ alone");
-    // Around the command: as accurate as before, and elsewhere.
+    // On the opposite side of the command: the accuracy is unchanged, the barycentre is not.
     let round = cycle(-DVec3::X * 3e-4, 1e-5);
     let found = drift(&COMMAND, &[&cold, &warm, &round]).expect("figures");
     assert!(near(found.accuracy_m, 2e-4) && near(found.travel_m, 6e-4));
@@ -153,14 +153,14 @@ fn drift_is_against_the_first_cycle() {
 #[test]
 fn a_distance_that_is_too_long_is_its_accuracy_and_its_scatter_its_repeatability() {
     let command = [Placement::point(DVec3::ZERO), Placement::point(DVec3::new(0.3, -0.4, 0.0))];
-    // 0.5 m told; 501, 502, 503 mm gone, all along the line: mean 502, S = 1 mm.
+    // 0.5 m commanded; 501, 502, 503 mm attained, along the line: mean 502, S = 1 mm.
     let pair = |scale: f64| [command[0], Placement::point(command[1].position_m * scale)];
     let found = distance(command, &[pair(1.002), pair(1.004), pair(1.006)]).expect("figures");
     assert!(near(found.accuracy_m, 2e-3) && near(found.repeatability_m, 3e-3));
     assert!(close(found.accuracy_xyz_m, DVec3::new(1.2e-3, 1.6e-3, 0.0)));
     assert!(close(found.repeatability_xyz_m, DVec3::new(1.8e-3, 2.4e-3, 0.0)));
     assert_eq!((found.accuracy_abc_rad, found.visits), (None, 3));
-    // A shift of both ends is none of the distance.
+    // A common shift of both ends does not change the distance.
     let shifted = |by: f64| command.map(|end| Placement::point(end.position_m + DVec3::splat(by)));
     let found = distance(command, &[shifted(0.1), shifted(-0.7)]).expect("figures");
     assert!(near(found.accuracy_m, 0.0) && near(found.repeatability_m, 0.0));

@@ -9,21 +9,21 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::StandardNormal;
 
 const ROWS: usize = 400;
-/// Of a nest's coordinate, m.
+/// Standard deviation of a reference target's coordinate, m.
 const NOISE_M: f64 = 3e-6;
 
-/// Where the nests stand, tracker frame, m.
+/// Positions of the reference targets, tracker frame, m.
 fn places() -> [DVec3; 3] {
     [DVec3::new(2.4, 0.5, -0.5), DVec3::new(2.9, 0.8, -0.5), DVec3::new(2.7, 0.0, -0.6)]
 }
 
-/// A point of the tool, tracker frame, of a tracker that is at rest, m.
+/// A point of the tool in the frame of a tracker at rest, m.
 fn tool(row: usize) -> DVec3 {
     let t = 0.1 * row as f64;
     DVec3::new(2.6 + 0.3 * t.sin(), 0.2 + 0.4 * (1.3 * t).cos(), 0.2 * (0.7 * t).sin())
 }
 
-/// What such a tracker reads in each row that wanders as `seen_from_still` says.
+/// Measurements in each row by a tracker whose drift is `seen_from_still`.
 fn seen(seen_from_still: impl Fn(usize) -> Frame) -> Recording {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut normal = || rng.sample::<f64, _>(StandardNormal);
@@ -44,7 +44,7 @@ fn seen(seen_from_still: impl Fn(usize) -> Frame) -> Recording {
     made
 }
 
-/// Hours of a stand that warms: 60 µm and 30 µrad.
+/// Drift over hours of a warming stand: 60 µm and 30 µrad.
 fn warming(row: usize) -> Frame {
     let share = row as f64 / ROWS as f64;
     let turn = DVec3::new(1e-5, -2e-5, 3e-5) * (3.0 * share).sin();
@@ -56,7 +56,7 @@ fn at(recording: &Recording, target: usize, row: usize) -> DVec3 {
     DVec3::from_array([0, 1, 2].map(value))
 }
 
-/// What is left of the wandering in the tool's place, beside one motion of all rows: root of the mean square of distances, m.
+/// Remaining drift of the tool position, apart from one rigid motion of all rows: root mean square distance, m.
 fn left(recording: &Recording, nests: &Nests) -> f64 {
     let laid: Vec<DVec3> =
         (0..ROWS).map(|row| nests.laid_from_seen(row).point(at(recording, 0, row))).collect();
@@ -125,7 +125,7 @@ fn nests_that_are_read_now_and_then_tell_of_the_rows_between() {
     let untouched = Nests { laid_from_seen: Vec::new(), ..nests.clone() };
     let (with, without) = (left(&recording, &nests), left(&recording, &untouched));
     assert!(with < 0.6 * without, "{with:e} of {without:e}");
-    // Nothing steps where a row speaks for those after it.
+    // No step between adjacent rows, although rows are averaged.
     let step = |row: usize| {
         let [a, b] = [row, row + 1].map(|row| nests.laid_from_seen(row).point(tool(0)));
         (a - b).length()
@@ -165,7 +165,7 @@ fn lay_nothing_and_say_so(recording: &Recording) {
 
 #[test]
 fn rows_that_all_contradict_each_other_lay_nothing() {
-    // In each row another of `count` nests is far off: of three, most distances change; of five, few do, but in every row some.
+    // In each row one of `count` reference targets is far off: with three targets most distances change; with five few do, but some in every row.
     for count in [3, 5] {
         let mut made = Recording::new((0..40).map(f64::from).collect());
         for k in 0..3 * count {

@@ -46,7 +46,8 @@ proptest! {
     }
 }
 
-/// Joint `joint` of the thesis' robot with `effects`, up and down within its limits and ±2.5 rad in 31 steps, seen by one target with `sigma_m` of noise.
+/// Joint `joint` of the thesis' robot with `effects`, up and down within its limits and ±2.5 rad in 31 steps, measured with one target and noise
+/// `sigma_m`.
 fn errors(model: &Model, joint: usize, held: [f64; 6], sigma_m: f64, seed: u64) -> JointErrors {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut q: Joints = [0.0; JOINTS_MAX];
@@ -111,7 +112,7 @@ fn the_thesis_figures_come_back_from_sweeps_as_surely_as_they_say() {
 #[test]
 fn what_a_sweep_cannot_tell_stays_and_is_named() {
     let model = Model::nominal(thesis().arm);
-    // With joint 5 straight, joint 4 carries no lever: its sag does not show.
+    // With joint 5 straight, gravity has no lever arm about joint 4: its deflection is not observable.
     let sweeps = [errors(&model, 3, [0.0, 0.2, 0.1, 0.0, 0.0, 0.0], 20e-6, 1)];
     let start = thesis_model(&model.arm, 3).expect("the thesis' arm");
     let found = regress(&start, &sweeps);

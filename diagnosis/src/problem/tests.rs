@@ -1,4 +1,4 @@
-//! Derivatives against central differences, for every kind of reading, every extrinsic parameter and every effect that moves the tool.
+//! Derivatives compared with central differences, for every kind of measurement, every extrinsic parameter and every effect that moves the tool.
 
 use super::*;
 use crate::campaign::{Instrument, Noise, Observation, Place, Pose, Reading};
@@ -10,7 +10,7 @@ use physics::{AnyEffect, Arm, Frame, Given, JOINTS_MAX, Wrench};
 use proptest::prelude::*;
 use recording::model::presets::preset;
 
-/// The thesis' robot with its own effects and one more of each other kind.
+/// The thesis' robot with its own effects and one of each other kind.
 fn everything() -> Model {
     let mut model = preset("irb1600-6-145-thesis").expect("preset").model().expect("sound").physics;
     let arm = model.arm;
@@ -87,7 +87,7 @@ fn surroundings() -> Surroundings {
     }
 }
 
-/// One reading of every kind, each near what the model says of it, so that derivatives of rotations are those at small residuals.
+/// One measurement of every kind, each near its prediction, because derivatives of rotations are exact only at small residuals.
 fn readings(tool: &Frame, around: &Surroundings, q1: f64) -> Vec<Observation> {
     let place = Place::Target(0);
     let point = tool.point(around.targets[0].value);
@@ -166,7 +166,7 @@ proptest! {
         let (sizes, values) = (state.widths(), state.hypothesis.values());
         let first = state.surroundings.numbers().len();
         for column in all {
-            // Both ways, as far as numbers go that must not fall below zero.
+            // Central difference, within the range of parameters that must stay positive.
             let stands = column.checked_sub(first).map_or(0.0, |k| values[k].abs());
             let room = if stands > 0.0 { 0.5 * stands } else { 1.0 };
             let step = (1e-4 * sizes[column].min(1.0)).min(room);
@@ -178,7 +178,7 @@ proptest! {
             let (above, below) = (beside(step), beside(-step));
             let found: Vec<f64> = below.iter().zip(&above).map(|(b, a)| (b - a) / (2.0 * step)).collect();
             let most = found.iter().chain(said.iter().map(|row| &row[column])).fold(0.0_f64, |m, x| m.max(x.abs()));
-            // Rounding: residuals are metres over tens of micrometres.
+            // Rounding: residuals are metres divided by tens of micrometres.
             let allowed = 2e-5 * most + 1e-9 / step;
             for (row, found) in said.iter().zip(&found) {
                 let error = (row[column] - found).abs();
@@ -196,7 +196,7 @@ fn name(state: &State, column: usize) -> String {
     }
 }
 
-/// The arm is the thesis' one.
+/// The arm is that of the thesis.
 #[test]
 fn the_scene_has_every_effect_that_moves_the_tool() {
     let model = everything();
@@ -207,7 +207,8 @@ fn the_scene_has_every_effect_that_moves_the_tool() {
         .map(|spec| spec.kind)
         .filter(|kind| !model.effects().any(|effect| effect.spec().kind == *kind))
         .collect();
-    // A compliance of both loads stands beside neither half; the sensor's faults act as tool_compliance shows the wrench does.
+    // `joint_compliance` excludes the effects for gravity and for wrench alone; sensor errors act on the tool only through compliance to the wrench,
+    // which tool_compliance covers.
     let left = [
         "joint_compliance",
         "spindle_growth",

@@ -1,6 +1,6 @@
-//! Compact storage of the derivative of the tool pose by one parameter: the columns of the library use most of the memory of a diagnosis.
+//! Compact storage of the derivative of the tool pose by one parameter: columns of the candidate dictionary use most of the memory of a diagnosis.
 //!
-//! Promises: at readings the same bits as the original derivatives. Never: joint derivatives without joint readings.
+//! At measurements bit-identical to the original derivatives; joint derivatives are stored only if joint positions are measured.
 
 use crate::campaign::{Campaign, Reading};
 use crate::motion::Motion;
@@ -8,24 +8,24 @@ use crate::residual::Rows;
 use glam::DVec3;
 use physics::Joints;
 
-/// One motion per pose.
+/// Derivative at each pose.
 #[derive(Clone, Debug)]
 pub(crate) struct Series {
-    /// How the tool turns and shifts.
+    /// Rotation and translation of the tool.
     tool: Vec<(DVec3, DVec3)>,
-    /// How the joints move; empty where nobody reads them.
+    /// Motion of the joints; empty if no joint position is measured.
     joints: Vec<Joints>,
     reads_joints: bool,
 }
 
 impl Series {
-    /// Of no pose yet; `reads_joints`: [`reads_joints`].
+    /// An empty series; `reads_joints`: [`reads_joints`].
     pub(super) fn new(poses: usize, reads_joints: bool) -> Self {
         let joints = Vec::with_capacity(if reads_joints { poses } else { 0 });
         Self { tool: Vec::with_capacity(poses), joints, reads_joints }
     }
 
-    /// Puts the motion at a pose behind those of the poses before it; at poses that are passed over nothing moves.
+    /// Appends the motion at a pose; at skipped poses it is zero.
     pub(super) fn put(&mut self, pose: usize, motion: &Motion) {
         self.tool.resize(pose, (DVec3::ZERO, DVec3::ZERO));
         self.tool.push((motion.turn, motion.shift));
@@ -35,13 +35,13 @@ impl Series {
         }
     }
 
-    /// How a prediction at a pose changes with it, in units of the noise.
+    /// Derivative of the prediction at a pose, in units of the noise.
     pub(super) fn along(&self, rows: &Rows, pose: usize) -> DVec3 {
         rows.along_parts(self.tool[pose], |joint| self.joints[pose][joint])
     }
 }
 
-/// Whether any reading is of a joint's position.
+/// Whether any joint position is measured.
 pub(super) fn reads_joints(campaign: &Campaign) -> bool {
     let mut readings = campaign.poses.iter().flat_map(|pose| &pose.seen);
     readings.any(|one| matches!(one.reading, Reading::JointPosition { .. }))

@@ -1,6 +1,6 @@
 //! Sums for the score test of groups of columns.
 //!
-//! Promises: joint test of the columns of a group, separate tests of groups. Never: evaluation of the arm.
+//! Columns of a group are tested jointly, groups separately.
 
 use super::{ROWS, Score, turned};
 use crate::engine::partial_cholesky::PartialCholesky;
@@ -9,16 +9,16 @@ use crate::wide::dot;
 use nalgebra::DMatrix;
 use std::ops::Range;
 
-/// A candidate's share of its own length that must be left after the fit's columns, squared.
+/// Least squared ratio of a candidate column's length after projection on the fit's columns to its full length.
 const LEFT: f64 = 1e-6;
-/// Columns of a group up to which their products are taken one by one.
+/// Groups with at most this many columns are multiplied column by column.
 const FEW: usize = 5;
 
 /// Sums over all rows, for a batch of columns.
 pub(super) struct Sums {
     width: usize,
     count: usize,
-    /// Rows that wait, one per column: those of the fit, what is left, those of the candidates.
+    /// Pending rows, one per column: those of the fit, the residual, those of the candidates.
     waiting: DMatrix<f64>,
     filled: usize,
     /// `Jᵀ C`, and below it `rᵀ C`.
@@ -27,13 +27,13 @@ pub(super) struct Sums {
     near: Vec<(Range<usize>, DMatrix<f64>)>,
     /// The group of each column.
     home: Vec<usize>,
-    /// `Y`, one column after the other.
+    /// `Y`, column by column.
     seen: Vec<Vec<f64>>,
     right: Vec<f64>,
 }
 
 impl Sums {
-    /// `groups`: columns of each.
+    /// `groups`: number of columns of each.
     pub(super) fn new(width: usize, groups: &[usize]) -> Self {
         let mut count = 0;
         let group = |size: &usize| {
@@ -65,7 +65,7 @@ impl Sums {
         }
     }
 
-    /// Adds the products of the rows that wait.
+    /// Adds the products of the pending rows.
     fn reduce(&mut self) {
         let (known, count) = (self.width + 1, self.count);
         self.waiting.columns_range_mut(self.filled..).fill(0.0);

@@ -18,21 +18,21 @@ use recording::series::{Channel, Recording};
 /// Maximum number of rows for the fit of frame and targets.
 const ROWS: usize = 2000;
 
-/// The instrument's place.
+/// Pose of the instrument, with target positions.
 #[derive(Debug)]
 pub struct Station {
-    /// Base coordinates to measuring coordinates, without the instrument's drift.
+    /// Transformation from base coordinates to measuring coordinates, without the instrument's drift.
     measuring_from_base: Frame,
     /// Targets on the tool, tool frame, m.
     pub targets_tool_m: Vec<DVec3>,
     /// Whether measured positions are in the base frame.
     pub in_base: bool,
-    /// How the instrument drifted.
+    /// Drift of the instrument.
     drift: Option<Nests>,
 }
 
 impl Station {
-    /// Base coordinates to those that the instrument reads in a row.
+    /// Transformation from base coordinates to the instrument's coordinates in a row.
     #[must_use]
     pub fn measuring_from_base(&self, row: usize) -> Frame {
         let seen_from_laid = self.drift.as_ref().map(|drift| drift.laid_from_seen(row).inverse());
@@ -43,7 +43,7 @@ impl Station {
     /// The station of a recording.
     ///
     /// # Errors
-    /// A target's place is unknown, or the recording cannot be used for a fit.
+    /// A target's position is unknown, or the recording cannot be used for a fit.
     pub fn find(model: &RobotModel, recording: &Recording) -> Result<Self, Unsimulated> {
         let about = &recording.about;
         let targets = 0..recording.target_count();
@@ -94,7 +94,7 @@ impl Station {
     }
 }
 
-/// Rows with readings, evenly spread.
+/// Evenly spaced rows with measurements.
 fn evenly_spread(campaign: &Campaign) -> Vec<bool> {
     let seen = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
     let step = seen.div_ceil(ROWS).max(1);

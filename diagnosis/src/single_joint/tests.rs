@@ -12,7 +12,7 @@ use recording::model::presets::preset;
 
 const TARGETS: [DVec3; 2] = [DVec3::new(0.12, 0.05, 0.1), DVec3::new(-0.2, 0.02, 0.15)];
 
-/// The thesis' robot with those of its effects that `keep` names.
+/// The thesis' robot with only those of its effects that `keep` lists.
 fn robot(keep: &[&str]) -> Model {
     let robot = preset("irb1600-6-145-thesis").expect("preset").model().expect("sound").physics;
     let kept: Vec<AnyEffect> =
@@ -51,7 +51,7 @@ fn small_angles_keep_their_value_and_their_sign() {
         let found = angle_about(DVec3::Y, a, b * 1.1);
         assert!((found / angle - 1.0).abs() < 1e-6, "{found} not {angle}");
     }
-    // The printed form, arccos of the normed product, has neither.
+    // The form printed in the thesis, arccos of the normalised product, keeps neither sign nor small angles.
     let b = rotation_about(DVec3::Y, -small) * a;
     let printed = libm::acos((a.dot(b) / (a.length() * b.length())).min(1.0));
     assert!((printed + small).abs() > 0.9 * small);
@@ -66,7 +66,7 @@ fn the_axis_of_joint_five_stands_where_the_sag_of_the_joints_before_puts_it() {
     let step = Inputs::at_rest(sweep(&model, 4, held, (0.0, 1.0), 2).steps[0].inputs.q);
     let chain = Chain::nominal(&model.arm, &step.q);
     let deviation = model.evaluate(&step, &Memories::default()).deviation;
-    // Joint 4 does not sag at θ4 = 0, joints 2 and 3 by the same at every step: the raw axis is off by this, and the taken out one not at all.
+    // Joint 4 does not deflect at θ4 = 0, joints 2 and 3 by the same at every step: the raw axis is off by this, the corrected one exact.
     let off: DVec3 = (1..3)
         .map(|k| chain.axis(k).cross(chain.point(4) - chain.point(k)) * deviation.joints[k])
         .sum();
@@ -91,8 +91,8 @@ fn the_sag_of_joint_two_shifts_the_axis_of_joint_three_by_what_theory_says() {
     swept.steps.iter_mut().for_each(|step| step.targets.truncate(1));
     let raw = swept.axis(&model, Sag::AsMeasured, None).expect("arcs");
     let pivot = Chain::nominal(&model.arm, &swept.steps[0].inputs.q).point(2);
-    // Joint 2 turns by δ and carries the pivot of joint 3 by e × (O3 − O2) δ; the rest is along the circle. Across it, that is a
-    // change of radius which the circle takes up as shift and radius: a regression in three numbers.
+    // Joint 2 rotates by δ and displaces the pivot of joint 3 by e × (O3 − O2) δ; only the radial component matters, which the circle absorbs as
+    // shift and radius: a regression with three parameters.
     let mut triangle = crate::triangle::Triangle::new(3);
     for step in &swept.steps {
         let q = &step.inputs.q;
@@ -129,7 +129,7 @@ fn joints_after_the_one_that_moves_bend_its_circle_too() {
         carriers * 1e6,
         all * 1e6
     );
-    // The sags of joints before and after partly cancel here: taking out the former alone makes it worse.
+    // The deflections of joints before and after partly cancel here: removing only the former makes it worse.
     assert!(all < 1e-9 && carriers > 2.0 * raw && raw > 5e-5);
 }
 
@@ -168,7 +168,7 @@ fn errors_at_steps_are_those_of_the_gear_in_both_directions() {
         zero[joint] = 0.0;
         for error in errors {
             let wanted = alone(error.inputs.q) - alone(zero);
-            // Of second order: the joint's own error times the sag beyond it.
+            // Second order: the joint's own error times the deflection beyond it.
             assert!(
                 (error.mean_rad - wanted).abs() < 5e-7,
                 "joint {}: {error:?} not {wanted}",
@@ -259,7 +259,7 @@ proptest! {
         let across = turn - seen.blind * seen.blind.dot(turn);
         prop_assert!((seen.turn - across).length() < 2e-6, "{} not {across}", seen.turn);
         prop_assert!(seen.turn.dot(seen.blind).abs() < 1e-12);
-        // About the line itself: nothing moves, nothing is seen.
+        // About the line itself nothing moves, so nothing is observed.
         let about = Frame::about(at, rotation_about(seen.blind, 5e-3));
         let hidden = tilt_of_two_targets(before, before.map(|p| about.point(p)), 1e-5).expect("apart");
         prop_assert!(hidden.turn.length() < 1e-12);

@@ -17,7 +17,7 @@ fn robot() -> Model {
     preset("irb1600-6-145-thesis").expect("preset").model().expect("sound").physics
 }
 
-/// The same with its load compliance alone.
+/// The same with only its load compliance.
 fn compliant() -> Model {
     let robot = robot();
     let loads: Vec<AnyEffect> =
@@ -51,7 +51,7 @@ fn loaded_poses(model: &Model, count: u32) -> Vec<LoadedPose> {
         .collect()
 }
 
-/// One target 0.4 m beside each of joints 2 to 5, seen before and under each of `count` loads.
+/// One target 0.4 m beside each of joints 2 to 5, measured without and under each of `count` loads.
 fn loaded_links(model: &Model, count: u32) -> Vec<LoadedLink> {
     let mut cases = Vec::new();
     for joint in 1..5 {
@@ -75,7 +75,7 @@ fn vector(rng: &mut ChaCha8Rng, sigma: f64) -> DVec3 {
     DVec3::new(draw(), draw(), draw())
 }
 
-/// The share of intervals of 1.96 sigma that hold the truth.
+/// Fraction of intervals of ±1.96 sigma that contain the truth.
 fn coverage(found: impl Fn(u64) -> Compliances) -> f64 {
     let (mut inside, mut all) = (0_u32, 0_u32);
     for seed in 0..400 {
@@ -95,7 +95,7 @@ fn the_thesis_stiffness_comes_back_from_many_loads_at_once() {
         all_at_once(&compliant().arm, &loaded_poses(&compliant(), 40), NOISE).expect("sound");
     for (joint, wanted) in (1..5).zip(THESIS) {
         let (stiffness, _) = found.stiffness(joint).expect("determined");
-        // What is left is of second order: the arm bends by up to 20 mrad.
+        // The remaining error is of second order: the arm deflects by up to 20 mrad.
         assert!((stiffness / wanted - 1.0).abs() < 0.02, "joint {}: {stiffness}", joint + 1);
     }
     // Joints 1 and 6 are rigid here.
@@ -125,7 +125,7 @@ fn the_thesis_stiffness_comes_back_one_joint_after_the_other() {
     assert_eq!(found.undetermined, [0, 5]);
 }
 
-/// Linear truth: what the loads do is taken to first order, so that only noise remains.
+/// Linear truth: deflections are computed to first order, so that only noise remains.
 #[test]
 fn intervals_from_many_loads_hold_the_truth_as_often_as_they_should() {
     let arm = robot().arm;
@@ -178,7 +178,7 @@ fn a_joint_that_no_load_bends_is_named() {
     let model = compliant();
     let mut poses = loaded_poses(&model, 20);
     for pose in &mut poses {
-        // A weight: it never turns joint 1, whose axis stands upright.
+        // A weight has no moment about joint 1, whose axis is vertical.
         pose.wrench_base = Wrench { force: DVec3::NEG_Z * 60.0, moment: DVec3::ZERO };
     }
     let found = all_at_once(&model.arm, &poses, NOISE).expect("sound");

@@ -6,7 +6,7 @@ use crate::simulate;
 use physics::{AnyEffect, Given, Inputs, JOINTS_MAX};
 use std::f64::consts::PI;
 
-/// Sweeps of all joints, there and back, each from where the others stand.
+/// Sweeps of all joints, up and down, each with the others at `home`.
 fn swept(home: [f64; 6]) -> Campaign {
     let mut campaign = empty(3, 1);
     let like = campaign.poses[0].clone();
@@ -38,7 +38,7 @@ fn sweeps_are_found_and_say_what_each_joint_has() {
     ];
     let truth = Model::new(nominal().arm, &truth).expect("sound");
     let mut campaign = swept([0.1, -0.2, 0.3, 0.0, 0.4, 0.0]);
-    // The gap needs the side that each step came from.
+    // Backlash needs the direction of approach of each step.
     for k in 1..campaign.poses.len() {
         for joint in 0..6 {
             let moved = campaign.poses[k].inputs.q[joint] - campaign.poses[k - 1].inputs.q[joint];
@@ -59,7 +59,7 @@ fn sweeps_are_found_and_say_what_each_joint_has() {
     ] {
         assert!((found - truth).abs() < 5.0 * sigma + 2e-6, "{found} ± {sigma}, truth {truth}");
     }
-    // Joint 2 sags while joint 3 sweeps, which the raw tracks show as a shift.
+    // Joint 2 deflects while joint 3 sweeps, which appears as a shift in the raw tracks.
     assert!(said[2].axis.as_ref().expect("an axis").moved_by_sag_m > 1e-5);
     let errors = said[4].errors.as_ref().expect("errors");
     let lost: Vec<f64> = errors.steps.iter().filter_map(|s| s.half_lost_motion_rad).collect();
@@ -74,7 +74,7 @@ fn axes_stand_to_each_other_as_the_arm_has_them_whatever_the_frame() {
     let model = nominal();
     let campaign = swept([0.0; 6]);
     let campaign = simulate::readings(&campaign, &model, &campaign.surroundings, 0.02, 3);
-    // Nobody knows where the tracker stands: the axes' places to each other are the same.
+    // The pose of the tracker is unknown: the relative positions of the axes are the same.
     let mut elsewhere = campaign.surroundings.clone();
     elsewhere.frames[0].value.measuring_from_base = physics::Frame::IDENTITY;
     let said = said(&model, Sag::AsMeasured, sweeps(&model.arm, &campaign, &elsewhere));
