@@ -1,23 +1,22 @@
 //! A solver's answer, `trued.diagnosis/1`, as far as it is needed for the score.
 //!
-//! Promises: whatever text it is given, it says what it can use of it or that it is no answer; it never panics.
-//! Never: the truth.
+//! Accepts any text without panic: the result is the usable part of it, or the reason why it is not an answer.
 
 use serde_json::Value;
 use thiserror::Error;
 
-/// What a solver says on the whole.
+/// Overall verdict of an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// Nothing above the noise.
+    /// No deviation from the model beyond noise.
     Consistent,
-    /// The findings explain it.
+    /// The findings explain the deviation.
     MissingPhysics,
-    /// Structure without a name.
+    /// A significant deviation that no known effect explains.
     UnknownStructure,
-    /// Candidates alike, or too little.
+    /// Indistinguishable candidates, or insufficient data.
     Undetermined,
 }
 
@@ -29,55 +28,55 @@ impl Verdict {
     }
 }
 
-/// A named candidate.
+/// A reported effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Named {
-    /// Name in the contract.
+    /// Name in the model format.
     pub effect: String,
-    /// From 1.
+    /// 1-based.
     pub joint: Option<usize>,
 }
 
-/// One number with its interval.
+/// One parameter with its interval.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Number {
-    /// Key.
+    /// Key in the model format.
     pub key: String,
-    /// Place in the key's list.
+    /// Index in the key's list.
     pub place: usize,
     /// In the key's unit.
     pub value: f64,
-    /// Lower and upper end.
+    /// Lower and upper limit of the 95 % confidence interval.
     pub ci95: Option<(f64, f64)>,
 }
 
 /// One finding.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
-    /// What it names.
+    /// The reported effect.
     pub named: Named,
     /// `new` or `revised`.
     pub change: String,
-    /// Probability that it is right.
+    /// Posterior probability of the effect.
     pub confidence: Option<f64>,
-    /// Its numbers.
+    /// Its parameters.
     pub numbers: Vec<Number>,
-    /// Its rivals.
+    /// Alternative effects.
     pub alternatives: Vec<Named>,
 }
 
 /// An answer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
-    /// On the whole.
+    /// Overall verdict.
     pub verdict: Verdict,
     /// Most important first.
     pub findings: Vec<Finding>,
-    /// What the rest depends on.
+    /// Covariates on which an unexplained deviation depends.
     pub depends_on: Vec<String>,
 }
 
-/// A text that is no answer.
+/// Why a text is not an answer.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum NoAnswer {
     /// Not JSON.
@@ -86,19 +85,19 @@ pub enum NoAnswer {
     /// Another schema.
     #[error("its `schema` is no trued.diagnosis/1")]
     Schema,
-    /// The domain that was asked is not in it.
+    /// The requested domain is missing.
     #[error("it says nothing of the {0} domain")]
     NoDomain(&'static str),
-    /// A verdict that the contract has not.
+    /// An unknown verdict.
     #[error("its `verdict` is `{0}`")]
     Verdict(String),
 }
 
 impl Answer {
-    /// Reads an answer of a domain; one that names no domain is of any.
+    /// Parses an answer of a domain; one without domains is accepted for any.
     ///
     /// # Errors
-    /// What makes it none.
+    /// The reason why the text is not an answer.
     pub fn parse(text: &str, domain: &'static str) -> Result<Self, NoAnswer> {
         let whole: Value =
             serde_json::from_str(text).map_err(|error| NoAnswer::NotJson(error.to_string()))?;
@@ -125,7 +124,7 @@ impl Answer {
         Ok(Self { verdict, findings: findings.collect(), depends_on: words.collect() })
     }
 
-    /// Every name in it, findings and their rivals, in order.
+    /// All reported effects in order: findings first, then their alternatives.
     pub fn names(&self) -> impl Iterator<Item = &Named> {
         let own = self.findings.iter().map(|finding| &finding.named);
         own.chain(self.findings.iter().flat_map(|finding| &finding.alternatives))
@@ -153,7 +152,7 @@ fn finding(value: &Value) -> Option<Finding> {
     })
 }
 
-/// One number, or a list with a list of pairs.
+/// Parses a value, or a list of values with a list of intervals.
 fn numbers(key: &str, value: &Value) -> Vec<Number> {
     let pair = |value: &Value| Some((value[0].as_f64()?, value[1].as_f64()?));
     let number = |place: usize, value: &Value, ci95: &Value| {

@@ -3,7 +3,7 @@
 //! `T(q) = L₀ · Rz(q₁) · L₁ · Rz(q₂) · … · Lₙ`, `Lᵢ = Tz(dᵢ) Tx(aᵢ) Rx(αᵢ)` of the classical table with the next joint's offset about z; the
 //! pivot of joint i is the origin of its frame. Masses are points.
 //!
-//! Promises: what a model file says is read off these transforms. Never: a prismatic joint.
+//! The model file is derived from these transforms. All joints are revolute.
 
 use crate::chance::Chance;
 use crate::space::{
@@ -11,19 +11,19 @@ use crate::space::{
     turn_z,
 };
 
-/// The most joints.
+/// Largest number of joints.
 pub const JOINTS: usize = 7;
-/// One number per joint.
+/// One value per joint.
 pub type Joints = [f64; JOINTS];
 
 /// A point mass that a joint moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mass {
-    /// The joint that moves it, from 0.
+    /// The joint that moves it, 0-based.
     pub joint: usize,
-    /// kg.
+    /// Mass, kg.
     pub kg: f64,
-    /// In the frame of that joint, after its motion, m.
+    /// Position in the frame of that joint, after its motion, m.
     pub at: V3,
     /// Whether it belongs to the tool.
     pub tool: bool,
@@ -32,26 +32,26 @@ pub struct Mass {
 /// An arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arm {
-    /// For people.
+    /// Name for users.
     pub name: String,
     /// `L₀` to `Lₙ`.
     pub links: Vec<T4>,
-    /// Its masses; empty where they are unknown.
+    /// Point masses; empty if unknown.
     pub masses: Vec<Mass>,
     /// Gravity in the base, m/s².
     pub gravity: V3,
-    /// The middle of each joint's useful range, rad.
+    /// Centre of each joint's useful range, rad.
     pub home: Joints,
     /// Half of that range, rad.
     pub reach: Joints,
 }
 
-/// A row of a table: d, a (m), α, offset (rad), mass that the joint moves (kg), home and half range (rad).
+/// A row of a table: d, a (m), α, offset (rad), mass moved by the joint (kg), home and half range (rad).
 type Row = (f64, f64, f64, f64, f64, f64, f64);
 
 const R: f64 = std::f64::consts::FRAC_PI_2;
 
-/// Figures as published (UR10e, IRB 120) or of such proportions; masses round.
+/// Dimensions as published (UR10e, IRB 120) or of similar proportions; masses are rounded.
 const FAMILIES: [(&str, &[Row]); 6] = [
     (
         "UR10e",
@@ -119,7 +119,7 @@ const FAMILIES: [(&str, &[Row]); 6] = [
 ];
 
 impl Arm {
-    /// The arm of a table of `FAMILIES`, lengths times `stretch`, with a tool.
+    /// The arm of a table of `FAMILIES`, with lengths scaled by `stretch`, and a tool.
     #[must_use]
     pub fn family(number: usize, stretch: f64, tool: &T4, tool_kg: f64, with_masses: bool) -> Self {
         let (name, rows) = FAMILIES[number % FAMILIES.len()];
@@ -160,9 +160,9 @@ impl Arm {
         arm
     }
 
-    /// An arm by chance.
+    /// A random arm.
     pub fn draw(chance: &mut Chance, with_masses: bool) -> Self {
-        // Six axes are what most robots have.
+        // Six-axis arms are most frequent.
         let number = [0, 0, 1, 1, 1, 2, 2, 2, 2, 3, 3, 4, 5][chance.pick(13)];
         let stretch = chance.between(0.9, 1.15);
         let mut around = || chance.between(-1.0, 1.0);
@@ -172,13 +172,13 @@ impl Arm {
         Self::family(number, stretch, &tool, kg, with_masses)
     }
 
-    /// The number of joints.
+    /// Number of joints.
     #[must_use]
     pub fn count(&self) -> usize {
         self.links.len() - 1
     }
 
-    /// The frame of each joint before its motion, then that of the tool.
+    /// Frame of each joint before its motion, followed by that of the tool.
     #[must_use]
     pub fn frames(&self, q: &Joints) -> Vec<T4> {
         let mut frames = Vec::with_capacity(self.links.len());
@@ -193,25 +193,25 @@ impl Arm {
         frames
     }
 
-    /// The tool at `q`.
+    /// Pose of the tool at `q`.
     #[must_use]
     pub fn tool(&self, q: &Joints) -> T4 {
         self.frames(q).pop().unwrap_or(ONE)
     }
 
-    /// The vector from joint `i`'s pivot to the next one's, in its frame after its motion, m.
+    /// Vector from joint `i`'s pivot to the next, in its frame after its motion, m.
     #[must_use]
     pub fn to_next(&self, i: usize) -> V3 {
         origin(&self.links[i + 1])
     }
 
-    /// Whether a link has a length that can grow.
+    /// Whether a link is long enough for thermal growth.
     #[must_use]
     pub fn grows(&self, i: usize) -> bool {
         norm(self.to_next(i)) > 0.02
     }
 
-    /// The contract's two normals of joint `i`'s axis, base axes at the zero configuration, brought into the joint's frame.
+    /// The two normals of joint `i`'s axis as defined by the model format, base axes at the zero configuration, transformed to the joint's frame.
     #[must_use]
     pub fn normals(&self, i: usize) -> [V3; 2] {
         let zero = self.frames(&[0.0; JOINTS])[i];
@@ -253,17 +253,17 @@ mod tests {
 
     #[test]
     fn published_arms_stand_where_their_makers_say() {
-        // UR10e, all joints zero: a2 + a3, −(d4 + d6), d1 − d5 of its maker's table.
+        // UR10e, all joints zero: a2 + a3, −(d4 + d6), d1 − d5 of the maker's table.
         let ur = tip(0, [0.0; JOINTS]);
         assert!(norm(sub(ur, [-1.184_25, -0.2907, 0.060_85])) < 1e-12, "{ur:?}");
         // IRB 120, all axes zero: 374 mm in front of the base and 630 mm above it (product specification).
         let irb = tip(1, [0.0; JOINTS]);
         assert!(norm(sub(irb, [0.374, 0.0, 0.63])) < 1e-12, "{irb:?}");
-        // Axis 1 at a quarter turn: the same beside the base.
+        // Axis 1 at a quarter turn: the same distance along y.
         let mut q = [0.0; JOINTS];
         q[0] = R;
         assert!(norm(sub(tip(1, q), [0.0, 0.374, 0.63])) < 1e-12);
-        // IRB 120, axis 5 bent by a quarter: the flange's 72 mm point down from 302 mm in front.
+        // IRB 120, axis 5 at a quarter turn: the flange, 72 mm from the wrist, points down at x = 302 mm.
         let mut q = [0.0; JOINTS];
         q[4] = R;
         assert!(norm(sub(tip(1, q), [0.302, 0.0, 0.558])) < 1e-12);

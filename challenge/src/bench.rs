@@ -1,10 +1,10 @@
-//! Visibility of an effect, and whether another effect would have the same signature.
+//! Detectability of an effect, and whether another effect would have the same signature.
 //!
-//! Everything is linear here: effects as columns over the whitened values, with what is fitted anyway taken out (registration, unknown
-//! targets, the model's own numbers with their uncertainty as one more reading each). `z` is the length of what is left of an effect;
-//! `ρ = z/√N`; the gain over a rival is half the square of what the rival leaves of it (docs/diagnosis.md).
+//! Everything is linear: effects are columns of whitened values, projected on the complement of the nuisance parameters (registration, unknown
+//! targets, the model's own parameters with their priors as additional values). `z` is the norm of an effect's residual; `ρ = z/√N`; the gain over an
+//! alternative is half the residual sum of squares that the alternative leaves (docs/diagnosis.md).
 //!
-//! Promises: no answer of a solver is looked at. Never: noise drawn; expected values alone.
+//! Expected values are computed without drawing noise. The evaluation does not depend on a solver's answer.
 
 use crate::bent::{Bend, NUMBERS, of_point, tangent};
 use crate::candidates::{candidates, free_numbers};
@@ -20,16 +20,16 @@ use crate::view::Whitener;
 pub use crate::weigh::{APART, Judged, Name};
 use crate::weigh::{Question, determined, readings, take_known};
 
-/// An effect of whose energy less than this shows to first order is taken by what is fitted anyway.
+/// If less than this fraction of an effect's energy remains to first order, the nuisance parameters absorb the effect.
 const TAKEN: f64 = 0.25;
 
-/// A case's columns.
+/// Linearised values of a case.
 pub struct Bench<'a> {
     case: &'a Case,
     scene: &'a Scene,
     run: Run<'a>,
     still: Vec<Bend>,
-    /// Per row: how the tool moves with each number of a bend, and the levers of the places, base axes.
+    /// Per row: motion of the tool by each deviation, and the lever arms of the measured points, base axes.
     slopes: Vec<Vec<(V3, V3)>>,
     levers: Vec<Vec<V3>>,
     whitener: Whitener,
@@ -37,7 +37,7 @@ pub struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    /// The columns of the rows that `right` says count.
+    /// The columns of the rows marked in `right`.
     #[must_use]
     pub fn of(case: &'a Case, scene: &'a Scene, right: &[bool]) -> Self {
         let known = case.nominal();
@@ -54,13 +54,13 @@ impl<'a> Bench<'a> {
         Self { case, scene, run, still, slopes, levers, whitener, priors: readings(case) }
     }
 
-    /// How many values count.
+    /// Number of values in use.
     #[must_use]
     pub fn count(&self) -> usize {
         self.whitener.count()
     }
 
-    /// Whitens values, with nothing on the uncertainties' readings.
+    /// Whitens values, with zeros for the prior entries.
     #[must_use]
     pub fn whiten(&self, values: &[f64]) -> Vec<f64> {
         let mut whitened = self.whitener.apply(values);
@@ -68,7 +68,7 @@ impl<'a> Bench<'a> {
         whitened
     }
 
-    /// The values of a bend, to first order.
+    /// Values of deviations, to first order.
     #[must_use]
     pub fn of_bends(&self, bends: &[Bend]) -> Vec<f64> {
         let frame = &self.case.view.measuring_from_base;
@@ -91,7 +91,7 @@ impl<'a> Bench<'a> {
         values
     }
 
-    /// What an effect of these numbers bends on top of what the model knows, to first order.
+    /// Deviations added by an effect to those of the model, to first order.
     #[must_use]
     pub fn bends(&self, effect: &Effect) -> Vec<Bend> {
         match effect.kind {
@@ -131,13 +131,13 @@ impl<'a> Bench<'a> {
         bends
     }
 
-    /// The whitened column of an effect.
+    /// Whitened column of an effect.
     #[must_use]
     pub fn column(&self, effect: &Effect) -> Vec<f64> {
         self.whiten(&self.of_bends(&self.bends(effect)))
     }
 
-    /// What is fitted anyway; numbers of the model that `except` (kind, joint) means are not.
+    /// The nuisance columns; parameters of the model that effects in `except` (kind, joint) revise are left out.
     #[must_use]
     pub fn nuisances(&self, except: &[&Effect]) -> Span {
         let mut span = Span::default();
@@ -148,7 +148,7 @@ impl<'a> Bench<'a> {
         span
     }
 
-    /// What can be said of hidden effect `which`, `shown` its values without noise.
+    /// Detectability of hidden effect `which`; `shown`: its values without noise.
     #[must_use]
     pub fn judge(&self, which: usize, shown: &[f64]) -> Judged {
         let truth = &self.case.hidden[which];
@@ -160,7 +160,7 @@ impl<'a> Bench<'a> {
         }
         let whole = span.rest(&self.whiten(shown));
         let first = span.rest(&self.column(truth));
-        // A frame or a target placed anew takes what moves as it does however far it moves, but its columns are of the first order.
+        // Frames and targets absorb rigid motions of any size, but their columns are only of first order.
         let is_taken = dot(&first, &first) < TAKEN * dot(&whole, &whole);
         let rest = if is_taken { first } else { whole };
         let question = Question {
@@ -180,7 +180,7 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// Names of one family (docs/reference/effects.md, last section): where they show the same, either is right.
+/// Equivalent effects of one family (docs/reference/effects.md, last section): if their signatures agree, either is right.
 fn one_family(truth: Kind, name: &str) -> bool {
     let family = |name: &str| match name {
         "gravity_compliance" | "load_compliance" | "joint_compliance" => 1,
@@ -191,7 +191,7 @@ fn one_family(truth: Kind, name: &str) -> bool {
     truth.name().is_some_and(|own| family(own) != 0 && family(own) == family(name))
 }
 
-/// Values per unit of each number of registration: the measuring frame, then unknown places on the tool.
+/// Values per unit of each registration parameter: measuring frame, then unknown points on the tool.
 #[must_use]
 pub fn registration(case: &Case, scene: &Scene, motors: &[[f64; 7]]) -> Vec<Vec<f64>> {
     let view = &case.view;

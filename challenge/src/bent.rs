@@ -1,23 +1,23 @@
 //! An arm with small deviations at known places: exact forward kinematics and tangent.
 //!
-//! Promises: a bend of zeros is the arm itself; the tangent is exact at the unbent arm. Never: why it bends.
+//! With zero deviations it is the nominal arm; the tangent is exact at zero deviation.
 
 use crate::arm::{Arm, Joints};
 use crate::space::{
     T4, V3, add, column, cross, inverse, mul, norm, origin, rotate, shift, sub, times, turn, turn_z,
 };
 
-/// Numbers per joint: 0 the joint's angle; 1, 2 its axis alone turned about its frame's x and y; 3, 4 all that it carries; 5 to 7 all
-/// that it carries shifted along its frame's axes; 8 the vector to the next pivot grows along itself.
+/// Deviations per joint: 0 joint angle; 1, 2 rotation of the axis alone about x and y of its frame; 3, 4 rotation of all that it carries; 5 to 7
+/// translation of all that it carries along the axes of its frame; 8 extension of the vector to the next pivot.
 pub const PER_JOINT: usize = 9;
-/// Where the base's turn begins (base axes).
+/// Index of the first component of the base's rotation (base axes).
 pub const BASE: usize = 7 * PER_JOINT;
-/// Where the tool's shift begins (tool axes).
+/// Index of the first component of the tool's translation (tool axes).
 pub const TOOL: usize = BASE + 3;
-/// Numbers of a bend.
+/// Total number of deviations.
 pub const NUMBERS: usize = TOOL + 3;
 
-/// Where and how much, rad and m.
+/// Deviations of an arm, rad and m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bend(pub [f64; NUMBERS]);
 
@@ -28,18 +28,18 @@ impl Default for Bend {
 }
 
 impl Bend {
-    /// Number `k` of joint `i`, to be changed.
+    /// Mutable access to deviation `k` of joint `i`.
     pub fn of(&mut self, i: usize, k: usize) -> &mut f64 {
         &mut self.0[i * PER_JOINT + k]
     }
 
-    /// Adds two numbers of joint `i` from `k` on, of a vector in its frame.
+    /// Adds the x and y components of a vector in joint `i`'s frame to deviations `k` and `k + 1`.
     pub fn add_turn(&mut self, i: usize, k: usize, vector: V3) {
         *self.of(i, k) += vector[0];
         *self.of(i, k + 1) += vector[1];
     }
 
-    /// This bend minus another one.
+    /// Difference of two deviations.
     #[must_use]
     pub fn minus(&self, other: &Self) -> Self {
         Self(std::array::from_fn(|k| self.0[k] - other.0[k]))
@@ -50,7 +50,7 @@ fn three(numbers: &[f64], from: usize) -> V3 {
     [numbers[from], numbers[from + 1], numbers[from + 2]]
 }
 
-/// Where the tool is at `q` with the arm bent.
+/// Pose of the tool at `q` with the deviations `bend`.
 #[must_use]
 pub fn tool(arm: &Arm, q: &Joints, bend: &Bend) -> T4 {
     let numbers = &bend.0;
@@ -86,7 +86,7 @@ fn grown_link(link: &T4, by: f64) -> T4 {
     mul(&shift(times(vector, by / norm(vector))), link)
 }
 
-/// How the tool turns and how its TCP moves per unit of each number, base axes.
+/// Rotation of the tool and displacement of its TCP per unit of each deviation, base axes.
 #[must_use]
 pub fn tangent(arm: &Arm, q: &Joints) -> Vec<(V3, V3)> {
     let frames = arm.frames(q);
@@ -100,7 +100,7 @@ pub fn tangent(arm: &Arm, q: &Joints) -> Vec<(V3, V3)> {
         all[at] = about(column(frame, 2), o);
         for k in 0..2 {
             let w = column(frame, k);
-            // The axis alone: turned before its motion, turned back after it.
+            // Rotation of the axis alone: applied before the joint's motion, reversed after it.
             let net = sub(w, column(&after, k));
             all[at + 1 + k] = about(net, o);
             all[at + 3 + k] = about(w, o);
@@ -123,7 +123,7 @@ pub fn tangent(arm: &Arm, q: &Joints) -> Vec<(V3, V3)> {
     all
 }
 
-/// How a point on the tool moves, `lever` from the TCP in base axes.
+/// Displacement of a point on the tool, at `lever` from the TCP in base axes.
 #[must_use]
 pub fn of_point((turned, moved): &(V3, V3), lever: V3) -> V3 {
     add(*moved, cross(*turned, lever))

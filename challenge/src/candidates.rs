@@ -1,6 +1,5 @@
-//! Alternatives to a hidden effect: every effect with which this recording could be explained, as columns.
-//!
-//! Promises: numbers that do not enter linearly stand on a grid, one form each. Never: names that need what was not recorded.
+//! Alternatives to a hidden effect: every effect that could explain this recording, as columns. Nonlinear parameters are taken from a grid, one form
+//! per grid point; effects whose inputs were not recorded are excluded.
 
 use crate::arm::JOINTS;
 use crate::case::Case;
@@ -8,18 +7,18 @@ use crate::kinds::{Effect, Kind, Need};
 use crate::law::Law;
 use crate::scene::Scene;
 
-/// A name with the forms that it may take.
+/// An effect with its possible forms.
 #[derive(Clone, Debug)]
 pub struct Candidate<E = Effect> {
     /// Name in answers.
     pub name: &'static str,
-    /// From 1.
+    /// 1-based.
     pub joint: Option<usize>,
-    /// Numbers that it has.
+    /// Number of its parameters.
     pub count: usize,
-    /// Whether its one number may not be negative.
+    /// Whether its only parameter must not be negative.
     pub not_negative: bool,
-    /// Each form: effects that add up with free shares.
+    /// Each form: effects that are added with free coefficients.
     pub forms: Vec<Vec<E>>,
 }
 
@@ -62,14 +61,14 @@ pub fn candidates(case: &Case, scene: &Scene) -> Vec<Candidate> {
     all
 }
 
-/// How many of its numbers are free: along its axis a joint's axis cannot be shifted, but at the last joint.
+/// Number of free parameters: a shift of a joint's axis along itself is not observable, except at the last joint.
 #[must_use]
 pub fn free_numbers(kind: Kind, scene: &Scene, joint: usize) -> usize {
     let axial = kind == Kind::AxisShift && joint + 1 < scene.arm.count();
     kind.count() - usize::from(axial)
 }
 
-/// Whether what it needs was recorded.
+/// Whether its inputs were recorded.
 #[must_use]
 pub fn may_answer(case: &Case, kind: Kind) -> bool {
     let has = case.scene.has;
@@ -86,7 +85,7 @@ pub fn may_answer(case: &Case, kind: Kind) -> bool {
     })
 }
 
-/// Whether it can stand on this joint beside what the model has.
+/// Whether it is possible on this joint, given the effects of the model.
 #[must_use]
 pub fn fits(case: &Case, scene: &Scene, kind: Kind, joint: usize) -> bool {
     match kind {
@@ -134,7 +133,7 @@ fn forms(kind: Kind, scene: &Scene, one: &dyn Fn(&[f64]) -> Effect) -> Vec<Vec<E
                 ]
             })
             .collect(),
-        // Play as contact is no multiple of itself: a gap that the motion never crosses shows nothing of one that it does.
+        // Contact backlash is not linear in its gap: the motion may not cross a gap at all.
         Kind::Backlash => alone(&[&[1e-4], &[3e-4], &[1e-3]]),
         Kind::LostMotion => alone(&[&[1.0, 5.0], &[1.0, 30.0], &[1.0, 150.0]]),
         Kind::Hysteresis => alone(&[&[1.0, 1.5e-3], &[1.0, 6e-3], &[1.0, 2.5e-2]]),

@@ -1,6 +1,6 @@
-//! One blind case: robot, its model, hidden effects, measurements.
+//! One blind case of the position domain: robot, its model, hidden effects, measurements.
 //!
-//! Promises: everything follows from it and its seed. Never: what the solver is told beyond the files.
+//! Everything follows from the case and its seed. The solver gets only the files of [`mod@crate::write`].
 
 use crate::chance::Chance;
 use crate::kinds::{Effect, Kind};
@@ -9,31 +9,31 @@ use crate::laws::Run;
 use crate::scene::{Richness, Scene};
 use crate::view::{Measured, Noise, View};
 
-/// Which question a case asks.
+/// Class of a case: what the solver has to find.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Tier {
-    /// Nothing is missing.
+    /// No hidden effect.
     Null,
-    /// One effect.
+    /// One hidden effect.
     Single,
-    /// Two or three.
+    /// Two or three hidden effects.
     Multiple,
-    /// Physics that no library has.
+    /// An effect that is not in the candidate dictionary.
     Outside,
-    /// Effects that the motion cannot part.
+    /// Effects that the motion cannot distinguish.
     Ambiguous,
     /// One effect near the limit of detection.
     Limit,
 }
 
 impl Tier {
-    /// All of them.
+    /// All tiers.
     pub const ALL: [Self; 6] =
         [Self::Null, Self::Single, Self::Multiple, Self::Outside, Self::Ambiguous, Self::Limit];
 
-    /// Its word.
+    /// Name in results.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -46,8 +46,8 @@ impl Tier {
         }
     }
 
-    /// The tier of case `index` of a mixed challenge, and how many of that tier came before it: of twenty, five nulls, eight singles,
-    /// three multiples, two outside, one ambiguous, one near the limit.
+    /// Tier of case `index` of a mixed challenge, and the number of preceding cases of that tier: of twenty cases, five null, eight single, three
+    /// multiple, two outside, one ambiguous, one near the limit.
     #[must_use]
     pub fn mixed(index: usize) -> (Self, usize) {
         let at = |place: usize| match place {
@@ -65,47 +65,47 @@ impl Tier {
     }
 }
 
-/// An effect that the model has.
+/// An effect of the model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Known<K: Law = Kind> {
-    /// As the model says.
+    /// As stated in the model.
     pub nominal: law::Effect<K>,
-    /// As it is, within its uncertainty.
+    /// The true effect, within the stated uncertainty.
     pub real: law::Effect<K>,
-    /// Standard uncertainties of the first numbers, SI; the others are certain.
+    /// Standard uncertainties of the first parameters, SI; the others are exact.
     pub sigma: Vec<f64>,
 }
 
 /// A case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// What it asks.
+    /// Its tier.
     pub tier: Tier,
-    /// What the robot does.
+    /// Motion, loads and temperatures.
     pub scene: Scene,
-    /// How rich its motion is.
+    /// Excitation of the motion.
     pub richness: Richness,
-    /// What is looked at.
+    /// Instrument.
     pub view: View,
-    /// How well.
+    /// Noise of the instrument.
     pub noise: Noise,
-    /// What the model knows.
+    /// Effects in the model.
     pub known: Vec<Known>,
-    /// What it does not.
+    /// Effects missing from the model.
     pub hidden: Vec<Effect>,
-    /// Seed of its noise and of its unseen motion.
+    /// Seed of the noise and of the unseen motion.
     pub seed: u64,
 }
 
 impl Case {
-    /// What would be seen of a robot with these effects doing `scene`, without noise.
+    /// Measured values without noise, for a robot with these effects on `scene`.
     #[must_use]
     pub fn exact(&self, scene: &Scene, effects: &[Effect]) -> Vec<f64> {
         let run = Run::of(scene, effects);
         self.view.values(scene, &run.motors(), &run.bends(effects))
     }
 
-    /// What the instrument read of `scene`; `part` tells one recording's noise from another's.
+    /// Measured values of `scene` with noise; `part` selects the noise stream of one recording.
     #[must_use]
     pub fn measured(&self, scene: &Scene, part: u64) -> Measured {
         let exact = self.exact(scene, &self.real());
@@ -113,13 +113,13 @@ impl Case {
         self.noise.read(scene, &exact, self.view.width(scene), &mut chance)
     }
 
-    /// A motion of the same robot that the solver never sees.
+    /// Another motion of the same robot, which the solver never sees.
     #[must_use]
     pub fn unseen(&self) -> Scene {
         self.scene.again(&mut Chance::new(self.seed, 50), self.richness)
     }
 
-    /// A point about which the measuring frame is turned, measuring axes, m: where the tool is when the arm is at home.
+    /// The point about which the measuring frame is rotated, measuring axes, m: position of the tool at the home configuration.
     #[must_use]
     pub fn middle(&self) -> crate::space::V3 {
         let arm = &self.scene.arm;
@@ -127,7 +127,7 @@ impl Case {
         crate::space::point(&self.view.measuring_from_base, home)
     }
 
-    /// Whether the joint `joint` (from 0) has a compliance that the model knows.
+    /// Whether the model has a compliance of `joint` (0-based).
     #[must_use]
     pub fn knows_compliance(&self, joint: usize) -> bool {
         self.known_of(Kind::JointCompliance, joint).is_some()

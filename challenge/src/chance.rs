@@ -1,15 +1,15 @@
 //! Random numbers by seed: xoshiro256++ (Blackman and Vigna, 2019), initialised by `SplitMix64`.
 //!
-//! Promises: the same seed and stream give the same numbers. Never: the machine's own randomness.
+//! The same seed and stream give the same numbers; no system randomness is used.
 
-/// A stream of chance.
+/// A stream of random numbers.
 #[derive(Clone, Debug)]
 pub struct Chance {
     state: [u64; 4],
 }
 
 impl Chance {
-    /// The stream `number` of `seed`.
+    /// Stream `number` of `seed`.
     #[must_use]
     pub fn new(seed: u64, number: u64) -> Self {
         let mut x = seed ^ number.wrapping_mul(0xd1b5_4a32_d192_ed03);
@@ -22,7 +22,7 @@ impl Chance {
         Self { state: [next(), next(), next(), next()] }
     }
 
-    /// 64 bits.
+    /// 64 random bits.
     pub fn bits(&mut self) -> u64 {
         let s = &mut self.state;
         let sum = s[0].wrapping_add(s[3]).rotate_left(23).wrapping_add(s[0]);
@@ -36,28 +36,28 @@ impl Chance {
         sum
     }
 
-    /// From 0 to below 1.
+    /// Uniform in [0, 1).
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Even between two numbers.
+    /// Uniform between two numbers.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// Even in the logarithm, between two numbers above zero.
+    /// Log-uniform between two positive numbers.
     pub fn log_between(&mut self, low: f64, high: f64) -> f64 {
         self.between(low.ln(), high.ln()).exp()
     }
 
-    /// Standard normal (Box and Muller).
+    /// Standard normal (Box-Muller).
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
         radius * (std::f64::consts::TAU * self.unit()).cos()
     }
 
-    /// Standard normal within two standard deviations.
+    /// Standard normal, truncated at two standard deviations.
     pub fn normal_within_two(&mut self) -> f64 {
         loop {
             let x = self.normal();
@@ -67,22 +67,22 @@ impl Chance {
         }
     }
 
-    /// Below `count`, which is above zero.
+    /// Uniform integer below `count`, which is positive.
     pub fn pick(&mut self, count: usize) -> usize {
         ((self.unit() * count as f64) as usize).min(count.saturating_sub(1))
     }
 
-    /// Whether something of this probability happens.
+    /// True with this probability.
     pub fn happens(&mut self, probability: f64) -> bool {
         self.unit() < probability
     }
 
-    /// −1 or 1.
+    /// −1 or 1 with equal probability.
     pub fn sign(&mut self) -> f64 {
         if self.happens(0.5) { 1.0 } else { -1.0 }
     }
 
-    /// The list in another order.
+    /// Random permutation (Fisher-Yates).
     pub fn shuffle<T>(&mut self, list: &mut [T]) {
         for k in (1..list.len()).rev() {
             let other = self.pick(k + 1);

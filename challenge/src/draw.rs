@@ -1,7 +1,7 @@
 //! Random cases: robot, motion, instrument and hidden effects, with a size that suits the tier.
 //!
-//! Promises: the same seed, index and tier give the same case; kinds take turns, so that rare ones are asked as often as common ones.
-//! Never: a draw that looks at a solver's answer.
+//! The same seed, index and tier give the same case. Kinds are used in turn, so that rare ones are tested as often as common ones. A solver's answers
+//! have no influence.
 
 mod numbers;
 
@@ -17,21 +17,21 @@ use crate::scene::{Has, Richness, Scene};
 use crate::space::{mul, shift, turn};
 use crate::view::{Measured, Noise, View};
 
-/// Attempts before a tier is given up and a null takes its place: it is counted in the report.
+/// Attempts before a null case replaces the requested tier; such replacements are counted in the report.
 const ATTEMPTS: u64 = 64;
-/// Attempts with one kind before the next one takes its turn.
+/// Attempts with one kind before the next kind is used.
 const OF_ONE_KIND: u64 = 8;
 
-/// A case with what can be said of it.
+/// A generated case with the detectability of its effects.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawn<C = Case> {
     /// The case.
     pub case: C,
-    /// One per hidden effect.
+    /// Detectability of each hidden effect.
     pub judged: Vec<Judged>,
 }
 
-/// Case `index` of a challenge, of a tier; `turn` says whose turn it is among the tier's kinds.
+/// Case `index` of a challenge, of a tier; `turn` selects the kind among those of the tier.
 #[must_use]
 pub fn case(seed: u64, index: usize, (tier, turn): (Tier, usize)) -> Drawn {
     let number = index as u64;
@@ -45,7 +45,7 @@ pub fn case(seed: u64, index: usize, (tier, turn): (Tier, usize)) -> Drawn {
     Drawn { case, judged: Vec::new() }
 }
 
-/// The first attempt that gives a case: each has its own seed and chance; after some the next kind takes its turn.
+/// The first successful attempt: each has its own seed and random stream; after some failures the next kind is used.
 pub(crate) fn attempts<T>(
     seed: u64,
     number: u64,
@@ -59,7 +59,7 @@ pub(crate) fn attempts<T>(
     })
 }
 
-/// Whether what can be said of the hidden effects is what the tier asks.
+/// Whether the detectability of the hidden effects meets the conditions of the tier.
 pub(crate) fn asks(tier: Tier, judged: &[Judged]) -> bool {
     let shows = |least: f64| judged.iter().all(|j| j.z >= least);
     match tier {
@@ -72,7 +72,7 @@ pub(crate) fn asks(tier: Tier, judged: &[Judged]) -> bool {
     }
 }
 
-/// How much an effect of a tier shall show.
+/// Random target value of z for an effect of a tier.
 pub(crate) fn wanted_z(tier: Tier, chance: &mut Chance) -> f64 {
     match tier {
         Tier::Limit => chance.log_between(3.0, 14.0),
@@ -98,7 +98,7 @@ fn attempt_at(seed: u64, turn: usize, tier: Tier, chance: &mut Chance) -> Option
     asks(tier, &judged).then_some(Drawn { case, judged })
 }
 
-/// What can be said of each hidden effect.
+/// Detectability of each hidden effect.
 #[must_use]
 pub fn judge(case: &Case) -> Vec<Judged> {
     let right = case.measured(&case.scene, 0).right;
@@ -116,7 +116,8 @@ pub fn judge(case: &Case) -> Vec<Judged> {
         .collect()
 }
 
-/// Which kinds are hidden, of all of the library, of those outside it, and of those that a poor motion cannot part: the first one by turns.
+/// Random kinds to be hidden, from the dictionary, from those outside it, or from those that a poor motion cannot distinguish; the first kind is
+/// selected by `turn`.
 pub(crate) fn hide<K: Copy>(
     (turn, tier): (usize, Tier),
     library: &[K],
@@ -141,7 +142,7 @@ pub(crate) fn hide<K: Copy>(
     }
 }
 
-/// Kinds that a poor motion cannot part.
+/// Kinds that a poor motion cannot distinguish.
 const POOR: [Kind; 7] = [
     Kind::JointOffset,
     Kind::JointRatio,
@@ -152,7 +153,7 @@ const POOR: [Kind; 7] = [
     Kind::JointCoupling,
 ];
 
-/// Poses or a path, as the kinds need; none where they need both.
+/// Whether the case has settled poses or a path, as the kinds need; `None` if they need both.
 fn settled(kinds: &[Kind], chance: &mut Chance) -> Option<bool> {
     let needs = |need| kinds.iter().any(|kind| kind.needs(need));
     match (needs(Need::Poses), needs(Need::Path)) {
@@ -163,7 +164,7 @@ fn settled(kinds: &[Kind], chance: &mut Chance) -> Option<bool> {
     }
 }
 
-/// A case of which nothing is hidden yet.
+/// A case without hidden effects.
 fn empty(
     seed: u64,
     tier: Tier,
@@ -186,7 +187,7 @@ fn empty(
     let scene = if settled {
         Scene::poses(arm, has, 300 + chance.pick(300), richness, chance)
     } else {
-        // A mode of 15 Hz wants a hundred rows per second.
+        // A mode at 15 Hz needs a sampling rate of a hundred rows per second.
         let rate = if kinds.contains(&Kind::FlexibleMode) || kinds.contains(&Kind::ReversalSpike) {
             100.0
         } else {
@@ -253,7 +254,7 @@ fn noise(view: &View, settled: bool, chance: &mut Chance) -> Noise {
     }
 }
 
-/// Gives the model what it knows, off by its uncertainty.
+/// Adds effects to the model, with errors within their uncertainty.
 fn know(case: &mut Case, kinds: &[Kind], chance: &mut Chance) {
     let n = case.scene.arm.count();
     let wanted = kinds.iter().any(|k| k.needs(Need::Compliance) || k.needs(Need::OwnCompliance));
@@ -261,7 +262,7 @@ fn know(case: &mut Case, kinds: &[Kind], chance: &mut Chance) {
     let mut known = Vec::new();
     if masses && (wanted || chance.happens(0.4)) {
         for joint in [1, 2, 3].into_iter().filter(|j| *j < n) {
-            // The lighter the arm beyond, the softer its joint may be.
+            // Joints that carry less mass may be more compliant.
             let compliance = chance.log_between(1e-6, 6e-6) * if joint == 3 { 3.0 } else { 1.0 };
             known.push((
                 Kind::JointCompliance,
@@ -292,7 +293,7 @@ fn know(case: &mut Case, kinds: &[Kind], chance: &mut Chance) {
     }
 }
 
-/// An effect of that kind where it may show, its leading numbers of size one.
+/// A random effect of a kind on a joint where it may be observable, with leading parameters of size one.
 fn effect(case: &Case, kind: Kind, chance: &mut Chance) -> Option<Effect> {
     if !(may_answer(case, kind) || kind.name().is_none()) {
         return None;
@@ -301,7 +302,7 @@ fn effect(case: &Case, kind: Kind, chance: &mut Chance) -> Option<Effect> {
     let may_stand = |joint: usize| {
         let clashes =
             case.hidden.iter().any(|other| other.joint == joint && alike(other.kind, kind));
-        // Joint 1 turns with an unknown frame, and what one cannot see cannot be asked.
+        // Joint 1 is confounded with an unknown frame, so effects on it are not used.
         fits(case, &case.scene, kind, joint) && !clashes
     };
     let joints: Vec<usize> = (0..n).filter(|joint| may_stand(*joint)).collect();
@@ -309,7 +310,7 @@ fn effect(case: &Case, kind: Kind, chance: &mut Chance) -> Option<Effect> {
         return None;
     }
     let mut joint = if kind.facts().of_joint { joints[chance.pick(joints.len())] } else { 0 };
-    // What the model knows may be wrong.
+    // Effects of the model may themselves be wrong (revised).
     let known: Vec<usize> =
         case.known.iter().filter(|k| k.nominal.kind == kind).map(|k| k.nominal.joint).collect();
     if !known.is_empty() && chance.happens(0.4) {
@@ -323,7 +324,7 @@ fn effect(case: &Case, kind: Kind, chance: &mut Chance) -> Option<Effect> {
     Some(Effect { kind, joint, other, numbers: numbers::of(case, kind, joint, chance) })
 }
 
-/// Whether two kinds on one joint would only be one.
+/// Whether two kinds on one joint are equivalent.
 fn alike(a: Kind, b: Kind) -> bool {
     let soft = |kind| {
         matches!(kind, Kind::GravityCompliance | Kind::LoadCompliance | Kind::JointCompliance)
@@ -332,7 +333,7 @@ fn alike(a: Kind, b: Kind) -> bool {
     a == b || soft(a) && soft(b) || warm(a) && warm(b)
 }
 
-/// Sizes every hidden effect so that it shows as much as is drawn; none where it would have to be larger than it can be.
+/// Scales every hidden effect to a random target z; `None` if it would exceed its physical limit.
 fn size(case: &mut Case, tier: Tier, chance: &mut Chance) -> Option<()> {
     if case.hidden.is_empty() {
         return Some(());
@@ -344,7 +345,7 @@ fn size(case: &mut Case, tier: Tier, chance: &mut Chance) -> Option<()> {
     };
     for which in 0..case.hidden.len() {
         let wanted = wanted_z(tier, chance);
-        // Twice: what is bent far is not bent in proportion.
+        // Two iterations, because large effects are not linear.
         let most = case.hidden[which].kind.facts().most;
         case.hidden[which] =
             case.hidden[which].scaled(1e-2 * most / case.hidden[which].lead().max(1e-300));
@@ -367,7 +368,7 @@ fn size(case: &mut Case, tier: Tier, chance: &mut Chance) -> Option<()> {
     Some(())
 }
 
-/// A revised number may also be less than the model says.
+/// A revised parameter may also be smaller than the model states.
 fn turn_down(case: &mut Case, which: usize) {
     let hidden = &case.hidden[which];
     let Some(known) = case.revised(hidden) else { return };

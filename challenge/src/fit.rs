@@ -1,21 +1,20 @@
 //! Error on an unseen recording, and the oracle: parameters of the true form and of the model, fitted by Gauss-Newton. For all domains.
 //!
-//! What is fitted anyway is fitted on training rows alone, of a prediction as of the oracle.
-//!
-//! Promises: errors of one pair are over the same rows. Never: use of an answer's name.
+//! Nuisance parameters are fitted on training rows only, for predictions and oracle alike. Errors of one pair are over the same rows, and do not
+//! depend on which effects an answer reports.
 
 use crate::law::{Effect, Law, Trial};
 use crate::linear::Span;
 use crate::view::Whitener;
 use crate::weigh::readings;
 
-/// One recording: what was measured, which rows of it count, and what is fitted anyway.
+/// One recording: measured values, rows in use, and nuisance columns.
 pub struct Part {
-    /// In one order, in one unit.
+    /// Measured values, in a fixed order and unit.
     pub measured: Vec<f64>,
-    /// Keeps the rows that count.
+    /// Selects the rows in use.
     pub whitener: Whitener,
-    /// Columns of what is fitted anyway, in the order of the values.
+    /// Columns of the nuisance parameters, in the order of the values.
     pub anyway: Vec<Vec<f64>>,
 }
 
@@ -25,16 +24,16 @@ impl Part {
     }
 }
 
-/// The recording that a solver got, and the one that it never sees.
+/// The recording given to the solver, and the unseen one.
 pub struct Pair {
-    /// The first.
+    /// Given to the solver.
     pub training: Part,
-    /// The other.
+    /// Never seen by the solver.
     pub unseen: Part,
 }
 
 impl Pair {
-    /// Root mean square of what predictions of both recordings leave of the unseen one.
+    /// Root mean square residual of the unseen recording, for predictions of both recordings.
     #[must_use]
     pub fn error(&self, training: &[f64], unseen: &[f64]) -> f64 {
         let mut span = Span::default();
@@ -50,7 +49,7 @@ impl Pair {
         (kept.iter().map(|x| x * x).sum::<f64>() / kept.len().max(1) as f64).sqrt()
     }
 
-    /// All effects with their numbers fitted to the training rows in so many steps; `exact` predicts these rows.
+    /// All effects with parameters fitted to the training rows in this number of Gauss-Newton steps; `exact` predicts these rows.
     #[must_use]
     pub fn fitted<C: Trial>(
         &self,
@@ -66,7 +65,7 @@ impl Pair {
         all
     }
 
-    /// One step on the uncertain numbers of what is known, which come first, and on all numbers of what is hidden.
+    /// One step on the uncertain parameters of the model's effects, which come first, and on all parameters of the hidden ones.
     fn step<C: Trial>(
         &self,
         case: &C,

@@ -1,12 +1,13 @@
-//! Blind cases of cutting forces: milling and turning, with hidden edge forces, coefficients, wear, runout, chatter, and faults of the sensor.
+//! Blind cases of cutting forces: milling and turning, with hidden edge forces, cutting coefficients, wear, runout, chatter, and errors of the
+//! sensor.
 //!
-//! Teeth are stepped in time. A chip is as thick as its edge stands beyond the path that the tooth before it really took, both on a tool that moves on while
-//! it turns; runout is an edge that stands elsewhere; wear is a share of the way. A sensor of its own reads it: turned, leaking, scaled, off, drifting,
-//! noisy, with a last digit.
+//! Teeth are stepped in time. Chip thickness is the distance of an edge beyond the true (trochoidal) path of the preceding tooth, on a tool that
+//! moves while it rotates; runout displaces the edges; wear is proportional to the feed path. The forces are measured by a sensor with misalignment,
+//! cross-talk, scale error, bias, drift, noise and quantisation.
 //!
 //! Read in this order: [`kinds`], [`mod@cut`], [`scene`], [`teeth`], [`laws`], [`case`], [`mod@bench`], [`mod@draw`], [`proof`], [`mod@write`].
 //!
-//! Promises: the same seed gives the same bytes. Never: a file, a process, a line of another crate's physics.
+//! The same seed gives the same bytes. No file, no process, and no code of another crate's physics.
 
 pub mod bench;
 pub mod candidates;

@@ -1,17 +1,18 @@
-//! The kinds of hidden effects: their names and keys in the contract (`effects.md`), their limits, and what they need to show.
+//! Kinds of hidden position effects: names and keys in the model format (docs/reference/effects.md), limits, and the inputs they need to be
+//! observable.
 //!
-//! Promises: numbers are SI in the order of the keys. Never: a law; see [`crate::laws`].
+//! Parameters are SI, in the order of the keys. Their laws: [`crate::laws`].
 
 mod facts;
 
 use crate::law::{self, Law};
 
-/// What is said of a kind.
+/// Facts of a kind.
 pub type Facts = law::Facts<Need>;
-/// An effect with its numbers.
+/// An effect with its parameters.
 pub type Effect = law::Effect<Kind>;
 
-/// Kinds that the library of the contract has, one per set of parameters, and kinds that it has not.
+/// Kinds of the candidate dictionary, one per set of parameters, and kinds outside it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[expect(
     missing_docs,
@@ -61,31 +62,31 @@ pub enum Kind {
     VaryingPlay,
 }
 
-/// What must be there for an effect to show.
+/// Condition for an effect to be observable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
-    /// Motion in time.
+    /// Motion along a path.
     Path,
     /// Settled poses.
     Poses,
-    /// A wrench that changes.
+    /// A wrench that varies.
     Wrench,
-    /// A temperature that changes.
+    /// A temperature that varies.
     Temperature,
-    /// A spindle that changes its speed.
+    /// A spindle speed that varies.
     Spindle,
-    /// A compliance of joints that the model knows.
+    /// The model has compliances of joints.
     Compliance,
-    /// A compliance of this very joint that the model knows.
+    /// The model has a compliance of the same joint.
     OwnCompliance,
-    /// Masses of the links.
+    /// Known masses of the links.
     Masses,
     /// No temperature recorded.
     NoTemperature,
 }
 
 impl Kind {
-    /// Every kind of the contract's library.
+    /// Every kind of the candidate dictionary.
     pub const LIBRARY: [Self; 36] = [
         Self::JointOffset,
         Self::JointRatio,
@@ -125,7 +126,7 @@ impl Kind {
         Self::WrenchMisalignment,
     ];
 
-    /// Physics that no library of the contract has.
+    /// Kinds outside the candidate dictionary.
     pub const OUTSIDE: [Self; 5] =
         [Self::CableDrag, Self::VaryingDelay, Self::SpeedCube, Self::CrossJoint, Self::VaryingPlay];
 }

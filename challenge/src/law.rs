@@ -1,8 +1,8 @@
-//! Common parts of hidden effects of all domains: facts about a kind, an effect with its parameters, the model's knowledge, and the interface of a case.
+//! Common parts of hidden effects of all domains: facts about a kind, an effect with its parameters, the model's knowledge, and the interface of a
+//! case.
 //!
-//! A domain gives its kinds ([`Law`]) and its cases ([`Trial`]); drawing, weighing, sealing and proving then know nothing else of it.
-//!
-//! Promises: numbers are SI in the order of the keys. Never: a formula of physics.
+//! A domain provides its kinds ([`Law`]) and its cases ([`Trial`]); generation, evaluation, sealing and scoring use only these. Parameters are SI, in
+//! the order of the keys.
 
 use std::fmt::Debug;
 
@@ -11,89 +11,89 @@ use crate::case::{Known, Tier};
 /// A key of an effect in a model file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
-    /// Key with its unit where the joint turns, and where it slides.
+    /// Key with its unit for revolute joints, and for prismatic joints.
     pub keys: [&'static str; 2],
-    /// Numbers.
+    /// Number of values.
     pub count: usize,
-    /// SI of one such unit.
+    /// Factor from the key's unit to SI.
     pub si: f64,
-    /// Whether intervals are counted on it: not where the contract's law and the one here have no common number.
+    /// Whether its confidence intervals are scored: not if the law here has no parameter in common with that of the model format.
     pub counted: bool,
 }
 
 impl Entry {
-    /// A key of several numbers that is the same for all joints.
+    /// A key with several values, identical for all joints.
     #[must_use]
     pub const fn of(key: &'static str, count: usize, si: f64) -> Self {
         Self { keys: [key; 2], count, si, counted: true }
     }
 
-    /// The same, with no number in common with the contract's law.
+    /// The same key, without a parameter in common with the law of the model format.
     #[must_use]
     pub const fn loose(self) -> Self {
         Self { counted: false, ..self }
     }
 
-    /// The key on a joint that turns or slides.
+    /// The key for a prismatic (`slides`) or revolute joint.
     #[must_use]
     pub const fn key(&self, slides: bool) -> &'static str {
         self.keys[slides as usize]
     }
 }
 
-/// What is said of a kind.
+/// Facts of a kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Facts<N: 'static> {
-    /// Name in the contract; none outside the library.
+    /// Name in the model format; `None` outside the candidate dictionary.
     pub name: Option<&'static str>,
     /// Whether it belongs to a joint.
     pub of_joint: bool,
     /// Keys in order.
     pub entries: &'static [Entry],
-    /// How many numbers, from the first, the effect is proportional to.
+    /// Number of leading parameters, to which the effect is proportional.
     pub leads: usize,
-    /// The largest magnitude of a leading number, SI; infinite where the case alone says it.
+    /// Largest magnitude of a leading parameter, SI; infinite if it depends on the case.
     pub most: f64,
-    /// Whether the leading number may not be negative.
+    /// Whether leading parameters must not be negative.
     pub not_negative: bool,
-    /// What it needs.
+    /// Conditions for it to be observable.
     pub needs: &'static [N],
 }
 
 /// A kind of effect of a domain.
 pub trait Law: Copy + PartialEq + Debug {
-    /// What must be there for a kind to show.
+    /// Condition for a kind to be observable.
     type Need: Copy + PartialEq + 'static;
 
-    /// What is said of it.
+    /// Facts of the kind.
     #[must_use]
     fn facts(self) -> Facts<Self::Need>;
 
-    /// Its name in answers; outside the library none.
+    /// Its name in answers; `None` outside the candidate dictionary.
     #[must_use]
     fn name(self) -> Option<&'static str> {
         self.facts().name
     }
 
-    /// How many numbers it has.
+    /// Number of its parameters.
     #[must_use]
     fn count(self) -> usize {
         self.facts().entries.iter().map(|entry| entry.count).sum()
     }
 
-    /// Whether it needs this.
+    /// Whether it has this condition.
     #[must_use]
     fn needs(self, need: Self::Need) -> bool {
         self.facts().needs.contains(&need)
     }
 
-    /// Of what size a change of a number is.
+    /// Typical size of a change of a parameter, for finite differences.
     #[must_use]
     fn step(effect: &Effect<Self>, number: usize) -> f64 {
         effect.numbers[number].abs().max(effect.lead()).max(1e-9)
     }
 
-    /// What a fit that wants a number to be so may make of it: what scales something stays above nothing.
+    /// A fitted value limited to its range: non-negative leading parameters stay non-negative, scale-like parameters positive.
     #[must_use]
     fn bounded(effect: &Effect<Self>, number: usize, wanted: f64) -> f64 {
         let (from, facts) = (effect.numbers[number], effect.kind.facts());
@@ -104,16 +104,16 @@ pub trait Law: Copy + PartialEq + Debug {
     }
 }
 
-/// An effect with its numbers.
+/// An effect with its parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Effect<K> {
-    /// Which law.
+    /// Kind of the effect.
     pub kind: K,
-    /// From 0; 0 for effects of the whole robot.
+    /// 0-based; 0 for effects of the whole robot.
     pub joint: usize,
-    /// Another joint that has a part in it, from 0; its own where none has.
+    /// Another joint that takes part, 0-based; the same joint if there is none.
     pub other: usize,
-    /// SI, in the order of the keys.
+    /// Parameters, SI, in the order of the keys.
     pub numbers: Vec<f64>,
 }
 
@@ -124,7 +124,7 @@ impl<K: Law> Effect<K> {
         Self { kind, joint, other: joint, numbers: numbers.to_vec() }
     }
 
-    /// The same with its leading numbers times `factor`.
+    /// The effect with leading parameters multiplied by `factor`.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         let mut scaled = self.clone();
@@ -132,20 +132,20 @@ impl<K: Law> Effect<K> {
         scaled
     }
 
-    /// The largest of its leading numbers.
+    /// Largest magnitude of its leading parameters.
     #[must_use]
     pub fn lead(&self) -> f64 {
         let leads = self.numbers.iter().take(self.kind.facts().leads);
         leads.fold(0.0, |most, x| most.max(x.abs()))
     }
 
-    /// The joint as answers name it, from 1.
+    /// The joint as in answers, 1-based; `None` for effects of the whole robot.
     #[must_use]
     pub fn joint_said(&self) -> Option<usize> {
         self.kind.facts().of_joint.then_some(self.joint + 1)
     }
 
-    /// Its keys, each with its numbers, SI.
+    /// Its keys with their values, SI.
     pub fn entries(&self) -> impl Iterator<Item = (&'static Entry, &[f64])> {
         let mut from = 0;
         self.kind.facts().entries.iter().map(move |entry| {
@@ -156,50 +156,50 @@ impl<K: Law> Effect<K> {
     }
 }
 
-/// A blind case of any domain, as far as drawing, weighing, sealing and proving look at it.
+/// Interface of a blind case of any domain, for generation, evaluation, sealing and scoring.
 pub trait Trial {
-    /// The domain's kinds.
+    /// Kinds of the domain.
     type Kind: Law;
 
-    /// What it asks.
+    /// Its tier.
     fn tier(&self) -> Tier;
 
-    /// What the model knows.
+    /// Effects in the model.
     fn known(&self) -> &[Known<Self::Kind>];
 
-    /// What it does not.
+    /// Effects missing from the model.
     fn hidden(&self) -> &[Effect<Self::Kind>];
 
-    /// Whether its joints slide.
+    /// Whether its joints are prismatic.
     fn slides(&self) -> bool {
         false
     }
 
-    /// The words of the contract for what a law outside the library follows.
+    /// Names of the covariates that an effect outside the dictionary depends on.
     fn follows(&self, effect: &Effect<Self::Kind>) -> Vec<String>;
 
-    /// The effects that the model has, with its numbers.
+    /// Effects of the model with nominal parameters.
     fn nominal(&self) -> Vec<Effect<Self::Kind>> {
         self.known().iter().map(|known| known.nominal.clone()).collect()
     }
 
-    /// All effects, as they are: known ones first.
+    /// All true effects: those of the model first.
     fn real(&self) -> Vec<Effect<Self::Kind>> {
         let known = self.known().iter().map(|known| known.real.clone());
         known.chain(self.hidden().iter().cloned()).collect()
     }
 
-    /// What the model knows of this kind on this joint.
+    /// The model's effect of this kind on this joint.
     fn known_of(&self, kind: Self::Kind, joint: usize) -> Option<&Known<Self::Kind>> {
         self.known().iter().find(|k| k.nominal.kind == kind && k.nominal.joint == joint)
     }
 
-    /// What the model has where a hidden effect stands: its numbers are then the difference.
+    /// The model's effect that a hidden effect revises: the hidden parameters are then the difference.
     fn revised(&self, effect: &Effect<Self::Kind>) -> Option<&Known<Self::Kind>> {
         self.known_of(effect.kind, effect.joint)
     }
 
-    /// Whether every hidden effect is one: a known number that is off within its uncertainty is no finding.
+    /// Whether every revision exceeds the stated uncertainty by far: an error within it is not a finding.
     fn is_certain(&self) -> bool {
         let beyond = |effect: &Effect<Self::Kind>, known: &Known<Self::Kind>| {
             let pairs = effect.numbers.iter().zip(&known.sigma);

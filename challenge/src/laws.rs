@@ -1,9 +1,9 @@
 //! Laws of the hidden effects, formulated independently: contacts, elastic-slip elements, two thermal nodes, series with sidebands.
 //!
-//! Laws outside the contract's library, δθ of joint i, p another joint's position: `CableDrag` a v sin q; `VaryingDelay` −Δ v sin p;
-//! `SpeedCube` c v³; `CrossJoint` A sin 2p; `VaryingPlay` play whose gap follows sin q.
+//! Laws outside the catalogue, δθ of joint i, p another joint's position: `CableDrag` a v sin q; `VaryingDelay` −Δ v sin p;
+//! `SpeedCube` c v³; `CrossJoint` A sin 2p; `VaryingPlay` backlash whose gap follows sin q.
 //!
-//! Promises: zero numbers bend nothing. Never: noise.
+//! Zero parameters give zero deviation. No noise is added here.
 
 use crate::arm::JOINTS;
 use crate::bent::{BASE, Bend, TOOL};
@@ -12,26 +12,26 @@ use crate::ride::{Fine, Load, loads};
 use crate::scene::Scene;
 use crate::space::{V3, add, times};
 
-/// Elastic-slip elements of a hysteresis.
+/// Number of elasto-slip elements of a hysteresis.
 const SLIPS: usize = 40;
-/// Share of each sideband of a gear's error.
+/// Relative amplitude of each sideband of a gear error.
 const SIDEBAND: f64 = 0.01;
-/// How much faster a surface warms than the core.
+/// Ratio of the time constants of surface and core.
 const SURFACE: f64 = 0.03;
 
-/// A scene with what its motors do and what pulls at the arm.
+/// A scene with the motor motion and the loads on the arm.
 #[derive(Clone, Debug)]
 pub struct Run<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// Segments of a path; none for poses.
+    /// Segments of a path; empty for poses.
     pub fine: Vec<Fine>,
     /// One per row.
     pub loads: Vec<Load>,
 }
 
 impl<'a> Run<'a> {
-    /// The scene with what these effects make of motors and loads.
+    /// The scene with motor motion and loads under these effects.
     #[must_use]
     pub fn of(scene: &'a Scene, effects: &[Effect]) -> Self {
         let fine = Fine::of(scene, effects);
@@ -39,7 +39,7 @@ impl<'a> Run<'a> {
         Self { scene, fine, loads }
     }
 
-    /// Where the motors are at each row.
+    /// Motor positions at each row, rad.
     #[must_use]
     pub fn motors(&self) -> Vec<[f64; JOINTS]> {
         let mut q: Vec<_> = self.scene.rows.iter().map(|row| row.q).collect();
@@ -51,7 +51,7 @@ impl<'a> Run<'a> {
         q
     }
 
-    /// What the effects bend, row by row; what acts on motors and loads alone bends nothing here.
+    /// Deviations by the effects, row by row; effects on motors and loads alone add none here.
     #[must_use]
     pub fn bends(&self, effects: &[Effect]) -> Vec<Bend> {
         let mut bends = vec![Bend::default(); self.scene.rows.len()];
@@ -105,7 +105,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Effects between joints, at the base or the tool; what acts on motors and loads alone passes by.
+    /// Adds effects between joints, at the base or the tool; effects on motors and loads alone are skipped.
     fn add_geometry(&self, effect: &Effect, motors: &[[f64; JOINTS]], bends: &mut [Bend]) {
         let (i, x, arm) = (effect.joint, &effect.numbers, &self.scene.arm);
         match effect.kind {
@@ -150,7 +150,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Effects that need the way the motor went.
+    /// Effects that depend on the history of the motor position.
     fn moving(&self, effect: &Effect) -> Vec<f64> {
         let scene = self.scene;
         if scene.settled() {
@@ -182,7 +182,7 @@ impl<'a> Run<'a> {
         all
     }
 
-    /// How far warmth has gone, times the amount.
+    /// Thermal response at each row, times its amplitude.
     fn warmth(&self, effect: &Effect) -> Vec<f64> {
         let x = &effect.numbers;
         let (scene, i) = (self.scene, effect.joint);
@@ -205,7 +205,7 @@ impl<'a> Run<'a> {
             }
             _ => return scene.rows.iter().map(|row| x[0] * cause(row)).collect(),
         };
-        // Air warms the surface, the surface the core: two nodes.
+        // Two nodes: air heats the surface, the surface heats the core.
         let mut nodes: Option<(f64, f64)> = None;
         let mut before = (0, 0.0);
         let mut all = Vec::with_capacity(scene.rows.len());
@@ -230,7 +230,7 @@ fn three(x: &[f64]) -> V3 {
     [x[0], x[1], x[2]]
 }
 
-/// The mesh's error with the sidebands of the wheel that carries it.
+/// Transmission error of a gear mesh with the sidebands of its carrier.
 fn gear(x: &[f64], q: f64) -> f64 {
     let line = |n: f64, share: f64, phase: f64| share * x[0] * (n * q + x[2] + phase).sin();
     line(x[1], 1.0, 0.0)
@@ -238,18 +238,18 @@ fn gear(x: &[f64], q: f64) -> f64 {
         + line((x[1] - 1.0).max(0.5), SIDEBAND, -1.7)
 }
 
-/// A settled pose after a long move in direction `d`.
+/// Error of a settled pose after a long move in direction `d`.
 fn came_from(effect: &Effect, d: f64, q: f64) -> f64 {
     let gap = match effect.kind {
         Kind::VaryingPlay => effect.numbers[0].abs() * (0.5 + 0.5 * q.sin()),
         Kind::Backlash | Kind::Hysteresis => effect.numbers[0],
         _ => 0.0,
     };
-    // The motor pushes the link in front of it: the link lags half of the gap behind.
+    // The motor pushes the link ahead of it: the link lags by half the gap.
     -0.5 * gap * d
 }
 
-/// Effects with the gaps of a joint as one: they stand in a row, and the link is pushed once all are crossed.
+/// Combines the gaps of a joint into one: they are in series, and the link moves once all are crossed.
 fn in_a_row(effects: &[Effect]) -> Vec<Effect> {
     let mut all: Vec<Effect> = Vec::with_capacity(effects.len());
     for effect in effects {
@@ -266,7 +266,7 @@ fn in_a_row(effects: &[Effect]) -> Vec<Effect> {
     all
 }
 
-/// A link between two faces of the motor's side, held by friction unless a face pushes it: link minus motor.
+/// Link position minus motor position for a link between two faces of the motor side, held by friction unless a face pushes it.
 fn contact(motor: &[f64], start: f64, gap: impl Fn(f64) -> f64) -> Vec<f64> {
     let mut link = motor[0] + 0.5 * start * gap(motor[0]);
     let follow = |m: &f64| {
@@ -283,9 +283,10 @@ fn contact(motor: &[f64], start: f64, gap: impl Fn(f64) -> f64) -> Vec<f64> {
     motor.iter().map(follow).collect()
 }
 
-/// Springs that slip, of equal shares; their yield distances are spread so that the sum builds up exponentially.
+/// Elasto-slip elements of equal strength; their yield distances are distributed so that the sum builds up exponentially.
 pub(crate) fn slipping(motor: &[f64], height: f64, distance: f64) -> Vec<f64> {
-    // Turned back by x, a spring gives way over twice its yield y: 1 − e^(−x/s) of the whole asks for twice the yields to be spread as x e^(−x/s).
+    // After a reversal by x, an element slips at twice its yield distance y: for a response 1 − e^(−x/s), twice the yield distances must have the
+    // density x e^(−x/s).
     let yields: Vec<f64> =
         (0..SLIPS).map(|k| 0.5 * distance * gamma2((k as f64 + 0.5) / SLIPS as f64)).collect();
     let share = height / SLIPS as f64;
@@ -304,7 +305,7 @@ pub(crate) fn slipping(motor: &[f64], height: f64, distance: f64) -> Vec<f64> {
     motor.iter().map(follow).collect()
 }
 
-/// Where the distribution of density x e^(−x) reaches a share.
+/// Quantile of the distribution with density x e^(−x).
 fn gamma2(share: f64) -> f64 {
     let (mut low, mut high) = (0.0_f64, 40.0_f64);
     for _ in 0..60 {
@@ -318,7 +319,7 @@ fn gamma2(share: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// A mass on a spring that the joint's acceleration shakes: Runge and Kutta.
+/// A spring-mass oscillator excited by the joint's acceleration, integrated by Runge-Kutta.
 fn ringing(fine: &Fine, effect: &Effect) -> Vec<f64> {
     let (share, omega, damping) =
         (effect.numbers[0], std::f64::consts::TAU * effect.numbers[1], effect.numbers[2]);
@@ -342,7 +343,7 @@ fn ringing(fine: &Fine, effect: &Effect) -> Vec<f64> {
     all
 }
 
-/// A servo that stumbles when it turns back; rows alone tell when.
+/// A servo with a transient error after each reversal; reversals are detected at the rows.
 fn snapping(fine: &Fine, effect: &Effect) -> Vec<f64> {
     let q = &fine.q[effect.joint];
     let (mut sign, mut turned_s) = (0.0, None);

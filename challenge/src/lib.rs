@@ -1,16 +1,16 @@
-//! The blind test: sealed cases, and the score of the answers.
+//! Blind test of the diagnosis: sealed random cases, and the score of the answers.
 //!
-//! The physics here is formulated otherwise than anywhere else in the house, and shares nothing with it: homogeneous transforms from
-//! Denavit–Hartenberg tables, play as a contact of two faces, hysteresis by springs that slip, warmth by two nodes, gear errors as series with
-//! sidebands, noise with colour, a last digit, gaps and outliers.
+//! The physics here is formulated independently of all other crates and shares no code with them: homogeneous transforms from Denavit-Hartenberg
+//! tables, backlash as contact of two faces, hysteresis by elasto-slip elements, temperature by two thermal nodes, gear errors as series with
+//! sidebands, autocorrelated noise, quantisation, gaps and outliers.
 //!
-//! Read in this order: [`mod@law`] (what all domains have in common), [`kinds`] and [`laws`] (what may be hidden), [`scene`] (what the robot does), [`view`] (what is seen),
-//! [`mod@draw`] (cases by chance), [`mod@bench`] (what can be known of a case before anyone answers), [`fit`] and [`proof`] (what an answer is worth on a
-//! motion that nobody saw), [`mod@write`] (the files), [`seal`], [`answer`] and [`score`].
+//! Read in this order: [`mod@law`] (common to all domains), [`kinds`] and [`laws`] (possible hidden effects), [`scene`] (inputs of the robot),
+//! [`view`] (instruments), [`mod@draw`] (random cases), [`mod@bench`] (detectability of a case's effects), [`fit`] and [`proof`] (error of an answer
+//! on an unseen motion), [`mod@write`] (the files), [`seal`], [`answer`] and [`score`].
 //!
-//! What the motors feel instead of where the tool goes: [`torque`]; what a cutter exerts: [`force`].
+//! Other domains: drive torques in [`torque`], cutting forces in [`force`].
 //!
-//! Promises: the same seed gives the same bytes. Never: a file read or written, a process, a clock.
+//! The same seed gives the same bytes. No file access, no process, no clock.
 
 pub mod answer;
 pub mod arm;

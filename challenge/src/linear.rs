@@ -1,31 +1,31 @@
-//! Least squares by orthogonal columns: explained part and residual.
-//!
-//! Promises: columns that say nothing new (to 1e-9 of their length) are left out. Never: a column's meaning.
+//! Least squares by orthonormal columns: projection and residual. Columns that are linearly dependent on the others (to 1e-9 of their norm) are
+//! dropped.
 
-/// Columns made orthonormal, one after the other (modified Gram–Schmidt, twice).
+/// Orthonormal basis of columns added one by one (modified Gram-Schmidt with reorthogonalisation).
 #[derive(Clone, Debug, Default)]
 pub struct Span {
     units: Vec<Vec<f64>>,
-    /// Place of each unit in the order of [`Span::take`], and how it was made: coefficients on the units before, then its length.
+    /// For each basis vector: index of its column in the order of [`Span::take`], and its coefficients on the preceding basis vectors, followed by
+    /// its norm.
     made: Vec<(usize, Vec<f64>)>,
     taken: usize,
 }
 
-/// The inner product.
+/// Scalar product.
 #[must_use]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 impl Span {
-    /// Takes a column; whether it said something new.
+    /// Adds a column; returns whether it was linearly independent.
     pub fn take(&mut self, mut column: Vec<f64>) -> bool {
         let place = self.taken;
         self.taken += 1;
         let before = dot(&column, &column).sqrt();
         let mut coefficients = self.remove(&mut column);
         let after = dot(&column, &column).sqrt();
-        // What is not a number says nothing either.
+        // A NaN column is dropped too.
         if after.is_nan() || after <= 1e-9 * before {
             return false;
         }
@@ -36,7 +36,7 @@ impl Span {
         true
     }
 
-    /// Takes out of `vector` what these columns explain; gives the coefficients on the units.
+    /// Subtracts from `vector` its projection on the columns; returns the coefficients of the basis.
     pub fn remove(&self, vector: &mut [f64]) -> Vec<f64> {
         let mut sums = vec![0.0; self.units.len()];
         for _ in 0..2 {
@@ -49,7 +49,7 @@ impl Span {
         sums
     }
 
-    /// What is left of a vector.
+    /// Residual of a vector after projection.
     #[must_use]
     pub fn rest(&self, vector: &[f64]) -> Vec<f64> {
         let mut rest = vector.to_vec();
@@ -57,7 +57,7 @@ impl Span {
         rest
     }
 
-    /// The coefficients of least squares on the columns as they were taken; zero for those that said nothing new.
+    /// Least-squares coefficients of the columns in the order in which they were added; zero for dependent ones.
     #[must_use]
     pub fn solve(&self, vector: &[f64]) -> Vec<f64> {
         let mut work = vector.to_vec();
@@ -74,7 +74,7 @@ impl Span {
         found
     }
 
-    /// How many columns said something new.
+    /// Number of independent columns.
     #[must_use]
     pub fn rank(&self) -> usize {
         self.units.len()
@@ -95,7 +95,7 @@ mod tests {
         assert!(span.take(x.clone()));
         assert!(!span.take(x.iter().map(|x| 2.0 * x - 7.0).collect()), "nothing new");
         let found = span.solve(&y);
-        // The textbook's normal equations for this line.
+        // Closed-form normal equations of the straight line.
         let (sx, sxx) = (190.0, 2470.0);
         let (sy, sxy) = (y.iter().sum::<f64>(), dot(&x, &y));
         let slope = (20.0 * sxy - sx * sy) / (20.0 * sxx - sx * sx);

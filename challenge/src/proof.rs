@@ -1,8 +1,7 @@
 //! Evaluation of an answer on an unseen motion: error before, after, and of an oracle that knows the true form.
 //!
-//! Registration is fitted on training rows alone; outliers are left out.
-//!
-//! Promises: the three errors are over the same rows. Never: use of an answer's name.
+//! Registration (frame and targets) is fitted on training rows only; outliers are excluded. All three errors are over the same rows, and do not
+//! depend on which effects the answer reports.
 
 use crate::bench::registration;
 use crate::case::Case;
@@ -16,16 +15,16 @@ use crate::view::Whitener;
 
 const STEPS: usize = 2;
 
-/// Where a model puts the robot at each row.
+/// Predictions of a model at each row.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Predicted {
-    /// The tool, base coordinates.
+    /// Pose of the tool, base coordinates.
     Tools(Vec<T4>),
     /// Joint positions on the link side, rad, joint by joint of each row.
     Links(Vec<Vec<f64>>),
 }
 
-/// Both recordings of a case.
+/// The two recordings of a case: training and unseen.
 pub struct Proof<'a> {
     case: &'a Case,
     scenes: [&'a Scene; 2],
@@ -33,7 +32,7 @@ pub struct Proof<'a> {
 }
 
 impl<'a> Proof<'a> {
-    /// The case's recording and the one that the solver never sees.
+    /// Prepares the case's recording and the one that the solver never sees.
     #[must_use]
     pub fn of(case: &'a Case, unseen: &'a Scene) -> Self {
         let part = |scene: &'a Scene, number: u64| {
@@ -47,13 +46,13 @@ impl<'a> Proof<'a> {
         Self { case, scenes: [&case.scene, unseen], pair }
     }
 
-    /// Error of the model as given, rms over single values, m or rad.
+    /// Error of the nominal model, rms over scalar values, m or rad.
     #[must_use]
     pub fn before(&self) -> f64 {
         self.error(&self.case.nominal())
     }
 
-    /// Error of predictions of both recordings; none where they have not a row for each.
+    /// Error of predictions of both recordings; `None` unless each has one value per row.
     #[must_use]
     pub fn after(&self, training: &Predicted, unseen: &Predicted) -> Option<f64> {
         let training = self.values(self.scenes[0], training)?;
@@ -61,7 +60,7 @@ impl<'a> Proof<'a> {
         Some(self.pair.error(&training, &unseen)).filter(|error| error.is_finite())
     }
 
-    /// Error of the true form with its numbers fitted.
+    /// Error of the oracle: the true form with fitted parameters.
     #[must_use]
     pub fn oracle(&self) -> f64 {
         let exact = |effects: &[Effect]| self.case.exact(self.scenes[0], effects);

@@ -1,9 +1,9 @@
 //! Actual motion of the motors, and the loads on the arm.
 //!
-//! Motion: a fine grid between the rows, late and lagging as the hidden effects say. Loads: forces on point masses, found
-//! from where the masses are: weight, and −m times the second difference of their places in time.
+//! Motion: a fine grid between the rows, with the delay and lag of the hidden effects. Loads: forces on point masses, computed from their positions:
+//! weight, and −m times the second time difference of the positions.
 //!
-//! Promises: an arm at rest has no inertia. Never: a bend; the loads are taken on the arm as its controller believes it.
+//! Loads are computed on the nominal arm; an arm at rest has no inertial load.
 
 use crate::arm::{Arm, JOINTS, Joints, Mass};
 use crate::kinds::{Effect, Kind};
@@ -13,24 +13,24 @@ use crate::space::{
     turn, turn_z,
 };
 
-/// The longest step of the fine grid, s.
+/// Longest step of the fine grid, s.
 const FINE_S: f64 = 2.5e-3;
 
 /// One segment on a fine grid.
 #[derive(Clone, Debug)]
 pub struct Fine {
-    /// Its first row among all.
+    /// Index of its first row among all rows.
     pub first: usize,
-    /// The place of each of its rows in the grid.
+    /// Grid index of each of its rows.
     pub at: Vec<usize>,
-    /// The grid, s.
+    /// Grid times, s.
     pub t_s: Vec<f64>,
-    /// Motors by joint, rad.
+    /// Motor positions by joint, rad.
     pub q: Vec<Vec<f64>>,
 }
 
 impl Fine {
-    /// All segments of a path, with what delays and lags.
+    /// All segments of a path, with delay and lag.
     #[must_use]
     pub fn of(scene: &Scene, effects: &[Effect]) -> Vec<Self> {
         let mut first = 0;
@@ -51,7 +51,7 @@ impl Fine {
         scene.segments.iter().map(of_segment).collect()
     }
 
-    /// Speed and acceleration of a joint at grid point `k`, by three neighbours.
+    /// Velocity and acceleration of a joint at grid point `k`, from three neighbouring points.
     #[must_use]
     pub fn rates(&self, joint: usize, k: usize) -> (f64, f64) {
         let k = k.clamp(1, self.t_s.len() - 2);
@@ -61,7 +61,7 @@ impl Fine {
         ((left * b + right * a) / (a + b), 2.0 * (right - left) / (a + b))
     }
 
-    /// The motors at grid point `k`.
+    /// Motor positions at grid point `k`, rad.
     #[must_use]
     pub fn motors(&self, k: usize) -> Joints {
         let mut q = [0.0; JOINTS];
@@ -87,7 +87,7 @@ fn grid(rows_s: &[f64]) -> (Vec<f64>, Vec<usize>) {
     (t_s, at)
 }
 
-/// A first-order servo that hears straight lines between the grid's points.
+/// First-order lag, exact for an input that is linear between grid points.
 fn lagging(t_s: &[f64], heard: &[f64], lag_s: f64) -> Vec<f64> {
     let mut y = heard[0];
     let mut seen = vec![y];
@@ -100,14 +100,14 @@ fn lagging(t_s: &[f64], heard: &[f64], lag_s: f64) -> Vec<f64> {
     seen
 }
 
-/// What pulls at one row.
+/// Loads at one row.
 #[derive(Clone, Debug, Default)]
 pub struct Load {
     /// Torque of weight (and springs) on each joint, Nm.
     pub gravity: Joints,
-    /// Of the wrench.
+    /// Torque of the wrench on each joint, Nm.
     pub wrench: Joints,
-    /// Of the arm's own motion.
+    /// Torque of the arm's own acceleration on each joint, Nm.
     pub inertia: Joints,
     /// Moment of weight and wrench about each pivot, in the joint's frame before its motion, Nm.
     pub moment: [V3; JOINTS],
@@ -118,14 +118,14 @@ pub struct Load {
 }
 
 impl Load {
-    /// The torque that bends joint `i`, Nm.
+    /// Total torque that deflects joint `i`, Nm.
     #[must_use]
     pub fn torque(&self, i: usize) -> f64 {
         self.gravity[i] + self.wrench[i] + self.inertia[i]
     }
 }
 
-/// The loads of all rows, with what the effects change of them.
+/// Loads of all rows, including the changes by effects.
 #[must_use]
 pub fn loads(scene: &Scene, fine: &[Fine], effects: &[Effect]) -> Vec<Load> {
     let masses = masses(&scene.arm, effects);
@@ -150,7 +150,7 @@ pub fn loads(scene: &Scene, fine: &[Fine], effects: &[Effect]) -> Vec<Load> {
     for spring in effects.iter().filter(|e| e.kind == Kind::Counterbalance) {
         let [k, free, a, l, angle] = std::array::from_fn(|n| spring.numbers[n]);
         for (load, row) in all.iter_mut().zip(&scene.rows) {
-            // The spring's force along the line between its two ends, and that line's lever about the joint.
+            // The spring's force acts along the line between its two pivots, with a lever arm about the joint.
             let angle = angle + row.q[spring.joint];
             let (end, anchor) = ([l * angle.cos(), l * angle.sin(), 0.0], [-a, 0.0, 0.0]);
             let line = sub(anchor, end);
@@ -173,7 +173,7 @@ fn masses(arm: &Arm, effects: &[Effect]) -> Vec<Mass> {
     masses
 }
 
-/// What acts where the sensor reads this; tool axes.
+/// True force and moment for the values measured by the sensor; tool axes.
 fn truth(read: [f64; 6], effects: &[Effect]) -> (V3, V3) {
     let mut parts = read;
     for bias in effects.iter().filter(|e| e.kind == Kind::WrenchBias) {
@@ -215,7 +215,7 @@ fn still(arm: &Arm, masses: &[Mass], gravity: V3, q: &Joints, (force, moment): (
     load
 }
 
-/// −m a of every mass, as torques.
+/// Inertial forces −m a of all masses, as joint torques.
 fn reaction(arm: &Arm, masses: &[Mass], fine: &Fine, k: usize) -> Joints {
     let mut torques = [0.0; JOINTS];
     if masses.is_empty() || fine.t_s.len() < 3 {

@@ -1,14 +1,12 @@
 //! Inputs of a case row by row: motion, loads, temperatures, process state.
 //!
-//! Motions in time are sums of sines about a centre that swell from rest, known at any instant; poses are settled, each with the side
-//! from which every joint came.
-//!
-//! Promises: what is in a row is what the recording says; what really acts is the laws' affair. Never: an effect.
+//! Paths are sums of sines about a centre with amplitudes that grow from rest, known at any instant; poses are settled, each with the direction of
+//! approach of every joint. Rows contain the inputs as recorded; the true inputs are computed by the laws.
 
 use crate::arm::{Arm, JOINTS, Joints};
 use crate::chance::Chance;
 
-/// One sine of one joint.
+/// One sinusoid of one joint's motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wave {
     joint: usize,
@@ -17,20 +15,20 @@ pub struct Wave {
     phase: f64,
 }
 
-/// A run of a path.
+/// One segment of a path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
-    /// When it is looked at, s from its start.
+    /// Sampling times, s from its start.
     pub times_s: Vec<f64>,
     centre: Joints,
     waves: Vec<Wave>,
     ramp_s: f64,
-    /// Where within its gap each joint's play stands before it moves, −1 to 1.
+    /// Position of each joint within its backlash before it moves, −1 to 1.
     pub start: Joints,
 }
 
 impl Segment {
-    /// The commanded position of a joint, rad.
+    /// Commanded position of a joint, rad.
     #[must_use]
     pub fn command(&self, joint: usize, t_s: f64) -> f64 {
         let s = (t_s / self.ramp_s).clamp(0.0, 1.0);
@@ -41,41 +39,41 @@ impl Segment {
     }
 }
 
-/// One row of a recording, without what was measured.
+/// Recorded inputs of one row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
-    /// s from the segment's start.
+    /// Time from the start of the segment, s.
     pub t_s: f64,
-    /// From 0.
+    /// 0-based.
     pub segment: usize,
-    /// Commanded, rad.
+    /// Commanded positions, rad.
     pub q: Joints,
-    /// Sides that poses were reached from.
+    /// Direction of approach of each joint.
     pub d: Joints,
-    /// What the force sensor reads: tool axes, N and Nm about the TCP.
+    /// Wrench as measured by the force sensor: tool axes, N and Nm about the TCP.
     pub wrench: [f64; 6],
-    /// Ambient, °C.
+    /// Ambient temperature, °C.
     pub ambient_c: f64,
-    /// Of each joint, °C.
+    /// Temperature of each joint, °C.
     pub joint_c: Joints,
-    /// rev/min.
+    /// Spindle speed, rev/min.
     pub rpm: f64,
 }
 
-/// A motion with its surroundings.
+/// A motion with all other inputs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// The arm as its controller believes it.
+    /// The nominal arm.
     pub arm: Arm,
-    /// Runs of a path; empty for settled poses.
+    /// Segments of a path; empty for settled poses.
     pub segments: Vec<Segment>,
     /// All rows in order.
     pub rows: Vec<Row>,
-    /// What is recorded besides the joints.
+    /// Recorded inputs besides joint positions.
     pub has: Has,
 }
 
-/// Which inputs a recording holds.
+/// Which inputs a recording contains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Has {
     /// A wrench.
@@ -88,23 +86,23 @@ pub struct Has {
     pub spindle: bool,
 }
 
-/// How rich a motion is.
+/// Excitation of a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Richness {
-    /// All joints, far.
+    /// All joints over large ranges.
     Full,
-    /// A few joints, little.
+    /// A few joints over small ranges.
     Poor,
 }
 
 impl Scene {
-    /// Whether it is settled poses.
+    /// Whether it consists of settled poses.
     #[must_use]
     pub fn settled(&self) -> bool {
         self.segments.is_empty()
     }
 
-    /// The same robot and surroundings on another motion, which the solver never sees.
+    /// Another motion of the same robot with the same inputs, which the solver never sees.
     #[must_use]
     pub fn again(&self, chance: &mut Chance, richness: Richness) -> Self {
         let seconds = self.segments.iter().map(|segment| segment.times_s.len());
@@ -118,7 +116,7 @@ impl Scene {
         }
     }
 
-    /// Settled poses.
+    /// Random settled poses.
     #[must_use]
     pub fn poses(
         arm: Arm,
@@ -159,7 +157,7 @@ impl Scene {
         Self { arm, segments: Vec::new(), rows, has }
     }
 
-    /// A path of so many rows at a rate, Hz, in segments.
+    /// A random path with this number of rows at this rate, Hz, in segments.
     #[must_use]
     pub fn path(
         arm: Arm,
@@ -204,7 +202,7 @@ impl Scene {
     }
 }
 
-/// Where each joint may be.
+/// Range of each joint.
 struct Range {
     centre: Joints,
     half: Joints,
@@ -228,7 +226,7 @@ impl Range {
 impl Segment {
     fn draw(range: &Range, joints: usize, rows: usize, rate_hz: f64, chance: &mut Chance) -> Self {
         let dt = 1.0 / rate_hz;
-        // Stamps are right, and uneven by a few hundredths of a step.
+        // Time stamps are exact, but uneven by a few hundredths of a step.
         let times_s = (0..rows)
             .map(|k| if k == 0 { 0.0 } else { dt * (k as f64 + chance.between(-0.03, 0.03)) });
         let times_s = times_s.map(|t| (t * 1e6).round() * 1e-6).collect();
@@ -248,7 +246,7 @@ impl Segment {
             segment.centre[joint] += (half - far) * chance.between(-1.0, 1.0);
             for share in [0.7, 0.3] {
                 let amplitude = share * far * chance.between(0.5, 1.0);
-                // At most 1.6 rad/s, as arms of this size can do.
+                // At most 1.6 rad/s, attainable by arms of this size.
                 let rate = chance.log_between(0.9, 7.0).min(1.6 / amplitude);
                 let phase = chance.between(0.0, std::f64::consts::TAU);
                 segment.waves.push(Wave { joint, amplitude, rate, phase });
@@ -258,7 +256,7 @@ impl Segment {
     }
 }
 
-/// How warm it is over hours.
+/// Temperatures over hours.
 struct Climate {
     rise_c: f64,
     after_s: f64,

@@ -1,9 +1,10 @@
 //! The score of answers against the truth (docs/diagnosis.md, "How success is counted", and the end of `effects.md`).
 //!
-//! A finding is right if it is a hidden effect (or its other name in one family); or a candidate that cannot be distinguished from it, with the truth among
-//! its alternatives. A case counts towards a bar where a hidden effect has z of at least 8 and an expected gain of at least 5 over every rival.
+//! A finding is right if it is a hidden effect (or an equivalent effect of the same family), or a candidate that is indistinguishable from it, with
+//! the truth among its alternatives. A case is scored against the acceptance limits if a hidden effect has z of at least 8 and an expected gain of at
+//! least 5 over every alternative.
 //!
-//! Promises: an answer that is missing counts as wrong. Never: a case left out because it went badly.
+//! A missing answer counts as wrong; no case is excluded.
 
 mod figures;
 
@@ -13,20 +14,20 @@ use crate::answer::{Answer, Finding, Named, Verdict};
 use crate::case::Tier;
 use crate::truth::{Hidden, LEAST_Z, Truth};
 
-/// Errors on the motion that nobody saw, m or rad.
+/// Prediction errors on the unseen motion, m or rad (torques: Nm or N; forces: N).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Errors {
-    /// Of the model as given.
+    /// Of the nominal model.
     pub before: f64,
-    /// Of the model that the solver wrote.
+    /// Of the model written by the solver.
     pub after: f64,
-    /// Of the true form with its numbers fitted.
+    /// Of the oracle: the true form with fitted parameters.
     pub oracle: f64,
 }
 
 impl Errors {
-    /// Share of the oracle's gain; none where the oracle gains nothing worth a share.
+    /// Improvement as a fraction of the oracle's; `None` if the oracle improves by less than one percent.
     #[must_use]
     pub fn share(&self) -> Option<f64> {
         let most = self.before - self.oracle;
@@ -34,42 +35,42 @@ impl Errors {
     }
 }
 
-/// What came of one case.
+/// Result of one case.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// What was hidden.
+    /// The hidden truth.
     pub truth: Truth,
-    /// What was answered; none where there was no answer.
+    /// The answer, if any.
     pub answer: Option<Answer>,
-    /// What the written model is worth, where it was asked.
+    /// Prediction errors of the written model, if evaluated.
     pub errors: Option<Errors>,
-    /// How long the solver took, s.
+    /// Computing time of the solver, s.
     pub seconds: Option<f64>,
 }
 
-/// One case in a line: what was hidden, what was said, how it went.
+/// Summary of one case: hidden effects, answer, score.
 #[derive(Clone, Debug, serde::Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Line {
-    /// Its folder's name.
+    /// Name of the case's folder.
     pub case: String,
-    /// What it asked.
+    /// Tier of the case.
     pub tier: Tier,
-    /// What was hidden, strongest first.
+    /// Hidden effects, largest z first.
     pub hidden: Vec<String>,
-    /// Whether it counts towards a bar.
+    /// Whether the case is scored against the acceptance limits.
     pub counts: bool,
-    /// Of the strongest that counts; of the strongest where none does.
+    /// Largest z among the scored effects; among all hidden effects if none is scored.
     pub z: f64,
-    /// The verdict; none without an answer.
+    /// The verdict; null without an answer.
     pub verdict: Option<Verdict>,
-    /// What was found, in its order.
+    /// Reported effects, in the order of the answer.
     pub said: Vec<String>,
     /// Whether the first claim is right.
     pub first_right: bool,
-    /// Share of the oracle's gain.
+    /// Improvement of the prediction as a fraction of the oracle's.
     pub gain: Option<f64>,
-    /// How long it took, s.
+    /// Computing time of the solver, s.
     pub seconds: Option<f64>,
 }
 
@@ -81,7 +82,7 @@ fn is(named: &Named, name: &(&'static str, Option<usize>)) -> bool {
     named.effect == name.0 && named.joint == name.1
 }
 
-/// Whether a name is this hidden effect.
+/// Whether a reported effect is this hidden effect or an equivalent one.
 fn hits(named: &Named, hidden: &Hidden) -> bool {
     hidden.name().is_some_and(|name| is(named, &name))
         || hidden.judged.same.iter().any(|name| is(named, name))
@@ -95,7 +96,7 @@ fn right_about(finding: &Finding, hidden: &Hidden) -> bool {
 }
 
 impl Outcome {
-    /// The case in a line.
+    /// Summary of the case.
     #[must_use]
     pub fn line(&self) -> Line {
         let mut hidden: Vec<&Hidden> = self.truth.hidden.iter().collect();
@@ -116,13 +117,13 @@ impl Outcome {
         }
     }
 
-    /// Whether a finding is right about anything that is hidden.
+    /// Whether a finding is right about any hidden effect.
     #[must_use]
     pub fn right(&self, finding: &Finding) -> bool {
         self.truth.hidden.iter().any(|hidden| right_about(finding, hidden))
     }
 
-    /// The findings that are claims.
+    /// The findings that count as claims.
     #[must_use]
     pub fn claims(&self) -> &[Finding] {
         match &self.answer {
@@ -131,20 +132,20 @@ impl Outcome {
         }
     }
 
-    /// Whether the case counts towards a bar.
+    /// Whether the case is scored against the acceptance limits.
     #[must_use]
     pub fn counts(&self) -> bool {
         self.truth.hidden.iter().any(Hidden::counts)
     }
 
-    /// Its z: the largest of what is hidden and counts.
+    /// Largest z of the scored hidden effects; zero if none is scored.
     #[must_use]
     pub fn z(&self) -> f64 {
         let counting = self.truth.hidden.iter().filter(|hidden| hidden.counts());
         counting.map(|hidden| hidden.judged.z).fold(0.0, f64::max)
     }
 
-    /// Its ρ, of the same.
+    /// Largest effect-to-noise ratio ρ of the scored hidden effects.
     #[must_use]
     pub fn rho(&self) -> f64 {
         let counting = self.truth.hidden.iter().filter(|hidden| hidden.counts());
@@ -157,7 +158,7 @@ impl Outcome {
         self.claims().first().is_some_and(|finding| self.right(finding))
     }
 
-    /// Whether the truth stands among the first three names of the answer, findings first, then their rivals.
+    /// Whether a hidden effect is among the first three reported effects (findings first, then their alternatives).
     #[must_use]
     pub fn first_three_right(&self) -> bool {
         let Some(answer) = &self.answer else { return false };
@@ -165,7 +166,7 @@ impl Outcome {
         names.any(|named| self.truth.hidden.iter().any(|hidden| hits(named, hidden)))
     }
 
-    /// Where the first claim names the right effect: whether its joint is right too.
+    /// Whether the first claim reports the right joint; `None` unless its kind is right.
     #[must_use]
     pub fn joint_right(&self) -> Option<bool> {
         let first = self.claims().first()?;
@@ -177,27 +178,27 @@ impl Outcome {
         (!hidden.is_empty()).then(|| hidden.iter().any(|hidden| right_about(first, hidden)))
     }
 
-    /// Whether a null was answered with physics that is not there.
+    /// Whether effects were claimed in a case without hidden effects.
     #[must_use]
     pub fn false_finding(&self) -> bool {
         self.truth.tier == Tier::Null
             && self.answer.as_ref().is_some_and(|answer| answer.verdict.claims())
     }
 
-    /// Whether physics outside the library shows so much that no library effect explains it.
+    /// Whether an effect outside the dictionary leaves a detectable residual after every candidate.
     #[must_use]
     pub fn is_unknown(&self) -> bool {
         self.truth.tier == Tier::Outside
             && self.truth.hidden.iter().any(|hidden| hidden.judged.unexplained_z >= LEAST_Z)
     }
 
-    /// Whether it was called unknown.
+    /// Whether the verdict is unknown structure.
     #[must_use]
     pub fn called_unknown(&self) -> bool {
         self.answer.as_ref().is_some_and(|answer| answer.verdict == Verdict::UnknownStructure)
     }
 
-    /// Whether what it follows was told: every true word, and at most as many others.
+    /// Whether the covariates were reported: all true ones, and at most as many others.
     #[must_use]
     pub fn depends_on_right(&self) -> bool {
         let Some(answer) = &self.answer else { return false };
@@ -206,7 +207,7 @@ impl Outcome {
             && answer.depends_on.len() <= 2 * wanted.len()
     }
 
-    /// Whether the case cannot be decided though something shows.
+    /// Whether a detectable effect cannot be distinguished from an alternative.
     #[must_use]
     pub fn is_ambiguous(&self) -> bool {
         let alike =
@@ -214,7 +215,7 @@ impl Outcome {
         self.truth.tier != Tier::Multiple && self.truth.hidden.iter().any(alike)
     }
 
-    /// Whether that was said: undetermined, or the truth and a rival of it in one set.
+    /// Whether the ambiguity was reported: verdict undetermined, or the truth and an alternative in one finding.
     #[must_use]
     pub fn called_ambiguous(&self) -> bool {
         let Some(answer) = &self.answer else { return false };
@@ -228,7 +229,7 @@ impl Outcome {
             || answer.findings.iter().any(|f| self.truth.hidden.iter().any(|hidden| set(f, hidden)))
     }
 
-    /// For every counted number of what counts: whether its interval holds it; none where it was not found.
+    /// For every scored parameter: whether its interval contains the truth; `None` if the effect was not found.
     #[must_use]
     pub fn intervals(&self) -> Vec<Option<bool>> {
         let mut all = Vec::new();
@@ -247,7 +248,7 @@ impl Outcome {
     }
 }
 
-/// Whether a finding's interval of a number holds the truth; a phase may be told by any of its turns.
+/// Whether a finding's interval of a parameter contains the truth; phases are compared modulo full turns.
 fn covers(finding: &Finding, key: &str, place: usize, truth: f64) -> Option<bool> {
     let number = finding.numbers.iter().find(|n| n.key == key && n.place == place)?;
     let (low, high) = number.ci95?;

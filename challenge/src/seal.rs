@@ -1,6 +1,6 @@
 //! Commitment: the hash of a text is published first, the text later.
 //!
-//! Promises: a text that was changed by one byte does not fit its hash. Never: secrecy; who wants that keeps the text elsewhere.
+//! Invariant: a text changed by one byte does not match its hash. This provides no secrecy; the text must be stored elsewhere until it is opened.
 
 use sha2::{Digest, Sha256};
 
@@ -10,20 +10,20 @@ pub fn sha256(text: &str) -> String {
     Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// A text that is not the one that was sealed.
+/// A text that does not match its seal.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the text does not fit its seal: its SHA-256 is {found}, sealed was {sealed}")]
 pub struct Broken {
-    /// What was told before.
+    /// The published hash.
     pub sealed: String,
-    /// Of what was opened.
+    /// The hash of the opened text.
     pub found: String,
 }
 
-/// Opens a sealed text.
+/// Verifies a sealed text against its published hash.
 ///
 /// # Errors
-/// It is not the text that was sealed.
+/// The text does not match the hash.
 pub fn open<'t>(text: &'t str, sealed: &str) -> Result<&'t str, Broken> {
     let found = sha256(text);
     if found == sealed { Ok(text) } else { Err(Broken { sealed: sealed.to_owned(), found }) }

@@ -1,17 +1,15 @@
-//! Homogeneous transforms: 4×4 arrays, rows first, that map column vectors.
-//!
-//! Promises: rotations stay orthonormal to rounding. Never: a robot.
+//! Homogeneous transforms as 4×4 arrays, row-major, that map column vectors.
 
 /// A homogeneous transform.
 pub type T4 = [[f64; 4]; 4];
 /// A vector or point.
 pub type V3 = [f64; 3];
 
-/// Nothing moved.
+/// Identity.
 pub const ONE: T4 =
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
 
-/// First `b`, then `a`.
+/// Product `a b`: first `b`, then `a`.
 #[must_use]
 pub fn mul(a: &T4, b: &T4) -> T4 {
     let mut c = ONE;
@@ -23,7 +21,7 @@ pub fn mul(a: &T4, b: &T4) -> T4 {
     c
 }
 
-/// A shift.
+/// Translation.
 #[must_use]
 pub fn shift(by: V3) -> T4 {
     let mut t = ONE;
@@ -33,7 +31,7 @@ pub fn shift(by: V3) -> T4 {
     t
 }
 
-/// A turn about z, rad.
+/// Rotation about z, rad.
 #[must_use]
 pub fn turn_z(angle: f64) -> T4 {
     let (s, c) = angle.sin_cos();
@@ -42,7 +40,7 @@ pub fn turn_z(angle: f64) -> T4 {
     t
 }
 
-/// A turn about x, rad.
+/// Rotation about x, rad.
 #[must_use]
 pub fn turn_x(angle: f64) -> T4 {
     let (s, c) = angle.sin_cos();
@@ -51,7 +49,7 @@ pub fn turn_x(angle: f64) -> T4 {
     t
 }
 
-/// A turn by a rotation vector, by way of the unit quaternion.
+/// Rotation by a rotation vector, rad, via the unit quaternion.
 #[must_use]
 pub fn turn(vector: V3) -> T4 {
     let angle = norm(vector);
@@ -76,7 +74,7 @@ pub fn turn(vector: V3) -> T4 {
     t
 }
 
-/// The way back.
+/// Inverse transform.
 #[must_use]
 pub fn inverse(t: &T4) -> T4 {
     let mut back = ONE;
@@ -89,67 +87,67 @@ pub fn inverse(t: &T4) -> T4 {
     back
 }
 
-/// A point carried along.
+/// A point transformed.
 #[must_use]
 pub fn point(t: &T4, p: V3) -> V3 {
     add(rotate(t, p), origin(t))
 }
 
-/// A vector turned along.
+/// A vector rotated.
 #[must_use]
 pub fn rotate(t: &T4, v: V3) -> V3 {
     std::array::from_fn(|i| t[i][0] * v[0] + t[i][1] * v[1] + t[i][2] * v[2])
 }
 
-/// A vector turned back.
+/// A vector rotated by the inverse.
 #[must_use]
 pub fn rotate_back(t: &T4, v: V3) -> V3 {
     std::array::from_fn(|i| t[0][i] * v[0] + t[1][i] * v[1] + t[2][i] * v[2])
 }
 
-/// Where the origin went.
+/// Translation of a transform.
 #[must_use]
 pub fn origin(t: &T4) -> V3 {
     [t[0][3], t[1][3], t[2][3]]
 }
 
-/// Column `k` of the rotation.
+/// Column `k` of the rotation matrix.
 #[must_use]
 pub fn column(t: &T4, k: usize) -> V3 {
     [t[0][k], t[1][k], t[2][k]]
 }
 
-/// A sum.
+/// Sum of two vectors.
 #[must_use]
 pub fn add(a: V3, b: V3) -> V3 {
     std::array::from_fn(|k| a[k] + b[k])
 }
 
-/// A difference.
+/// Difference of two vectors.
 #[must_use]
 pub fn sub(a: V3, b: V3) -> V3 {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
-/// A multiple.
+/// Multiple of a vector.
 #[must_use]
 pub fn times(a: V3, factor: f64) -> V3 {
     a.map(|x| x * factor)
 }
 
-/// The inner product.
+/// Scalar product.
 #[must_use]
 pub fn dot(a: V3, b: V3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// The outer product.
+/// Cross product.
 #[must_use]
 pub fn cross(a: V3, b: V3) -> V3 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// The length.
+/// Norm of a vector.
 #[must_use]
 pub fn norm(a: V3) -> f64 {
     dot(a, a).sqrt()

@@ -1,13 +1,13 @@
 //! Blind cases of drive torques: one-axis rigs and arms, with hidden friction, springs, ripple, gains, delays, masses.
 //!
-//! The rigid body's share is the work of points: each of a link's points is carried a little forward and back along the motion, the second difference of
-//! its places is its acceleration, and a joint holds the moment of its force. Hysteresis is springs that slip; what is recorded late is the torque of
-//! an earlier instant of a motion that is known at any instant; velocities and accelerations are those of the motion's own formula.
+//! Rigid-body torques follow from virtual work of point masses: each point is evaluated slightly before and after along the motion, the second
+//! difference of its positions is its acceleration, and a joint carries the moment of the inertial force and weight. Hysteresis is a set of
+//! elasto-slip elements; delayed torques are those of an earlier instant of a motion given in closed form, as are velocities and accelerations.
 //!
-//! Read in this order: [`kinds`], [`motion`], [`rig`], [`laws`], [`case`], [`mod@bench`], [`mod@draw`], [`proof`], [`mod@write`]; [`inject`] for effects that are
-//! added to a real recording.
+//! Read in this order: [`kinds`], [`motion`], [`rig`], [`laws`], [`case`], [`mod@bench`], [`mod@draw`], [`proof`], [`mod@write`]; [`inject`] for
+//! effects that are added to a real recording.
 //!
-//! Promises: the same seed gives the same bytes. Never: a file, a process, a line of another crate's physics.
+//! The same seed gives the same bytes. No file, no process, and no code of another crate's physics.
 
 pub mod bench;
 pub mod candidates;

@@ -1,6 +1,6 @@
 //! The hidden truth of a case of any domain, as sealed and published.
 //!
-//! Promises: numbers in the units of the contract's keys; of a revised effect the difference to what the model says. Never: an answer.
+//! Parameters are in the units of the model format's keys; for a revised effect they are the difference from the model.
 
 use std::collections::BTreeMap;
 
@@ -11,60 +11,60 @@ use crate::case::Tier;
 use crate::draw::Drawn;
 use crate::law::{Effect, Law, Trial};
 
-/// Below this z nothing can be asked (docs/diagnosis.md).
+/// Effects with z below this are not scored (docs/diagnosis.md).
 pub const LEAST_Z: f64 = 8.0;
 
-/// The truth about one hidden effect.
+/// Truth of one hidden effect.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Hidden {
-    /// Name in the contract; none outside the library.
+    /// Name in the model format; `None` outside the candidate dictionary.
     pub effect: Option<&'static str>,
-    /// The law, by its name here.
+    /// Name of its law in this crate.
     pub law: String,
-    /// From 1.
+    /// 1-based; `None` for effects of the whole robot.
     pub joint: Option<usize>,
     /// `new` or `revised`.
     pub change: &'static str,
-    /// By key, each with its numbers.
+    /// Values of each key, in the key's unit.
     pub parameters: BTreeMap<&'static str, Vec<f64>>,
-    /// Keys and places of numbers on which intervals are counted.
+    /// Key and index of the parameters whose confidence intervals are scored.
     pub counted: Vec<(&'static str, usize)>,
-    /// What is known of it before anyone answers.
+    /// Detectability, known before any answer.
     #[serde(flatten)]
     pub judged: Judged,
 }
 
 impl Hidden {
-    /// Whether it counts towards a bar.
+    /// Whether it is scored against the acceptance limits: detectable, and distinguishable from all alternatives.
     #[must_use]
     pub fn counts(&self) -> bool {
         self.judged.z >= LEAST_Z && self.judged.least_gain >= APART && self.effect.is_some()
     }
 
-    /// Its name in answers.
+    /// The effect as answers report it.
     #[must_use]
     pub fn name(&self) -> Option<Name> {
         Some((self.effect?, self.joint))
     }
 }
 
-/// The truth about one case.
+/// Truth of one case.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Truth {
-    /// Its folder's name.
+    /// Name of its folder.
     pub case: String,
-    /// What it asks.
+    /// Its tier.
     pub tier: Tier,
-    /// What is hidden.
+    /// Hidden effects.
     pub hidden: Vec<Hidden>,
-    /// Outside the library: the words of what it follows.
+    /// For effects outside the dictionary: names of the covariates they depend on.
     pub depends_on: Vec<String>,
 }
 
 impl Truth {
-    /// The truth about a drawn case.
+    /// Truth of a generated case.
     #[must_use]
     pub fn of<C: Trial>(name: &str, drawn: &Drawn<C>) -> Self {
         let case = &drawn.case;
@@ -78,7 +78,7 @@ impl Truth {
         }
     }
 
-    /// The hidden effect that shows most.
+    /// The hidden effect with the largest z.
     #[must_use]
     pub fn strongest(&self) -> Option<&Hidden> {
         self.hidden.iter().max_by(|a, b| a.judged.z.total_cmp(&b.judged.z))
@@ -116,7 +116,7 @@ fn of<C: Trial>(case: &C, effect: &Effect<C::Kind>, judged: &Judged) -> Hidden {
     }
 }
 
-/// The text that is sealed.
+/// The text that is hashed and sealed.
 #[must_use]
 pub fn text(truths: &[Truth]) -> String {
     serde_json::to_string_pretty(truths).unwrap_or_default()

@@ -1,6 +1,6 @@
-//! Simulated instruments: points or joint angles in a measuring frame, with coloured noise, quantisation, gaps, outliers.
+//! Simulated instruments: points or joint angles in a measuring frame, with autocorrelated noise, quantisation, gaps, outliers.
 //!
-//! Promises: values stand row by row in one order; whitened values have unit variance and no memory. Never: an effect.
+//! Values are ordered row by row; whitened values have unit variance and no autocorrelation.
 
 use crate::arm::JOINTS;
 use crate::bent::{Bend, tool};
@@ -8,57 +8,57 @@ use crate::chance::Chance;
 use crate::scene::Scene;
 use crate::space::{T4, V3, mul, point};
 
-/// What is looked at.
+/// Measured quantities.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// Points of the tool, tool frame, m: the TCP or targets; none where joint angles are read.
+    /// Measured points of the tool, tool frame, m: the TCP or targets; empty if joint angles are measured.
     pub places: Vec<V3>,
     /// Base coordinates to measuring coordinates.
     pub measuring_from_base: T4,
-    /// Whether the recording says that frame to be the base.
+    /// Whether the recording states this transformation.
     pub frame_known: bool,
-    /// Whether the recording says where the points sit.
+    /// Whether the recording states the positions of the points on the tool.
     pub places_known: bool,
-    /// Whether the points are targets, not the TCP.
+    /// Whether the points are targets instead of the TCP.
     pub targets: bool,
 }
 
-/// How well.
+/// Noise of the instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
     /// Standard deviation of a value, m or rad.
     pub sigma: f64,
-    /// Correlation from row to row.
+    /// AR(1) coefficient from row to row.
     pub colour: f64,
-    /// Last digit, m or rad.
+    /// Quantisation step, m or rad.
     pub digit: f64,
-    /// Share of rows that are missing.
+    /// Fraction of missing rows.
     pub gaps: f64,
-    /// Share of rows that are wrong.
+    /// Fraction of rows with outliers.
     pub outliers: f64,
     /// Whether the recording states the standard deviation.
     pub stated: bool,
 }
 
-/// What was measured.
+/// Simulated measurements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
     /// In the order of [`View::values`].
     pub values: Vec<f64>,
-    /// Rows that are there.
+    /// Whether each row was recorded.
     pub there: Vec<bool>,
-    /// Rows that are there and right.
+    /// Whether each row was recorded and is not an outlier.
     pub right: Vec<bool>,
 }
 
 impl View {
-    /// Values per row.
+    /// Number of values per row.
     #[must_use]
     pub fn width(&self, scene: &Scene) -> usize {
         if self.places.is_empty() { scene.arm.count() } else { 3 * self.places.len() }
     }
 
-    /// What would be seen without noise: m in measuring axes, or rad.
+    /// Values without noise: m in measuring axes, or rad.
     #[must_use]
     pub fn values(&self, scene: &Scene, motors: &[[f64; JOINTS]], bends: &[Bend]) -> Vec<f64> {
         let mut values = Vec::with_capacity(motors.len() * self.width(scene));
@@ -75,13 +75,13 @@ impl View {
 }
 
 impl Noise {
-    /// All that disturbs a value that is there, as a standard deviation.
+    /// Standard deviation of a value: noise and quantisation.
     #[must_use]
     pub fn total(&self) -> f64 {
         (self.sigma * self.sigma + self.digit * self.digit / 12.0).sqrt()
     }
 
-    /// What the instrument reads.
+    /// Measured values with noise, gaps and outliers.
     pub fn read(
         &self,
         scene: &Scene,
@@ -99,7 +99,7 @@ impl Noise {
             let outlier = chance.happens(self.outliers);
             let away = self.sigma * chance.between(15.0, 60.0);
             if missing == 0 && chance.happens(self.gaps / 3.0) {
-                // Gaps come in runs of five or so; a third of the rows that begin one keeps the share.
+                // Gaps have about three to five rows; the probability of a beginning is reduced so that the fraction of missing rows is kept.
                 missing = 1 + chance.pick(5);
             }
             for (value, memory) in values.iter_mut().zip(&mut memory) {
@@ -119,18 +119,18 @@ impl Noise {
     }
 }
 
-/// Rows that count, and how they are whitened.
+/// Selection and whitening of rows.
 #[derive(Clone, Debug)]
 pub struct Whitener {
     width: usize,
     sigma: f64,
     colour: f64,
-    /// Each kept row, and whether it follows the kept row before it in time.
+    /// Each kept row, and whether it directly follows the preceding kept row.
     rows: Vec<(usize, bool)>,
 }
 
 impl Whitener {
-    /// For the rows that are right.
+    /// For the rows marked in `right`.
     #[must_use]
     pub fn of(scene: &Scene, noise: &Noise, right: &[bool], width: usize) -> Self {
         let segment = |row: usize| scene.rows[row].segment;
@@ -139,8 +139,8 @@ impl Whitener {
         Self { sigma: noise.total(), ..plain }
     }
 
-    /// For values in units of their noise, `width` to a row, that remembers itself from row to row; `right`: rows that count, `follows`: whether of two
-    /// that stand side by side the second goes on from the first.
+    /// For values in units of their noise, `width` per row, with AR(1) coefficient `colour`. `right`: rows in use; `follows`: whether the second of
+    /// two successive rows continues the first.
     #[must_use]
     pub fn plain(
         width: usize,
@@ -153,13 +153,13 @@ impl Whitener {
         Self { width, sigma: 1.0, colour, rows: rows.collect() }
     }
 
-    /// How many values count.
+    /// Number of values in use.
     #[must_use]
     pub fn count(&self) -> usize {
         self.rows.len() * self.width
     }
 
-    /// Values of all rows, whitened, those of kept rows alone.
+    /// Whitened values of the kept rows.
     #[must_use]
     pub fn apply(&self, values: &[f64]) -> Vec<f64> {
         let fresh = 1.0 / (self.sigma * (1.0 - self.colour * self.colour).sqrt());
@@ -176,7 +176,7 @@ impl Whitener {
         whitened
     }
 
-    /// The kept values as they are.
+    /// Values of the kept rows, not whitened.
     #[must_use]
     pub fn kept(&self, values: &[f64]) -> Vec<f64> {
         let rows = self.rows.iter();

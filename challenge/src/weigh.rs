@@ -1,60 +1,58 @@
 //! Signature of an effect compared with alternatives: z, ρ, gains, and its identifiable parameters.
 //!
-//! Everything is a column of whitened values here, of positions or of torques.
-//!
-//! Promises: no answer of a solver is looked at. Never: a law.
+//! All effects are columns of whitened values, of positions, torques or forces. The evaluation does not depend on a solver's answer.
 
 use crate::candidates::Candidate;
 use crate::law::{Effect, Law, Trial};
 use crate::linear::{Span, dot};
 
-/// Below this share of an effect's energy what a rival leaves is rounding: the two are one thing under two names.
+/// If an alternative leaves less than this fraction of an effect's energy, the remainder is rounding: the two are equivalent.
 const SAME: f64 = 1e-6;
-/// Share of a number's own column that must be left for it to be told at all.
+/// A parameter is identifiable only if at least this fraction of its column remains after projection on the others.
 const CLEAR: f64 = 1e-4;
-/// Half of the energy below which candidates cannot be distinguished (docs/diagnosis.md).
+/// Log-likelihood difference below which candidates are indistinguishable (docs/diagnosis.md): half the residual sum of squares.
 pub const APART: f64 = 5.0;
 
-/// A name in answers: kind and joint (from 1).
+/// An effect in answers: kind and joint (1-based).
 pub type Name = (&'static str, Option<usize>);
 
-/// What can be said of one hidden effect before anyone answers.
+/// Detectability of one hidden effect, known before any answer.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Judged {
-    /// Length of the whitened effect.
+    /// Norm of the whitened effect.
     pub z: f64,
-    /// Per value.
+    /// `z` per square root of the number of values: effect-to-noise ratio.
     pub rho: f64,
-    /// Least expected gain over rivals with no more numbers.
+    /// Smallest expected log-likelihood gain over alternatives with no more parameters.
     pub least_gain: f64,
-    /// Rivals with no more numbers that cannot be told apart.
+    /// Alternatives with no more parameters that are indistinguishable.
     pub rivals: Vec<Name>,
-    /// Names that mean the same here.
+    /// Equivalent effects, which are accepted as correct answers.
     pub same: Vec<Name>,
-    /// Length of what the best single candidate leaves.
+    /// Norm of the residual of the best single candidate.
     pub unexplained_z: f64,
-    /// Which of its numbers can be told at all beside the others and what is fitted anyway.
+    /// Whether each of its parameters is identifiable besides the others and the nuisance parameters.
     pub determined: Vec<bool>,
 }
 
-/// What is asked about one hidden effect.
+/// One hidden effect to be compared with alternatives.
 #[derive(Clone, Copy, Debug)]
 pub struct Question<'a> {
-    /// Its name; none outside the library.
+    /// Its name; `None` outside the candidate dictionary.
     pub name: Option<Name>,
-    /// How many free numbers it has.
+    /// Number of its free parameters.
     pub numbers: usize,
-    /// What is fitted anyway.
+    /// Columns of the nuisance parameters.
     pub span: &'a Span,
-    /// What the effect shows beside that, whitened.
+    /// The whitened effect after projection on them.
     pub rest: &'a [f64],
-    /// How many values count.
+    /// Number of values in use.
     pub values: usize,
 }
 
 impl Question<'_> {
-    /// Against every candidate; `kin`: whether a name means the same where it shows the same.
+    /// Compares it with every candidate; `kin`: whether a candidate of identical signature counts as the same effect.
     #[must_use]
     pub fn weigh<E>(
         &self,
@@ -94,7 +92,7 @@ impl Question<'_> {
         judged
     }
 
-    /// The energy that the best form of a candidate leaves.
+    /// Residual energy of the best form of a candidate.
     fn left<E>(
         &self,
         candidate: &Candidate<E>,
@@ -120,8 +118,8 @@ impl Question<'_> {
     }
 }
 
-/// Takes what a case's model knows, each uncertain number with one reading of its uncertainty behind the values; not what `except` revises.
-/// `column` gives values with [`readings`] places behind them.
+/// Adds the uncertain parameters of a case's model as nuisance columns, each with its prior as one additional value, except those
+/// revised by effects in `except`. `column` returns values followed by [`readings`] prior entries.
 pub fn take_known<C: Trial>(
     span: &mut Span,
     case: &C,
@@ -150,13 +148,13 @@ pub fn take_known<C: Trial>(
     }
 }
 
-/// How many numbers of a case's model are uncertain.
+/// Number of uncertain parameters of a case's model.
 #[must_use]
 pub fn readings<C: Trial>(case: &C) -> usize {
     case.known().iter().map(|known| known.sigma.len()).sum()
 }
 
-/// Which numbers of an effect have a column of their own beside what is fitted anyway.
+/// Whether each parameter of an effect is identifiable besides the nuisance parameters.
 #[must_use]
 pub fn determined<K: Law>(
     effect: &Effect<K>,
@@ -175,7 +173,7 @@ pub fn determined<K: Law>(
     own_columns(&(0..effect.numbers.len()).map(slope).collect::<Vec<_>>())
 }
 
-/// Which columns, each with its length before what is fitted anyway was taken out, say something that the others do not.
+/// Whether each column, given with its norm before projection on the nuisance parameters, is linearly independent of the others.
 fn own_columns(slopes: &[(Vec<f64>, f64)]) -> Vec<bool> {
     let own = |n: usize| {
         let mut others = Span::default();

@@ -1,6 +1,6 @@
 //! Writes a case as the files for a solver: model, recording and its metadata (docs/reference/model.md, `recording.md`).
 //!
-//! Promises: nothing that is hidden is in them. Never: read back.
+//! The files contain nothing that is hidden from the solver.
 
 use std::fmt::Write as _;
 
@@ -13,7 +13,7 @@ use crate::scene::Scene;
 use crate::space::{T4, V3, column, origin, point};
 use crate::view::Measured;
 
-/// A file's name and text.
+/// Name and content of a file.
 pub type File = (&'static str, String);
 
 pub(crate) fn list(numbers: &[f64]) -> String {
@@ -25,7 +25,7 @@ pub(crate) fn mm(v: V3) -> String {
     list(&v.map(|x| x * 1e3))
 }
 
-/// The model that the solver is given.
+/// The model file for the solver.
 #[must_use]
 pub fn model(case: &Case) -> String {
     let arm = &case.scene.arm;
@@ -46,12 +46,12 @@ pub fn model(case: &Case) -> String {
     text
 }
 
-/// The mass of the tool, kg, and its centre in base axes at the zero configuration, m.
+/// Entry of the tool's mass, kg, and its centre of mass in base axes at the zero configuration, m.
 pub(crate) fn tool_mass(kg: f64, at: V3) -> String {
     format!("mass_kg = {kg:?}\ncom_mm = {}\n", mm(at))
 }
 
-/// The chain of an arm, its joints turning or sliding, with what is said of each link, and the tool.
+/// Entries of an arm's chain with revolute or prismatic joints, additional text per link, and the tool.
 pub(crate) fn geometry(
     arm: &Arm,
     slides: bool,
@@ -93,14 +93,14 @@ pub(crate) fn geometry(
     text
 }
 
-/// An effect as an entry of a model; `sigma` of its first numbers, SI.
+/// An effect as an entry of a model file; `sigma`: standard uncertainties of its first parameters, SI.
 #[must_use]
 pub fn effect(effect: &Effect, sigma: &[f64]) -> String {
     let from = (effect.kind == crate::kinds::Kind::JointCoupling).then_some(effect.other + 1);
     entry(effect, false, from, sigma)
 }
 
-/// An entry of a model: its name, its joints, its keys with their numbers, and the uncertainties of the first key's.
+/// An entry of a model file: kind, joints, keys with values, and the standard uncertainties of the first key.
 pub(crate) fn entry<K: Law>(
     effect: &law::Effect<K>,
     slides: bool,
@@ -127,7 +127,7 @@ pub(crate) fn entry<K: Law>(
     text
 }
 
-/// What the recording says of itself.
+/// The metadata of the recording, TOML.
 #[must_use]
 pub fn about(case: &Case) -> String {
     let mut text = "schema = \"trued.recording/1\"\nmodel = \"model.toml\"\n".to_owned();
@@ -167,7 +167,7 @@ fn measured_names(case: &Case) -> Vec<String> {
     (1..=case.view.places.len()).flat_map(of_target).collect()
 }
 
-/// A recording of `scene`.
+/// The recording of `scene`, CSV.
 #[must_use]
 pub fn recording(case: &Case, scene: &Scene, measured: &Measured) -> String {
     let si = measured_si(case);
@@ -245,7 +245,7 @@ fn surroundings(text: &mut String, case: &Case, row: &crate::scene::Row) {
     }
 }
 
-/// The files of a case that the solver is given.
+/// The files of a case for the solver.
 #[must_use]
 pub fn files(case: &Case) -> [File; 3] {
     let measured = case.measured(&case.scene, 0);

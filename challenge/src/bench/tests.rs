@@ -39,7 +39,7 @@ fn of(kind: Kind, joint: usize, numbers: &[f64]) -> Effect {
     Effect { kind, joint, other: joint, numbers: numbers.to_vec() }
 }
 
-/// The rms distance of the tool from joint `i`'s axis, over all rows.
+/// Sum of squared distances of the tool from joint `i`'s axis, over all rows.
 fn square_of_levers(case: &Case, i: usize) -> f64 {
     let rows = case.scene.rows.iter();
     let lever = |q: &[f64; 7]| {
@@ -67,8 +67,8 @@ fn an_unknown_frame_swallows_the_first_joints_offset_whole_however_large() {
 
 #[test]
 fn a_number_known_to_one_sigma_hides_as_a_reading_of_that_noise_would() {
-    // One number a with one reading of uncertainty s beside data of strength z per unit: what is hidden of another column of the same
-    // shape is z²/(1 + s² z²) of its energy.
+    // A parameter with prior standard deviation s, and data of strength z per unit: of another effect with the same column, the fraction 1/(1 + s²
+    // z²) of its energy remains.
     let mut with = case(of(Kind::GravityCompliance, 1, &[2e-6]), true);
     let other = of(Kind::JointCompliance, 1, &[0.0]);
     with.known = vec![Known { nominal: other.clone(), real: other, sigma: vec![1e-8] }];

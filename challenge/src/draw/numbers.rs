@@ -1,6 +1,5 @@
-//! The numbers of a hidden effect: what leads is of size one and is sized later, the rest is of the size that it has on real robots.
-//!
-//! Promises: limits of the contract's keys are kept. Never: a strength.
+//! Random parameters of a hidden effect: leading parameters have size one and are scaled later, the others have the size found on real robots, within
+//! the limits of the model format.
 
 use crate::arm::JOINTS;
 use crate::case::Case;
@@ -8,7 +7,7 @@ use crate::chance::Chance;
 use crate::kinds::Kind;
 use crate::law::Law;
 
-/// Numbers of a kind on a joint, the leading ones of size one.
+/// Parameters of a kind on a joint, the leading ones of size one.
 pub(super) fn of(case: &Case, kind: Kind, joint: usize, chance: &mut Chance) -> Vec<f64> {
     let full = std::f64::consts::TAU;
     let sign = if kind.facts().not_negative { 1.0 } else { chance.sign() };

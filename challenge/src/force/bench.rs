@@ -1,9 +1,10 @@
-//! Visibility of a hidden force effect, and whether another effect would have the same signature: z, ρ and gains as in the other domains ([`crate::weigh`]).
+//! Detectability of a hidden force effect, and whether another effect would have the same signature: z, ρ and gains as in the other domains
+//! ([`crate::weigh`]).
 //!
-//! Fitted anyway: where the spindle stands as each pass begins, of which no recording tells; the amplifier's drift and the model's uncertain numbers, each with
-//! one reading of what is told of it.
+//! Nuisance parameters: the unrecorded spindle angle at the beginning of each pass; amplifier drift and the model's uncertain parameters, each with
+//! its prior as one additional value.
 //!
-//! Promises: no answer of a solver is looked at. Never: noise drawn; expected values alone.
+//! Expected values are computed without drawing noise. The evaluation does not depend on a solver's answer.
 
 use crate::law::{Law, Trial};
 use crate::linear::{Span, dot};
@@ -18,10 +19,10 @@ use super::laws::Ride;
 use super::scene::{Phase, Row};
 use super::teeth::Shape;
 
-/// By so much the spindle is turned to see what that changes, rad.
+/// Step of the spindle angle for its derivative, rad.
 const TURNED: f64 = 0.01;
 
-/// A case's columns, linear about the model and the hidden effects that are not asked for.
+/// Values of a case, linearised about the model and the other hidden effects.
 pub struct Bench<'a> {
     case: &'a Case,
     ride: &'a Ride<'a>,
@@ -31,14 +32,14 @@ pub struct Bench<'a> {
     drifts: usize,
 }
 
-/// Whitens the rows that count.
+/// Whitening of the rows in use.
 #[must_use]
 pub fn whitener(case: &Case, ride: &Ride<'_>, counts: &[bool]) -> Whitener {
     let follows = |before: usize, row: usize| ride.rows[before].pass == ride.rows[row].pass;
     Whitener::plain(3, case.noise.colour, counts, follows)
 }
 
-/// All axes' values in units of their noise, row by row.
+/// Values of all axes in units of their noise, row by row.
 #[must_use]
 pub fn in_noise(case: &Case, forces: &[V3]) -> Vec<f64> {
     let of_row = |force: &V3| -> V3 { std::array::from_fn(|k| force[k] / case.noise.total(k)) };
@@ -46,7 +47,7 @@ pub fn in_noise(case: &Case, forces: &[V3]) -> Vec<f64> {
 }
 
 impl<'a> Bench<'a> {
-    /// The columns of rows that are there and of which a law can say something; `asked`: the hidden effect that they are about.
+    /// The columns of recorded rows for which the force laws are defined; `asked`: index of the hidden effect under evaluation.
     #[must_use]
     pub fn of(case: &'a Case, ride: &'a Ride<'a>, there: &[bool], asked: Option<usize>) -> Self {
         let others = case.hidden.iter().enumerate().filter(|(k, _)| Some(*k) != asked);
@@ -60,14 +61,14 @@ impl<'a> Bench<'a> {
         Self { case, ride, whitener: whitener(case, ride, &counts), base, still, drifts }
     }
 
-    /// Whitened, with a place for each reading behind: the drifts', then those of what is known.
+    /// Whitened values, followed by the prior entries: those of drifts, then those of the model's parameters.
     fn whiten(&self, forces: &[V3]) -> Vec<f64> {
         let mut whitened = self.whitener.apply(&in_noise(self.case, forces));
         whitened.resize(whitened.len() + self.drifts + readings(self.case), 0.0);
         whitened
     }
 
-    /// The whitened column of an effect.
+    /// Whitened column of an effect.
     #[must_use]
     pub fn column(&self, effect: &Effect) -> Vec<f64> {
         let mut all = self.base.clone();
@@ -75,7 +76,7 @@ impl<'a> Bench<'a> {
         self.whiten(&minus(&self.ride.read(&all), &self.still))
     }
 
-    /// What is fitted anyway; the model's numbers but those that `except` revises.
+    /// Nuisance columns; the model's parameters except those that `except` revises.
     #[must_use]
     pub fn nuisances(&self, except: &Effect) -> Span {
         let mut span = Span::default();
@@ -107,14 +108,14 @@ impl<'a> Bench<'a> {
         span
     }
 
-    /// How far a hidden effect shows beside what is fitted anyway.
+    /// Norm of a hidden effect after projection on the nuisance columns.
     #[must_use]
     pub fn strength(&self, effect: &Effect, span: &Span) -> f64 {
         let rest = span.rest(&self.column(effect));
         dot(&rest, &rest).sqrt()
     }
 
-    /// What can be said of hidden effect `which`, the one that was asked for.
+    /// Detectability of hidden effect `which`, for which the columns were prepared.
     #[must_use]
     pub fn judge(&self, which: usize) -> Judged {
         let truth = &self.case.hidden[which];
@@ -139,12 +140,12 @@ impl<'a> Bench<'a> {
         let mut judged = question.weigh(&candidates, |effect| self.column(effect), |_| false);
         judged.determined = determined(truth, &span, |effect| self.column(effect));
         match truth.kind {
-            // What does not leak is no number of the truth.
+            // Zero cross-talk coefficients are not parameters of the truth.
             Kind::CrossTalk => {
                 let leaks = truth.numbers.iter().map(|x| *x != 0.0);
                 judged.determined.iter_mut().zip(leaks).for_each(|(told, leaks)| *told &= leaks);
             }
-            // Two teeth feel its cosine alone.
+            // With two teeth only the cosine of a runout is observable.
             Kind::Runout if self.case.cut.teeth == 2 => judged.determined.fill(false),
             _ => {}
         }

@@ -1,6 +1,5 @@
-//! Alternatives to a hidden force effect: every effect with which this recording could be explained.
-//!
-//! Promises: numbers that do not enter linearly stand on a grid, one form each. Never: names that need what was not recorded.
+//! Alternatives to a hidden force effect: every effect that could explain this recording. Nonlinear parameters are taken from a grid, one form per
+//! grid point; effects whose inputs were not recorded are excluded.
 
 use crate::candidates::Candidate;
 use crate::law::Law;
@@ -10,7 +9,7 @@ use super::cut::Cut;
 use super::kinds::{Effect, Kind, Need};
 use super::scene::Scene;
 
-/// Whether a kind can show of this cut on these passes.
+/// Whether a kind is observable with this cut on these passes.
 #[must_use]
 pub fn fits(cut: &Cut, scene: &Scene, kind: Kind) -> bool {
     kind.facts().needs.iter().all(|need| match need {
@@ -39,7 +38,8 @@ pub fn candidates(cut: &Cut, scene: &Scene) -> Vec<Candidate<Effect>> {
     kinds.filter_map(one).collect()
 }
 
-/// How many of its numbers are free where forces alone are measured; a leak into its own channel is a scale, two teeth feel one number of a runout.
+/// Number of free parameters if only forces are measured; cross-talk into the same channel is a scale, and with two teeth only one parameter of a
+/// runout is observable.
 #[must_use]
 pub fn free_numbers(cut: &Cut, kind: Kind) -> usize {
     match kind {

@@ -1,6 +1,4 @@
-//! One blind case of forces: cut, passes, model, hidden effects, measurements.
-//!
-//! Promises: everything follows from it and its seed. Never: what the solver is told beyond the files.
+//! One blind case of forces: cut, passes, model, hidden effects, measurements. Everything follows from the case and its seed.
 
 use crate::case::{Known as Known_, Tier};
 use crate::chance::Chance;
@@ -12,54 +10,54 @@ use super::kinds::{Effect, Kind};
 use super::laws::Ride;
 use super::scene::{Row, Scene};
 
-/// An effect that the model has.
+/// An effect of the model.
 pub type Known = Known_<Kind>;
 
-/// How well forces are read. Per axis, N.
+/// Noise of the force sensor, per axis, N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// Standard deviation of what is fast.
+    /// Standard deviation of the fast noise.
     pub sigma: V3,
-    /// Last digit.
+    /// Quantisation step.
     pub digit: V3,
-    /// Correlation from row to row.
+    /// AR(1) coefficient from row to row.
     pub colour: f64,
-    /// How far the amplifier drifts over a pass: a standard deviation, as a share of `sigma`.
+    /// Standard deviation of the amplifier drift over a pass, as a fraction of `sigma`.
     pub drift: f64,
-    /// Stretches in which nothing was recorded.
+    /// Number of gaps.
     pub gaps: usize,
 }
 
-/// What was recorded.
+/// Simulated measurements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
-    /// Row by row, N.
+    /// Forces row by row, N.
     pub forces: Vec<V3>,
-    /// Rows that are there.
+    /// Whether each row was recorded.
     pub there: Vec<bool>,
 }
 
 /// A case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// What it asks.
+    /// Its tier.
     pub tier: Tier,
-    /// What is cut, as it is told.
+    /// The cut as stated in the recording.
     pub cut: Cut,
-    /// How.
+    /// Its passes.
     pub scene: Scene,
-    /// How well it is measured.
+    /// Noise of the sensor.
     pub noise: Noise,
-    /// What the model knows.
+    /// Effects in the model.
     pub known: Vec<Known>,
-    /// What it does not.
+    /// Effects missing from the model.
     pub hidden: Vec<Effect>,
-    /// Seed of its noise and of its unseen passes.
+    /// Seed of the noise and of the unseen passes.
     pub seed: u64,
 }
 
 impl Noise {
-    /// All that is fast and disturbs a value of an axis, as a standard deviation, N.
+    /// Standard deviation of the fast noise of an axis, with quantisation, N.
     #[must_use]
     pub fn total(&self, axis: usize) -> f64 {
         let (sigma, digit) = (self.sigma[axis], self.digit[axis]);
@@ -67,7 +65,7 @@ impl Noise {
     }
 }
 
-/// How far along its pass each row stands, from 0 to 1.
+/// Relative time of a row within its pass, 0 to 1.
 #[must_use]
 pub fn along(scene: &Scene, row: &Row) -> f64 {
     let last = scene.passes[row.pass].times_s.last().copied().unwrap_or(1.0);
@@ -75,7 +73,7 @@ pub fn along(scene: &Scene, row: &Row) -> f64 {
 }
 
 impl Case {
-    /// What is recorded of passes; `part` tells one recording's noise from another's.
+    /// Measurements of passes; `part` selects the noise stream of one recording.
     #[must_use]
     pub fn measured(&self, ride: &Ride<'_>, part: u64) -> Measured {
         let mut chance = Chance::new(self.seed, 100 + part);
@@ -102,7 +100,7 @@ impl Case {
         measured
     }
 
-    /// Passes of the same cutter that the solver never sees.
+    /// Other passes of the same cutter, which the solver never sees.
     #[must_use]
     pub fn unseen(&self) -> Scene {
         self.scene.again(&self.cut, &mut Chance::new(self.seed, 50))
@@ -126,7 +124,7 @@ impl Trial for Case {
 
     fn follows(&self, effect: &Effect) -> Vec<String> {
         let word = match effect.kind {
-            // The spindle's angle has no word but its speed's.
+            // The spindle angle has no covariate of its own; its speed is used.
             Kind::BrokenTooth | Kind::PloughingSpeed => "spindle_rpm",
             Kind::BuiltUpEdge | Kind::SensorCreep => "t_s",
             Kind::TableFriction => "feed_mm_s",

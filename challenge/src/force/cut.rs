@@ -1,40 +1,40 @@
 //! A random cut: workpiece and cutter, as described by a recording.
 //!
-//! Promises: sizes, coefficients and feeds of real milling and turning. Never: what is hidden.
+//! Dimensions, coefficients and feeds are those of real milling and turning.
 
 use std::f64::consts::PI;
 
 use crate::chance::Chance;
 use crate::space::V3;
 
-/// From so far from the normal axis a chip is thick, rad.
+/// Chips are not thin at angles beyond this from the normal axis, rad.
 const THIN: f64 = 0.35;
 
-/// A cutter in its work. SI; angles in rad from the normal axis, with the rotation.
+/// A cutter in its workpiece. SI; angles in rad from the normal axis, in the direction of rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cut {
-    /// The work turns, and the tool stands.
+    /// Turning: the workpiece rotates, and the tool does not.
     pub turning: bool,
     /// Number of teeth.
     pub teeth: usize,
-    /// m.
+    /// Radius, m.
     pub radius_m: f64,
-    /// rad.
+    /// Helix angle, rad.
     pub helix_rad: f64,
     /// Axial depth, m.
     pub depth_m: f64,
-    /// Where a tooth enters the work.
+    /// Angle at which a tooth enters the workpiece.
     pub entry_rad: f64,
-    /// Where it leaves.
+    /// Angle at which it exits.
     pub exit_rad: f64,
-    /// Tangential, radial, axial, N/m² of chip.
+    /// Cutting force coefficients: tangential, radial, axial, N/m².
     pub chip: V3,
-    /// Tangential, radial, axial, N/m of depth.
+    /// Edge force coefficients: tangential, radial, axial, N/m.
     pub edge: V3,
 }
 
 impl Cut {
-    /// A mill of at least so many teeth; `thick`: one whose chips are nowhere thin, so that every tooth cuts though it may run out.
+    /// A random milling cutter with at least this number of teeth; `thick`: chips are nowhere thin, so that every tooth cuts in spite of runout.
     #[must_use]
     pub fn mill(least_teeth: usize, thick: bool, chance: &mut Chance) -> Self {
         let teeth = [1, 2, 2, 3, 3, 4][chance.pick(6)].max(least_teeth);
@@ -66,7 +66,7 @@ impl Cut {
         }
     }
 
-    /// A tool that turns a bar.
+    /// A turning tool.
     #[must_use]
     pub fn lathe(chance: &mut Chance) -> Self {
         let (chip, edge) = coefficients(chance);
@@ -83,7 +83,7 @@ impl Cut {
         }
     }
 
-    /// A middle feed: of a tooth, or of a turn of the work, m.
+    /// Typical feed per tooth (milling) or per revolution (turning), m.
     #[must_use]
     pub fn feed_m(&self, chance: &mut Chance) -> f64 {
         if self.turning {
@@ -94,11 +94,11 @@ impl Cut {
     }
 }
 
-/// Shearing and edge coefficients of aluminium to steel.
+/// Cutting and edge force coefficients from aluminium to steel.
 fn coefficients(chance: &mut Chance) -> (V3, V3) {
     let hard = chance.log_between(4e8, 2.5e9);
     let chip = [hard, hard * chance.between(0.2, 0.5), hard * chance.between(0.05, 0.3)];
-    // An edge rubs as much as a chip of so much would cost.
+    // The edge force equals the cutting force of a chip of this thickness.
     let rubs = hard * chance.log_between(4e-6, 1.5e-5);
     let edge = [rubs, rubs * chance.between(0.6, 1.3), rubs * chance.between(0.1, 0.4)];
     (chip, edge)

@@ -1,7 +1,7 @@
 //! Random cases of forces: cut, passes, sensor and hidden effects, with a size that suits the tier.
 //!
-//! Promises: the same seed, index and tier give the same case; kinds take turns; noise is such that the path which chips are measured along here, and the
-//! sine that the contract writes, cannot be distinguished. Never: a draw that looks at a solver's answer.
+//! The same seed, index and tier give the same case; kinds are used in turn. The noise is such that the trochoidal chip thickness of this crate and
+//! the sine of the model format are indistinguishable. A solver's answers have no influence.
 
 use crate::case::Tier;
 use crate::chance::Chance;
@@ -19,17 +19,17 @@ use super::laws::Ride;
 use super::scene::{Phase, Scene};
 use super::teeth::Shape;
 
-/// A case with what can be said of it.
+/// A generated case with the detectability of its effects.
 pub type Drawn = crate::draw::Drawn<Case>;
 
-/// The two ways to write a chip may show by so much, as a length of whitened values.
+/// Largest whitened difference between the two formulations of chip thickness.
 const SAME_Z: f64 = 2.0;
-/// An edge's force along the speed is less than what is told by at most this share.
+/// Largest fraction by which a tangential edge force may be below its stated value.
 const KEEPS_RUBBING: f64 = 0.6;
-/// Kinds that a poor cut cannot part.
+/// Kinds that a poor cut cannot distinguish.
 const POOR: [Kind; 4] = [Kind::EdgeForce, Kind::CuttingForce, Kind::WrenchScale, Kind::WrenchBias];
 
-/// Case `index` of a challenge, of a tier; `turn` says whose turn it is among the tier's kinds.
+/// Case `index` of a challenge, of a tier; `turn` selects the kind among those of the tier.
 #[must_use]
 pub fn case(seed: u64, index: usize, (tier, turn): (Tier, usize)) -> Drawn {
     let number = index as u64;
@@ -63,7 +63,7 @@ fn attempt_at(seed: u64, turn: usize, tier: Tier, chance: &mut Chance) -> Option
     asks(tier, &judged).then_some(Drawn { case, judged })
 }
 
-/// A case of which nothing is hidden yet.
+/// A case without hidden effects.
 fn empty(seed: u64, tier: Tier, kinds: &[Kind], chance: &mut Chance) -> Case {
     let needs = |need| kinds.iter().any(|kind| kind.needs(need));
     let poor = tier == Tier::Ambiguous;
@@ -93,7 +93,7 @@ fn empty(seed: u64, tier: Tier, kinds: &[Kind], chance: &mut Chance) -> Case {
     case
 }
 
-/// Root mean square of the told forces while it cuts, N: of all axes together.
+/// Root mean square of the nominal forces during full engagement, over all axes, N.
 fn loudness(case: &Case) -> f64 {
     let ride = Ride::of(&case.cut, &case.scene);
     let told = ride.read(&[]);
@@ -104,7 +104,7 @@ fn loudness(case: &Case) -> f64 {
     (sum / f64::max(3.0 * count, 1.0)).sqrt()
 }
 
-/// How far the two ways to write a chip are apart on the rows of the cut, N: a length.
+/// Norm of the difference between the two formulations of chip thickness over rows of full engagement, N.
 fn ways_apart(case: &Case) -> f64 {
     let ride = Ride::of(&case.cut, &case.scene);
     let ideal = ride.read_by(&[], Shape { ideal: true, ..Shape::default() });
@@ -131,7 +131,7 @@ fn noise(case: &Case, chance: &mut Chance) -> Noise {
     }
 }
 
-/// Gives the model what it knows, off by its uncertainty.
+/// Adds effects to the model, with errors within their uncertainty.
 fn know(case: &mut Case, chance: &mut Chance) {
     let (edge, chip) = (case.cut.edge, case.cut.chip);
     let mut known = Vec::new();
@@ -153,7 +153,7 @@ fn know(case: &mut Case, chance: &mut Chance) {
     }
 }
 
-/// Numbers of a kind, the leading ones of size one or as they are to each other.
+/// Parameters of a kind, the leading ones of size one or in their natural proportion.
 fn numbers(case: &Case, kind: Kind, chance: &mut Chance) -> Vec<f64> {
     let sign = if kind.facts().not_negative { 1.0 } else { chance.sign() };
     let mut around = || chance.between(-1.0, 1.0);
@@ -167,7 +167,7 @@ fn numbers(case: &Case, kind: Kind, chance: &mut Chance) -> Vec<f64> {
         Kind::CuttingForce => like(case.cut.chip),
         Kind::WrenchBias | Kind::WrenchScale | Kind::WrenchMisalignment => padded(like([1.0; 3])),
         Kind::Runout => {
-            // Two teeth feel its cosine alone.
+            // With two teeth only its cosine is observable.
             let half_turn = if chance.happens(0.5) { std::f64::consts::PI } else { 0.0 };
             let wide = if case.cut.teeth == 2 { 0.7 } else { 1.5 };
             vec![1.0, half_turn + chance.between(-wide, wide)]
@@ -186,7 +186,7 @@ fn numbers(case: &Case, kind: Kind, chance: &mut Chance) -> Vec<f64> {
     }
 }
 
-/// A frequency that is no multiple of any pass' spindle speed, nor an odd multiple of half its tooth passing.
+/// A random frequency that is neither a multiple of any pass' spindle speed nor an odd multiple of half its tooth passing frequency.
 fn lone_tone(case: &Case, chance: &mut Chance) -> f64 {
     let scene = &case.scene;
     let (low, high) = (0.05 * scene.rate_hz, 0.42 * scene.rate_hz);
@@ -208,20 +208,20 @@ fn lone_tone(case: &Case, chance: &mut Chance) -> f64 {
     hz
 }
 
-/// The largest of the leading numbers that a cut may have.
+/// Largest physically possible leading parameter of a cut.
 fn most(case: &Case, hidden: &Effect, loud: f64) -> f64 {
     let (cut, kind) = (&case.cut, hidden.kind);
     let passes = case.scene.passes.iter();
     let way = passes.map(|pass| pass.way(pass.times_s.last().copied().unwrap_or(0.0)));
     match kind {
         Kind::EdgeForce => {
-            // An edge that rubs takes power, however little: its force along the speed stays one that resists, whatever the model knows of it.
+            // An edge always dissipates power: its tangential force must remain positive.
             let down = (-hidden.numbers[0] / hidden.lead().max(1e-300)).max(0.0);
             f64::min(2.0, KEEPS_RUBBING / down.max(1e-9)) * cut.edge[0]
         }
         Kind::CuttingForce => 0.7 * cut.chip[0],
         Kind::ToolWear => 2.0 / way.fold(0.0, f64::max),
-        // Every tooth still cuts: two side by side differ by less than twice that.
+        // Every tooth still cuts: adjacent edges differ by less than twice this.
         Kind::Runout => 0.12 * case.scene.least_feed(cut),
         Kind::CrossTalk => 0.25,
         Kind::WrenchScale => 0.3,
@@ -233,7 +233,7 @@ fn most(case: &Case, hidden: &Effect, loud: f64) -> f64 {
     }
 }
 
-/// Sizes every hidden effect so that it shows as much as is drawn; none where nothing of it would show.
+/// Scales every hidden effect to a random target z; `None` if it is not observable.
 fn size(case: &mut Case, ride: &Ride<'_>, there: &[bool], chance: &mut Chance) -> Option<()> {
     let loud = loudness(case);
     for which in 0..case.hidden.len() {
@@ -244,7 +244,7 @@ fn size(case: &mut Case, ride: &Ride<'_>, there: &[bool], chance: &mut Chance) -
         let bench = Bench::of(case, ride, there, Some(which));
         let mut sized = case.hidden[which].clone();
         let span = bench.nuisances(&sized);
-        // Twice: what is turned or broken is not so in proportion.
+        // Two iterations, because misalignment and tooth breakage are not linear.
         for _ in 0..2 {
             let factor = wanted / bench.strength(&sized, &span);
             if !factor.is_finite() {
@@ -264,7 +264,8 @@ mod tests {
 
     #[test]
     fn a_bias_shows_as_the_root_of_its_rows_over_the_noise() {
-        // A lathe in air and cut, white noise, nothing fitted along: z is the length of the bias times the root of the rows over σ.
+        // A lathe with and without contact, white noise, no nuisance parameters: z is the norm of the bias times the square root of the number of
+        // rows over σ.
         let mut chance = Chance::new(4, 0);
         let cut = Cut::lathe(&mut chance);
         let scene = Scene::draw(&cut, Richness::Full, true, &mut chance);

@@ -1,10 +1,9 @@
-//! The kinds of hidden effects of cutter and sensor: their names and keys in the contract (`effects.md`), and what they need to show.
-//!
-//! Promises: numbers are SI in the order of the keys. Never: a law; see [`super::laws`].
+//! Kinds of hidden effects of cutter and sensor: names and keys in the model format (docs/reference/effects.md), and the conditions for them to be
+//! observable. Parameters are SI, in the order of the keys. Their laws: [`super::laws`].
 
 use crate::law::{self, Entry, Law};
 
-/// Kinds that the contract has for forces, and kinds that it has not.
+/// Kinds of the force dictionary, and kinds outside it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[expect(
     missing_docs,
@@ -27,24 +26,24 @@ pub enum Kind {
     SensorCreep,
 }
 
-/// What must be there for an effect to show.
+/// Condition for an effect to be observable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
-    /// A mill of several teeth.
+    /// A milling cutter with several teeth.
     Teeth,
-    /// A mill of four teeth or more.
+    /// A milling cutter with four or more teeth.
     ManyTeeth,
-    /// A mill.
+    /// A milling cutter.
     Mill,
-    /// Several speeds of the spindle.
+    /// Several spindle speeds.
     Speeds,
-    /// Rows in air.
+    /// Rows without contact.
     Air,
 }
 
-/// What is said of a kind.
+/// Facts of a kind.
 pub type Facts = law::Facts<Need>;
-/// An effect with its numbers.
+/// An effect with its parameters.
 pub type Effect = law::Effect<Kind>;
 
 const fn of(
@@ -74,7 +73,7 @@ const SCALE: &[Entry] = &[Entry::of("scale", 6, 1.0)];
 const TURN: &[Entry] = &[Entry::of("turn_mrad", 3, 1e-3)];
 
 impl Kind {
-    /// Every kind that the contract has for forces.
+    /// Every kind of the force dictionary.
     pub const LIBRARY: [Self; 9] = [
         Self::EdgeForce,
         Self::CuttingForce,
@@ -87,7 +86,7 @@ impl Kind {
         Self::WrenchMisalignment,
     ];
 
-    /// Physics that no library of the contract has.
+    /// Kinds outside the candidate dictionary.
     pub const OUTSIDE: [Self; 5] = [
         Self::BrokenTooth,
         Self::PloughingSpeed,
@@ -120,7 +119,7 @@ impl Law for Kind {
 
     fn step(effect: &Effect, number: usize) -> f64 {
         match (effect.kind, number) {
-            // A phase of nothing still turns, and over a second a tone beats with one that is a few hertz off.
+            // A zero phase needs a finite step; and over a second a tone is sensitive to a few hertz.
             (Self::Runout | Self::Chatter, 1) => 1.0,
             _ => effect.numbers[number].abs().max(effect.lead()).max(1e-9),
         }

@@ -1,10 +1,10 @@
 //! Laws of the effects on the forces of the teeth and on the sensor, and laws outside the catalogue.
 //!
-//! Outside the library: a tooth whose lower edge broke off, so that the next one cuts twice as thick there (`BrokenTooth`); edges that plough the more the
-//! faster they go (`PloughingSpeed`); an edge that builds up, cuts harder, and falls off (`BuiltUpEdge`); guides of the table that resist the feed
-//! (`TableFriction`); a sensor that creeps after it was reset at a pass' begin (`SensorCreep`).
+//! Outside the catalogue: a tooth whose lower edge broke off, so that the next one cuts a double chip there (`BrokenTooth`); edge forces that grow
+//! with speed (`PloughingSpeed`); a built-up edge that grows and breaks off (`BuiltUpEdge`); friction of the table guides against the feed
+//! (`TableFriction`); a sensor that creeps after its reset at the beginning of a pass (`SensorCreep`).
 //!
-//! Promises: the sensor turns, leaks, scales and is off, in this order. Never: noise.
+//! The sensor applies misalignment, cross-talk, scale and bias, in this order. No noise is added here.
 
 use std::cell::RefCell;
 use std::f64::consts::TAU;
@@ -17,12 +17,12 @@ use super::kinds::{Effect, Kind};
 use super::scene::{Row, Scene};
 use super::teeth::{Bite, Shape, bites};
 
-/// Shapes whose teeth are remembered; the first one always is.
+/// Number of tool shapes whose forces are cached; the first one is always kept.
 const REMEMBERED: usize = 6;
-/// An edge builds up and falls so many times in a second of milling, and in one of turning.
+/// Frequency at which a built-up edge breaks off, in milling and in turning.
 const BUILDS_HZ: [f64; 2] = [9.0, 2.3];
 
-/// A scene with what its teeth do.
+/// A scene with the forces of its teeth.
 pub struct Ride<'a> {
     cut: &'a Cut,
     /// The scene.
@@ -34,7 +34,7 @@ pub struct Ride<'a> {
 }
 
 impl<'a> Ride<'a> {
-    /// A cutter on its scene.
+    /// Prepares a cutter on its scene.
     #[must_use]
     pub fn of(cut: &'a Cut, scene: &'a Scene) -> Self {
         let speeds = scene.passes.iter().map(|pass| pass.spindle_hz);
@@ -55,13 +55,13 @@ impl<'a> Ride<'a> {
         made
     }
 
-    /// What the sensor reads without noise, row by row, N.
+    /// Measured forces without noise, row by row, N.
     #[must_use]
     pub fn read(&self, effects: &[Effect]) -> Vec<V3> {
         self.read_by(effects, Shape::default())
     }
 
-    /// The same of a tool that is made or stands otherwise, beside what the effects make of it.
+    /// The same for a tool with an additional deviation of shape or angle.
     #[must_use]
     pub fn read_by(&self, effects: &[Effect], mut shape: Shape) -> Vec<V3> {
         for effect in effects {
@@ -88,7 +88,7 @@ impl<'a> Ride<'a> {
         read
     }
 
-    /// What acts on the tool in a row, cut axes, N.
+    /// Force on the tool in a row, cut axes, N.
     fn acting(&self, effects: &[Effect], row: &Row, bite: &Bite) -> V3 {
         let (mut chip, mut edge) = (self.cut.chip, self.cut.edge);
         let mut force = [0.0; 3];
@@ -120,7 +120,7 @@ impl<'a> Ride<'a> {
     }
 }
 
-/// What a sensor makes of a force.
+/// Errors of a force sensor.
 struct Sensor {
     turn: T4,
     leak: [V3; 3],
@@ -150,7 +150,7 @@ impl Sensor {
     }
 
     fn read(&self, force: V3) -> V3 {
-        // A sensor that is turned one way sees forces turned the other.
+        // A misaligned sensor measures forces rotated by the inverse.
         let felt = rotate_back(&self.turn, force);
         let leaks = |row: &V3| row.iter().zip(&felt).map(|(m, f)| m * f).sum::<f64>();
         std::array::from_fn(|k| self.bias[k] + self.scale[k] * (felt[k] + leaks(&self.leak[k])))

@@ -1,8 +1,7 @@
 //! Evaluation of an answer on forces of unseen passes: error before, after, and of an oracle that knows the true form.
 //!
-//! Rows are those of which a law of the cut says something: it cuts as set, or nothing moves. The amplifier's drift is nobody's to foretell.
-//!
-//! Promises: the three errors are over the same rows. Never: use of an answer's name; a gain where something swings by itself, whose phase is its own.
+//! Rows are those for which the cut's laws are defined: full engagement, or nothing moves. Amplifier drift is not predictable. All three errors are
+//! over the same rows. Chatter is not evaluated, because its phase is random.
 
 use crate::fit::{Pair, Part};
 use crate::law::Trial;
@@ -16,7 +15,7 @@ use super::scene::Scene;
 
 const STEPS: usize = 3;
 
-/// Both recordings of a case; values are in units of their noise.
+/// The two recordings of a case; values are in units of their noise.
 pub struct Proof<'a> {
     case: &'a Case,
     rides: [Ride<'a>; 2],
@@ -24,7 +23,7 @@ pub struct Proof<'a> {
 }
 
 impl<'a> Proof<'a> {
-    /// The case's recording and the one that the solver never sees; none where a gain says nothing.
+    /// Prepares the case's recording and the one that the solver never sees; `None` without hidden effects or with chatter.
     #[must_use]
     pub fn of(case: &'a Case, unseen: &'a Scene) -> Option<Self> {
         let swings = case.hidden.iter().any(|effect| effect.kind == Kind::Chatter);
@@ -53,13 +52,13 @@ impl<'a> Proof<'a> {
         &self.rides
     }
 
-    /// Error of the model as given, N.
+    /// Error of the nominal model, rms, N.
     #[must_use]
     pub fn before(&self) -> f64 {
         self.error(&self.case.nominal())
     }
 
-    /// Error of predicted forces of both recordings; none where they have not a row for each.
+    /// Error of predicted forces of both recordings; `None` unless each has one value per row.
     #[must_use]
     pub fn after(&self, training: &[V3], unseen: &[V3]) -> Option<f64> {
         let rows = self.rides.each_ref().map(|ride| ride.rows.len());
@@ -70,7 +69,7 @@ impl<'a> Proof<'a> {
         Some(self.unit() * self.pair.error(&training, &unseen)).filter(|error| error.is_finite())
     }
 
-    /// Error of the true form with its numbers fitted.
+    /// Error of the oracle: the true form with fitted parameters.
     #[must_use]
     pub fn oracle(&self) -> f64 {
         self.error(&self.pair.fitted(self.case, STEPS, |effects| self.exact(0, effects)))
@@ -84,7 +83,7 @@ impl<'a> Proof<'a> {
         self.unit() * self.pair.error(&self.exact(0, effects), &self.exact(1, effects))
     }
 
-    /// The geometric mean of the axes' noise, N.
+    /// Geometric mean of the axes' noise, N.
     fn unit(&self) -> f64 {
         (0..3).map(|axis| self.case.noise.total(axis)).product::<f64>().cbrt()
     }

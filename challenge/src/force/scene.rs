@@ -1,8 +1,7 @@
 //! Spindle speed and feed row by row: passes through a workpiece with bevelled borders.
 //!
-//! A pass may begin in air, standing or moving, and end in air. The depth grows over the bevel as the tool enters, and falls as it leaves.
-//!
-//! Promises: tooth 0 stands at angle 0 where a pass begins; speeds and feeds are such as the recording's columns say them. Never: a force.
+//! A pass may begin without contact, at rest or moving, and end without contact. The depth grows over the bevel on entry and falls on exit. Tooth 0
+//! is at angle 0 at the beginning of a pass; speeds and feeds are those of the recording's columns.
 
 use std::f64::consts::TAU;
 
@@ -11,77 +10,77 @@ use crate::scene::Richness;
 
 use super::cut::Cut;
 
-/// What the tool does in a row.
+/// Engagement of the tool in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// It touches nothing.
+    /// No contact.
     Air,
-    /// It enters or leaves, or stands at a border, or its first chips are thinner than the others.
+    /// Entry or exit, dwell at a border, or first chips thinner than the others.
     Between,
-    /// It cuts all that it is set to.
+    /// Full engagement.
     Cut,
 }
 
 /// One pass.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pass {
-    /// rev/s.
+    /// Spindle speed, rev/s.
     pub spindle_hz: f64,
-    /// m/s, once it moves.
+    /// Feed rate during motion, m/s.
     pub feed_m_s: f64,
-    /// How long it stands before, s; 0 where it moves from before the recording.
+    /// Time at rest before the motion, s; 0 if it moved before the recording.
     pub waits_s: f64,
-    /// When it stops, s.
+    /// Time at which it stops, s.
     pub stops_s: f64,
-    /// The way at which the bevel begins and at which the far one ends, m, from where the pass begins.
+    /// Feed positions at the beginning of the first bevel and at the end of the last, m, from the beginning of the pass.
     pub work_m: [f64; 2],
-    /// Length of each bevel along the way, m.
+    /// Length of each bevel along the feed, m.
     pub bevel_m: f64,
-    /// When rows are taken, s from the pass' begin.
+    /// Sampling times, s from the beginning of the pass.
     pub times_s: Vec<f64>,
 }
 
-/// How the tool stands in a row.
+/// State of the tool in a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
-    /// Which pass.
+    /// Index of the pass.
     pub pass: usize,
-    /// Since the pass began, s.
+    /// Time since the beginning of the pass, s.
     pub t_s: f64,
-    /// What it does.
+    /// Engagement.
     pub phase: Phase,
-    /// m/s.
+    /// Feed rate, m/s.
     pub feed_m_s: f64,
-    /// Fed since the pass began, m.
+    /// Feed position since the beginning of the pass, m.
     pub way_m: f64,
 }
 
 /// All passes of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// In order of time.
+    /// Passes in order of time.
     pub passes: Vec<Pass>,
-    /// How rich it is.
+    /// Excitation.
     pub richness: Richness,
-    /// A middle spindle speed, rev/s.
+    /// Typical spindle speed, rev/s.
     pub spindle_hz: f64,
-    /// A middle feed per tooth, m.
+    /// Typical feed per tooth, m.
     pub feed_m: f64,
-    /// Rows per second.
+    /// Sampling rate, Hz.
     pub rate_hz: f64,
-    /// Whether the tool is in air at times.
+    /// Whether the tool is out of contact at times.
     pub has_air: bool,
 }
 
 impl Pass {
-    /// How far the tool was fed at this instant, m; before the recording too.
+    /// Feed position at an instant, m; also before the recording.
     #[must_use]
     pub fn way(&self, t_s: f64) -> f64 {
         let moves_s = t_s.min(self.stops_s) - self.waits_s;
         self.feed_m_s * if self.waits_s > 0.0 { moves_s.max(0.0) } else { moves_s }
     }
 
-    /// Of the depth that is set, how much is cut at this way.
+    /// Fraction of the nominal depth that is cut at this feed position.
     #[must_use]
     pub fn share(&self, way_m: f64) -> f64 {
         let rises = |far: f64| if far == f64::INFINITY { 1.0 } else { far / self.bevel_m };
@@ -89,11 +88,11 @@ impl Pass {
     }
 
     fn phase(&self, t_s: f64, way_m: f64) -> Phase {
-        // As a pass begins a tooth stands just where many a work begins.
+        // At the beginning of a pass, tooth 0 is at the angle at which many cuts begin.
         if t_s == 0.0 && self.share(way_m) > 0.0 {
             return Phase::Between;
         }
-        // Until a turn is full, chips are bounded by the bevel, not by the tooth before.
+        // During the first revolution, chips are limited by the bevel instead of the preceding tooth.
         let turn_m = 1.5 * self.feed_m_s / self.spindle_hz;
         match self.share(way_m) {
             share if share <= 0.0 => Phase::Air,
@@ -106,7 +105,7 @@ impl Pass {
 }
 
 impl Scene {
-    /// Passes of a cutter; rich ones have several feeds and speeds, poor ones one.
+    /// Random passes of a cutter; rich ones have several feeds and speeds, poor ones one each.
     #[must_use]
     pub fn draw(cut: &Cut, richness: Richness, has_air: bool, chance: &mut Chance) -> Self {
         let feed_m = cut.feed_m(chance);
@@ -195,7 +194,7 @@ impl Scene {
         self.passes.iter().enumerate().flat_map(of_pass).collect()
     }
 
-    /// The smallest feed of a tooth, m.
+    /// Smallest feed per tooth, m.
     #[must_use]
     pub fn least_feed(&self, cut: &Cut) -> f64 {
         let feeds = self.passes.iter().map(|p| p.feed_m_s / (p.spindle_hz * cut.teeth as f64));
@@ -204,13 +203,13 @@ impl Scene {
 }
 
 impl Row {
-    /// How far the spindle has turned since the pass began, rad.
+    /// Rotation of the spindle since the beginning of the pass, rad.
     #[must_use]
     pub fn angle(&self, pass: &Pass) -> f64 {
         TAU * pass.spindle_hz * self.t_s
     }
 
-    /// Whether a law of the cut says what is exerted: it cuts as set, or nothing moves.
+    /// Whether the force laws are defined for this row: full engagement, or nothing moves.
     #[must_use]
     pub fn is_lawful(&self) -> bool {
         self.phase == Phase::Cut || self.phase == Phase::Air && self.feed_m_s == 0.0

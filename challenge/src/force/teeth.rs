@@ -1,10 +1,8 @@
 //! Teeth stepped in time: position of each edge, its distance beyond the path of the preceding tooth, direction of its forces.
 //!
-//! Cut axes: x along the feed, z up out of the work, y = z × x. An edge at angle φ from y towards x stands at `C(t) + ρ + R (sin φ, cos φ)`: the tool's
-//! centre moves on while it turns. The chip is measured along the ray from the centre: from the edge to where the edge before crossed that ray, found by
-//! stepping back in time. Helical edges are slices.
-//!
-//! Promises: no chip is negative. Never: a coefficient.
+//! Cut axes: x along the feed, z up out of the workpiece, y = z × x. An edge at angle φ from y towards x is at `C(t) + ρ + R (sin φ, cos φ)`, where
+//! the tool's centre C moves during rotation. Chip thickness is measured along the ray from the centre: from the edge to the point at which a
+//! preceding edge crossed that ray, found by stepping back in time. Helical edges are divided into slices. Chip thickness is never negative.
 
 use std::f64::consts::{PI, TAU};
 
@@ -13,39 +11,39 @@ use crate::space::V3;
 use super::cut::Cut;
 use super::scene::{Pass, Row, Scene};
 
-/// A slice of a helical tooth lags the one below by at most this, rad.
+/// Largest lag angle of a slice of a helical tooth relative to the one below, rad.
 const SLICE_RAD: f64 = 5e-3;
-/// Slices at most.
+/// Largest number of slices.
 const SLICES: f64 = 48.0;
-/// Steps back in time until a ray is crossed.
+/// Iterations back in time until a ray is crossed.
 const STEPS: usize = 3;
 
-/// How the tool is made otherwise than it is told.
+/// Deviations of the tool from its nominal shape.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Shape {
-    /// Where the tool's axis stands off the spindle's, towards tooth 0 and a quarter of a turn on towards the next, m.
+    /// Offset of the tool axis from the spindle axis, towards tooth 0 and perpendicular to it towards the next tooth, m.
     pub off: [f64; 2],
-    /// Of the depth, from below, how much of tooth 0 is broken off.
+    /// Fraction of the depth, from below, over which tooth 0 is broken off.
     pub broken: f64,
-    /// The spindle stands further on by this, rad.
+    /// Additional spindle angle, rad.
     pub turned: f64,
-    /// Chips are those of circles: feed times sine.
+    /// Whether chip thickness is that of circular paths: feed times sine.
     pub ideal: bool,
 }
 
-/// What acts per unit of each coefficient, cut axes: tangential, radial, axial.
+/// Force per unit of each coefficient, cut axes: tangential, radial, axial.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bite {
     /// N per N/m of edge coefficient.
     pub edge: [V3; 3],
     /// N per N/m² of cutting coefficient.
     pub chip: [V3; 3],
-    /// Whether any edge is in the work.
+    /// Whether any edge is engaged.
     pub is_engaged: bool,
 }
 
 impl Bite {
-    /// An edge at an angle, of a depth, with its chip.
+    /// Adds an edge at an angle, with its depth and chip thickness.
     fn take(&mut self, [sin, cos]: [f64; 2], depth_m: f64, chip_m: f64) {
         let ways = [[-cos, sin, 0.0], [-sin, -cos, 0.0], [0.0, 0.0, 1.0]];
         for (k, way) in ways.iter().enumerate() {
@@ -58,7 +56,7 @@ impl Bite {
     }
 }
 
-/// What the teeth do in each row.
+/// Forces of the teeth in each row, per unit of the coefficients.
 #[must_use]
 pub fn bites(cut: &Cut, scene: &Scene, rows: &[Row], shape: Shape) -> Vec<Bite> {
     let one = |row: &Row| {
@@ -76,7 +74,7 @@ pub fn bites(cut: &Cut, scene: &Scene, rows: &[Row], shape: Shape) -> Vec<Bite> 
     rows.iter().map(one).collect()
 }
 
-/// A tool that stands: the chip is as wide as the work moved on in a turn, and no wider than the work.
+/// Turning: the chip thickness is the feed during one revolution, limited by the workpiece.
 fn turned(pass: &Pass, row: &Row, depth_m: f64) -> Bite {
     let before = pass.way(row.t_s - 1.0 / pass.spindle_hz).max(pass.work_m[0]);
     let mut bite = Bite::default();
@@ -84,7 +82,7 @@ fn turned(pass: &Pass, row: &Row, depth_m: f64) -> Bite {
     bite
 }
 
-/// Where edges are at any instant.
+/// Edge positions at any instant.
 struct Edges<'a> {
     cut: &'a Cut,
     pass: &'a Pass,
@@ -92,7 +90,7 @@ struct Edges<'a> {
 }
 
 impl Edges<'_> {
-    /// An edge `place` rad ahead of tooth 0, seen from where the centre is at `way_m`.
+    /// Position of an edge `place` rad ahead of tooth 0, relative to the centre at `way_m`.
     fn at(&self, t_s: f64, place: f64, way_m: f64) -> [f64; 2] {
         let turned = TAU * self.pass.spindle_hz * t_s + self.shape.turned;
         let (sin, cos) = (turned + place).sin_cos();
@@ -107,7 +105,7 @@ impl Edges<'_> {
         at
     }
 
-    /// How far from the centre the edge `back` teeth ahead crossed this ray.
+    /// Distance from the centre at which the edge `back` teeth ahead crossed this ray.
     fn crossed(&self, row: &Row, place: f64, back: usize, [sin, cos]: [f64; 2]) -> f64 {
         let pitch = TAU / self.cut.teeth as f64 * back as f64;
         let rate = TAU * self.pass.spindle_hz;
@@ -121,16 +119,16 @@ impl Edges<'_> {
     }
 }
 
-/// How much of a slice that is `wide` rad in angle is in the work, its middle being here.
+/// Fraction of a slice of angular width `wide`, centred here, that is inside the workpiece.
 fn inside(cut: &Cut, [x, y]: [f64; 2], wide: f64) -> f64 {
-    // A border that moves past at `rate` m/rad, `beyond` m away.
+    // A border at distance `beyond` m that moves at `rate` m/rad.
     let share = |beyond: f64, rate: f64| {
         let width = rate.abs() * wide;
         if width > 0.0 { (0.5 + beyond / width).clamp(0.0, 1.0) } else { f64::from(beyond >= 0.0) }
     };
     let border = |angle: f64| angle.cos() * cut.radius_m;
     let mut inside = share(x, y);
-    // Where a work is as wide as the tool, the tool's own front is the border.
+    // If the workpiece is as wide as the tool, the tool's own front is the border.
     if cut.entry_rad > 0.0 {
         inside = inside.min(share(border(cut.entry_rad) - y, x));
     }
@@ -164,7 +162,7 @@ fn milled(cut: &Cut, pass: &Pass, row: &Row, shape: Shape, depth_m: f64) -> Bite
             } else if shape.off == [0.0; 2] {
                 beyond(1)
             } else {
-                // What the tooth before did not reach, the one before it left.
+                // Material left by the preceding tooth was bounded by the one before it.
                 beyond(1).min(beyond(2))
             };
             let follows = (tooth + 1) % cut.teeth == 0;

@@ -1,6 +1,7 @@
-//! Writes a case of forces as the files for a solver: a model without a robot, a recording, and the description of the cut (docs/reference/recording.md).
+//! Writes a case of forces as the files for a solver: a model without a robot, a recording, and the description of the cut
+//! (docs/reference/recording.md).
 //!
-//! Promises: nothing that is hidden is in them. Never: read back.
+//! The files contain nothing that is hidden from the solver.
 
 use std::fmt::Write as _;
 
@@ -12,7 +13,7 @@ use super::kinds::Effect;
 use super::laws::Ride;
 use super::scene::Row;
 
-/// A tool that hangs on nothing: where forces alone are measured a model has to hold effects.
+/// A dummy robot: a model is required to contain effects even if only forces are measured.
 const NO_ROBOT: &str = r#"schema = "trued.model/1"
 name = "a cut without a robot"
 
@@ -26,20 +27,20 @@ limits_mm = [-10.0, 10.0]
 tcp_mm = [0.0, 0.0, 0.0]
 "#;
 
-/// An effect as an entry of a model; `sigma` of its first numbers, SI.
+/// An effect as an entry of a model file; `sigma`: standard uncertainties of its first parameters, SI.
 #[must_use]
 pub fn effect(effect: &Effect, sigma: &[f64]) -> String {
     entry(effect, false, None, sigma)
 }
 
-/// The model that the solver is given.
+/// The model file for the solver.
 #[must_use]
 pub fn model(case: &Case) -> String {
     let known = case.known.iter().map(|known| effect(&known.nominal, &known.sigma));
     NO_ROBOT.to_owned() + &known.collect::<String>()
 }
 
-/// What the recording says of itself.
+/// The metadata of the recording, TOML.
 #[must_use]
 pub fn about(case: &Case) -> String {
     let (cut, noise) = (&case.cut, &case.noise);
@@ -67,7 +68,7 @@ pub fn about(case: &Case) -> String {
     text
 }
 
-/// A recording of what was measured.
+/// The recording of the measurements, CSV.
 #[must_use]
 pub fn recording(ride: &Ride<'_>, measured: &Measured) -> String {
     let mut text = "t_s,segment,spindle_rpm,feed_mm_s,fx_N,fy_N,fz_N\n".to_owned();
@@ -79,7 +80,7 @@ pub fn recording(ride: &Ride<'_>, measured: &Measured) -> String {
     text
 }
 
-/// Passes without a force that says anything, for a program that runs a model over them.
+/// Passes with zero forces, as input of a program that evaluates a model.
 #[must_use]
 pub fn command(ride: &Ride<'_>) -> String {
     let mut text = "t_s,segment,spindle_rpm,feed_mm_s,fx_N,fy_N,fz_N\n".to_owned();
@@ -96,7 +97,7 @@ fn process(text: &mut String, ride: &Ride<'_>, row: &Row) {
     let _ = write!(text, "{t_s:.9},{pass},{rpm:.3},{feed:.4}");
 }
 
-/// The files of a case that the solver is given.
+/// The files of a case for the solver.
 #[must_use]
 pub fn files(case: &Case) -> [File; 3] {
     let ride = Ride::of(&case.cut, &case.scene);

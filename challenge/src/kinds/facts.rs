@@ -1,6 +1,5 @@
-//! The table of all kinds: keys with units and limits by the contract (`effects.md`), and what each needs to show.
-//!
-//! Promises: one line per kind, in their order. Never: a law.
+//! Table of all kinds of hidden position effects: keys with units and limits as in the model format (docs/reference/effects.md), and the inputs each
+//! needs to be observable. One line per kind, in the order of [`Kind`].
 
 use super::{Facts, Kind, Need};
 use crate::law::Entry;
@@ -40,7 +39,7 @@ const DEG: f64 = std::f64::consts::PI / 180.0;
 const STIFF: &[Entry] = &[one("compliance_mrad_per_kNm", 1e-6)];
 const WIDE: &[Entry] = &[one("amplitude_mrad", 1e-3), loose("time_constant_s", 1.0)];
 
-/// What is said of every kind, in their order.
+/// The facts of every kind, in order.
 pub(super) static FACTS: [(Kind, Facts); 41] = [
     (Kind::JointOffset, of("joint_offset", true, &[one("offset_mrad", 1e-3)], 1, 5e-3, false, &[])),
     (Kind::JointRatio, of("joint_ratio", true, &[one("ratio", 1.0)], 1, 3e-3, false, &[])),

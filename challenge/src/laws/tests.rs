@@ -67,11 +67,11 @@ fn a_hysteresis_builds_up_over_its_distance_and_its_loop_closes() {
     let back: Vec<f64> = (1..=4000).map(|k| 0.08 - f64::from(k) * 2e-5).collect();
     let seen = slipping(&[there, back].concat(), height, distance);
     assert!((seen[4000] + 2.5e-4).abs() < 1e-6, "fully built up");
-    // A distance s after the reversal 63 % of the whole height is crossed.
+    // At distance s after the reversal, 63 % of the full height is reached.
     let after = seen[4200] - seen[4000];
     assert!((after / 5e-4 - (1.0 - (-1.0_f64).exp())).abs() < 0.01, "{after}");
     assert!((seen[8000] - 2.5e-4).abs() < 1e-6);
-    // A small excursion and back: the way is remembered.
+    // A small excursion and back: the state before it is remembered.
     let mut q = 0.08;
     let mut way: Vec<f64> = (0..=4000).map(|k| f64::from(k) * 2e-5).collect();
     for n in 0..800 {

@@ -1,6 +1,5 @@
-//! The figures of a challenge: `trued.challenge/1` and what stands beside its fixed keys.
-//!
-//! Promises: a figure over no case is null, never a number. Never: a case weighed.
+//! Statistics of a challenge: `trued.challenge/1` and additional keys. A statistic over no case is
+//! null; all cases have equal weight.
 
 use serde::Serialize;
 
@@ -8,125 +7,126 @@ use super::Outcome;
 use crate::case::Tier;
 use crate::truth::LEAST_Z;
 
-/// Cases of a range.
+/// Cases in a range of z or ρ.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Bin {
-    /// From (included).
+    /// Lower bound (inclusive).
     pub from: f64,
-    /// To (excluded); none: without end.
+    /// Upper bound (exclusive); null: unbounded.
     pub to: Option<f64>,
-    /// How many.
+    /// Number of cases.
     pub cases: usize,
-    /// Share of them with the first answer right.
+    /// Fraction of cases with the first claim right.
     pub first_right: Option<f64>,
-    /// Share with the truth among the first three names.
+    /// Fraction of cases with the truth among the first three reported effects.
     pub first_three_right: Option<f64>,
 }
 
-/// Claims by what they said of themselves.
+/// Claims in a range of stated confidence.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Calibration {
-    /// From (included).
+    /// Lower bound (inclusive).
     pub from: f64,
-    /// To (excluded).
+    /// Upper bound (exclusive).
     pub to: f64,
-    /// How many claims.
+    /// Number of claims.
     pub claims: usize,
-    /// Mean of their confidence.
+    /// Mean stated confidence.
     pub said: Option<f64>,
-    /// Share that was right.
+    /// Fraction of claims that are right.
     pub right: Option<f64>,
 }
 
-/// A kind of effect, with how it went.
+/// Results of one kind of effect.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ByEffect {
     /// Its name.
     pub effect: &'static str,
-    /// Cases where it alone is hidden and counts.
+    /// Cases in which it is the only hidden effect and is scored.
     pub cases: usize,
-    /// First answer right.
+    /// Cases with the first claim right.
     pub right: usize,
-    /// What was said instead, most often first.
+    /// Effects reported instead, most frequent first.
     pub instead: Vec<(String, usize)>,
 }
 
-/// All figures.
+/// All statistics of a challenge.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Figures {
-    /// Of everything that chance decided.
+    /// Seed of all random draws.
     pub seed: u64,
-    /// How many.
+    /// Number of cases.
     pub cases: usize,
-    /// Of the truth, told before anyone answered.
+    /// Hash of the truth, published before any answer.
     pub sealed_sha256: String,
-    /// Of the answers, told before the truth was opened.
+    /// Hash of the answers, published before the truth was opened.
     pub answers_sha256: String,
     /// Cases without an answer.
     pub unanswered: usize,
-    /// Cases that count towards a bar.
+    /// Cases that are scored against the acceptance limits.
     pub counting: usize,
-    /// By ρ, of those that count.
+    /// Scored cases by effect-to-noise ratio ρ.
     pub by_effect_to_noise: Vec<Bin>,
-    /// By z, of those that count.
+    /// Scored cases by z.
     pub by_z: Vec<Bin>,
-    /// Of those that count, where z is at least 20, 40, 80.
+    /// Scored cases with z of at least 20, 40, 80.
     pub first_right_at_z: Vec<Bin>,
-    /// First claim right, of all that count.
+    /// Fraction of scored cases with the first claim right.
     pub first_right: Option<f64>,
-    /// Nulls.
+    /// Number of cases without hidden effects.
     pub nulls: usize,
-    /// Nulls that were answered with physics.
+    /// Cases without hidden effects in which effects were claimed.
     pub false_findings: usize,
-    /// Their share.
+    /// Their fraction.
     pub false_findings_on_nulls: Option<f64>,
-    /// Wrong claims among claims under `missing_physics`, nulls aside.
+    /// Fraction of wrong claims among claims under `missing_physics`, without null cases.
     pub named_wrong: Option<f64>,
-    /// Claims that this is of.
+    /// Number of claims in that fraction.
     pub named: usize,
-    /// Physics outside the library that was called so.
+    /// Fraction of cases with effects outside the dictionary that were reported as unknown
+    /// structure.
     pub unknown_recognised: Option<f64>,
-    /// Cases that this is of.
+    /// Number of cases in that fraction.
     pub unknown: usize,
-    /// Cases that cannot be decided and were called so.
+    /// Fraction of ambiguous cases that were reported as such.
     pub undetermined_recognised: Option<f64>,
-    /// Cases that this is of.
+    /// Number of cases in that fraction.
     pub undetermined: usize,
-    /// Intervals that hold, what was not found counted as not held.
+    /// Fraction of 95 % intervals that contain the truth; effects not found count as failures.
     pub coverage95: Option<f64>,
-    /// The same where the effect was found.
+    /// The same fraction, only for effects that were found.
     pub coverage95_found: Option<f64>,
-    /// Numbers that were found.
+    /// Number of parameters that were found.
     pub intervals: usize,
-    /// Share of the oracle's gain, median.
+    /// Median improvement of the prediction as a fraction of the oracle's.
     pub gain_vs_oracle_median: Option<f64>,
-    /// Share of the oracle's gain, tenth of a hundred from below.
+    /// 10th percentile of the improvement as a fraction of the oracle's.
     pub gain_vs_oracle_p10: Option<f64>,
-    /// Joint right, given the effect is right.
+    /// Fraction of claims with the right joint, given the right kind.
     pub joint_right: Option<f64>,
-    /// Truth among the first three names, of those that count.
+    /// Fraction of scored cases with the truth among the first three reported effects.
     pub first_three_right: Option<f64>,
-    /// What unknown structure follows, of those that were called unknown.
+    /// Fraction of cases reported as unknown structure with the right covariates.
     pub depends_on_right: Option<f64>,
-    /// Several effects: share of those that count that were named.
+    /// Fraction of scored cases with several effects in which all were reported.
     pub all_named: Option<f64>,
-    /// Claims by confidence.
+    /// Claims by stated confidence.
     pub calibration: Vec<Calibration>,
-    /// Mean distance of confidence from truth.
+    /// Mean absolute difference between stated confidence and fraction right.
     pub calibration_error: Option<f64>,
-    /// By kind.
+    /// Results by kind of effect.
     pub by_effect: Vec<ByEffect>,
-    /// Cases by tier.
+    /// Number of cases by tier.
     pub tiers: Vec<(Tier, usize)>,
-    /// Of the solver, s.
+    /// Median computing time of the solver, s.
     pub seconds_median: Option<f64>,
 }
 
-/// The figures of all outcomes.
+/// Statistics of all outcomes.
 #[must_use]
 pub fn figures(seed: u64, sealed_sha256: &str, answers_sha256: &str, all: &[Outcome]) -> Figures {
     let counting: Vec<&Outcome> = all.iter().filter(|o| o.counts()).collect();
@@ -226,7 +226,7 @@ fn bin(cases: &[&Outcome], from: f64, to: Option<f64>, of: impl Fn(&Outcome) -> 
     }
 }
 
-/// Whether each claim under `missing_physics` is right, nulls aside.
+/// Whether each claim under `missing_physics` is right, without null cases.
 fn named(all: &[Outcome]) -> Vec<bool> {
     let names = |o: &&Outcome| o.truth.tier != Tier::Null && !o.called_unknown();
     all.iter().filter(names).flat_map(|o| o.claims().iter().map(|claim| o.right(claim))).collect()

@@ -114,7 +114,7 @@ fn the_figures_count_what_they_say() {
     let at_z: Vec<_> =
         seen.first_right_at_z.iter().map(|bin| (bin.cases, bin.first_right)).collect();
     assert_eq!(at_z, [(3, Some(2.0 / 3.0)), (1, Some(1.0)), (1, Some(1.0))]);
-    // Wrong: the second and fourth single, and the name for what no library has.
+    // Wrong: the second and fourth single case, and the effect reported for one outside the dictionary.
     assert_eq!((seen.named, seen.named_wrong), (5, Some(3.0 / 5.0)));
     assert_eq!((seen.unknown_recognised, seen.depends_on_right), (Some(0.5), Some(1.0)));
     assert_eq!((seen.coverage95, seen.coverage95_found), (Some(2.0 / 3.0), Some(1.0)));

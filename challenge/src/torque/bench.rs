@@ -1,7 +1,7 @@
-//! How much a hidden effect of torques shows, and whether another name would show the same: z, ρ and gains as in the position domain
-//! ([`crate::weigh`]), with masses that the model does not say in the place of registration.
+//! Detectability of a hidden torque effect, and whether another effect would have the same signature: z, ρ and gains as in the position domain
+//! ([`crate::weigh`]), with masses that the model does not state as nuisance parameters instead of the registration.
 //!
-//! Promises: no answer of a solver is looked at. Never: noise drawn; expected values alone.
+//! Expected values are computed without drawing noise. The evaluation does not depend on a solver's answer.
 
 use crate::arm::Joints;
 use crate::law::{Law, Trial};
@@ -16,7 +16,7 @@ use super::laws::{Ride, recorded};
 use super::motion::Motion;
 use super::rig::Rig;
 
-/// A case's columns, linear about the model and the hidden effects that are not asked for.
+/// Values of a case, linearised about the model and the other hidden effects.
 pub struct Bench<'a> {
     case: &'a Case,
     motion: &'a Motion,
@@ -26,14 +26,14 @@ pub struct Bench<'a> {
     still: Vec<Joints>,
 }
 
-/// Whitens the rows that are there.
+/// Whitening of the recorded rows.
 #[must_use]
 pub fn whitener(case: &Case, ride: &Ride, there: &[bool]) -> Whitener {
     let follows = |before: usize, row: usize| ride.at[before].0 == ride.at[row].0;
     Whitener::plain(case.rig.count(), case.noise.colour, there, follows)
 }
 
-/// All joints' values in units of their noise, row by row.
+/// Values of all joints in units of their noise, row by row.
 #[must_use]
 pub fn in_noise(case: &Case, torques: &[Joints]) -> Vec<f64> {
     let count = case.rig.count();
@@ -43,7 +43,7 @@ pub fn in_noise(case: &Case, torques: &[Joints]) -> Vec<f64> {
         .collect()
 }
 
-/// What masses ask that the model says nothing of, mass by mass: fitted anyway.
+/// Torques of unit masses that the model does not state: nuisance columns.
 #[must_use]
 pub fn unsaid(rig: &Rig, ride: &Ride) -> Vec<Vec<Joints>> {
     if rig.told {
@@ -54,7 +54,8 @@ pub fn unsaid(rig: &Rig, ride: &Ride) -> Vec<Vec<Joints>> {
 }
 
 impl<'a> Bench<'a> {
-    /// The columns of the rows that are there; `asked`: the hidden effect that they are about, none: all hidden effects are there.
+    /// The columns of the recorded rows. `asked`: index of the hidden effect under evaluation, which is excluded from the base point; `None`: all
+    /// hidden effects are included.
     #[must_use]
     pub fn of(
         case: &'a Case,
@@ -75,7 +76,7 @@ impl<'a> Bench<'a> {
         whitened
     }
 
-    /// The whitened column of an effect.
+    /// Whitened column of an effect.
     #[must_use]
     pub fn column(&self, effect: &Effect) -> Vec<f64> {
         let mut all = self.base.clone();
@@ -84,7 +85,7 @@ impl<'a> Bench<'a> {
         self.whiten(&minus(&moved, &self.still))
     }
 
-    /// What is fitted anyway: masses that are not said, the model's numbers with one reading each of their uncertainty; not those that `except` revises.
+    /// Nuisance columns: unstated masses, and the model's parameters with their priors, except those that `except` revises.
     #[must_use]
     pub fn nuisances(&self, except: &Effect) -> Span {
         let mut span = Span::default();
@@ -95,14 +96,14 @@ impl<'a> Bench<'a> {
         span
     }
 
-    /// How far a hidden effect shows beside what is fitted anyway.
+    /// Norm of a hidden effect after projection on the nuisance columns.
     #[must_use]
     pub fn strength(&self, effect: &Effect, span: &Span) -> f64 {
         let rest = span.rest(&self.column(effect));
         dot(&rest, &rest).sqrt()
     }
 
-    /// What can be said of hidden effect `which`, the one that was asked for.
+    /// Detectability of hidden effect `which`, for which the columns were prepared.
     #[must_use]
     pub fn judge(&self, which: usize) -> Judged {
         let truth = &self.case.hidden[which];
@@ -136,7 +137,7 @@ pub(super) fn minus(a: &[Joints], b: &[Joints]) -> Vec<Joints> {
     a.iter().zip(b).map(each).collect()
 }
 
-/// Names of masses: where they show the same, either is right.
+/// Whether both effects are masses: if their signatures agree, either is right.
 pub(super) fn are_masses(one: &str, other: &str) -> bool {
     let is = |name: &str| matches!(name, "inertia" | "payload" | "gravity_torque");
     is(one) && is(other)

@@ -1,6 +1,5 @@
-//! Alternatives to a hidden torque effect: every effect with which this recording could be explained.
-//!
-//! Promises: numbers that do not enter linearly stand on a grid, one form each. Never: names that need what was not recorded.
+//! Alternatives to a hidden torque effect: every effect that could explain this recording. Nonlinear parameters are taken from a grid, one form per
+//! grid point; effects whose inputs were not recorded are excluded.
 
 use crate::candidates::Candidate;
 use crate::law::{Law, Trial};
@@ -8,7 +7,7 @@ use crate::law::{Law, Trial};
 use super::case::Case;
 use super::kinds::{Effect, Kind, Need};
 
-/// Whether a kind can stand on a joint.
+/// Whether a kind is possible on a joint.
 #[must_use]
 pub fn fits(case: &Case, kind: Kind, joint: usize) -> bool {
     kind.facts().needs.iter().all(|need| match need {
@@ -41,7 +40,7 @@ pub fn candidates(case: &Case) -> Vec<Candidate<Effect>> {
     all
 }
 
-/// How many of its numbers are free: of a payload a slide feels the mass alone, and one axis that turns feels no place along it.
+/// Number of free parameters: of a payload, a linear axis determines only the mass, and a single revolute axis no position along it.
 fn free_numbers(case: &Case, kind: Kind) -> usize {
     match (kind, case.rig.count(), case.rig.slides) {
         (Kind::Payload, _, true) => 1,

@@ -1,6 +1,4 @@
-//! One blind case of torques: rig, its model, hidden effects, measurements.
-//!
-//! Promises: everything follows from it and its seed. Never: what the solver is told beyond the files.
+//! One blind case of torques: rig, its model, hidden effects, measurements. Everything follows from the case and its seed.
 
 use crate::arm::{JOINTS, Joints};
 use crate::case::{Known as Known_, Tier};
@@ -13,58 +11,58 @@ use super::laws::{Ride, recorded};
 use super::motion::Motion;
 use super::rig::Rig;
 
-/// An effect that the model has.
+/// An effect of the model.
 pub type Known = Known_<Kind>;
 
-/// How well torques and positions are read.
+/// Noise of torques and positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
     /// Standard deviation of each joint's torque, Nm or N.
     pub sigma: Joints,
-    /// Last digit of each joint's torque, Nm or N.
+    /// Quantisation step of each joint's torque, Nm or N.
     pub digit: Joints,
-    /// Correlation from row to row.
+    /// AR(1) coefficient from row to row.
     pub colour: f64,
-    /// Step of the encoders on the joint's side, rad or m.
+    /// Resolution of the encoders on the joint side, rad or m.
     pub step: f64,
-    /// Stretches in which nothing was recorded.
+    /// Number of gaps.
     pub gaps: usize,
 }
 
-/// What was recorded.
+/// Simulated measurements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
-    /// Torques, row by row.
+    /// Torques, row by row, Nm or N.
     pub torques: Vec<Joints>,
-    /// Positions as encoders read them, row by row.
+    /// Encoder positions, row by row, rad or m.
     pub places: Vec<Joints>,
-    /// Rows that are there.
+    /// Whether each row was recorded.
     pub there: Vec<bool>,
 }
 
 /// A case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// What it asks.
+    /// Its tier.
     pub tier: Tier,
-    /// What moves.
+    /// Robot or single-axis rig.
     pub rig: Rig,
-    /// How it moves.
+    /// Its motion.
     pub motion: Motion,
-    /// How rich its motion is.
+    /// Excitation of the motion.
     pub richness: Richness,
-    /// How well it is measured.
+    /// Noise of the measurements.
     pub noise: Noise,
-    /// What the model knows.
+    /// Effects in the model.
     pub known: Vec<Known>,
-    /// What it does not.
+    /// Effects missing from the model.
     pub hidden: Vec<Effect>,
-    /// Seed of its noise and of its unseen motion.
+    /// Seed of the noise and of the unseen motion.
     pub seed: u64,
 }
 
 impl Noise {
-    /// All that disturbs a value of a joint, as a standard deviation.
+    /// Standard deviation of a torque: noise and quantisation.
     #[must_use]
     pub fn total(&self, joint: usize) -> f64 {
         let (sigma, digit) = (self.sigma[joint], self.digit[joint]);
@@ -76,7 +74,7 @@ fn rounded(value: f64, step: f64) -> f64 {
     if step > 0.0 { (value / step).round() * step } else { value }
 }
 
-/// Rows without so many stretches in which nothing was recorded.
+/// Whether each row was recorded, with this number of random gaps.
 pub(crate) fn without_gaps(rows: usize, gaps: usize, chance: &mut Chance) -> Vec<bool> {
     let mut there = vec![true; rows];
     for _ in 0..gaps {
@@ -88,7 +86,7 @@ pub(crate) fn without_gaps(rows: usize, gaps: usize, chance: &mut Chance) -> Vec
 }
 
 impl Case {
-    /// What is recorded of a motion; `part` tells one recording's noise from another's.
+    /// Measurements of a motion; `part` selects the noise stream of one recording.
     #[must_use]
     pub fn measured(&self, motion: &Motion, ride: &Ride, part: u64) -> Measured {
         let exact = recorded(&self.rig, motion, ride, &self.real());
@@ -112,7 +110,7 @@ impl Case {
         measured
     }
 
-    /// A motion of the same rig that the solver never sees.
+    /// Another motion of the same rig, which the solver never sees.
     #[must_use]
     pub fn unseen(&self) -> Motion {
         let mut chance = Chance::new(self.seed, 50);

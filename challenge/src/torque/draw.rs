@@ -1,6 +1,6 @@
 //! Random cases of torques: rig, motion, instrument and hidden effects, with a size that suits the tier.
 //!
-//! Promises: the same seed, index and tier give the same case; kinds take turns. Never: a draw that looks at a solver's answer.
+//! The same seed, index and tier give the same case; kinds are used in turn. A solver's answers have no influence.
 
 use crate::arm::{JOINTS, Joints};
 use crate::case::Tier;
@@ -17,23 +17,23 @@ use super::laws::{Ride, recorded};
 use super::motion::Motion;
 use super::rig::Rig;
 
-/// A case with what can be said of it.
+/// A generated case with the detectability of its effects.
 pub type Drawn = crate::draw::Drawn<Case>;
 
-/// How the torque of a joint is.
+/// Typical values of a joint.
 #[derive(Clone, Copy, Debug)]
 pub struct Scale {
     /// Root mean square of the torque, Nm or N.
     pub torque: f64,
-    /// rad/s or m/s.
+    /// Maximum velocity, rad/s or m/s.
     pub speed: f64,
-    /// rad/s² or m/s².
+    /// Acceleration, rad/s² or m/s².
     pub acceleration: f64,
     /// Half of the range, rad or m.
     pub reach: f64,
 }
 
-/// Case `index` of a challenge, of a tier; `turn` says whose turn it is among the tier's kinds.
+/// Case `index` of a challenge, of a tier; `turn` selects the kind among those of the tier.
 #[must_use]
 pub fn case(seed: u64, index: usize, (tier, turn): (Tier, usize)) -> Drawn {
     let number = index as u64;
@@ -64,7 +64,7 @@ fn attempt_at(seed: u64, turn: usize, tier: Tier, chance: &mut Chance) -> Option
     asks(tier, &judged).then_some(Drawn { case, judged })
 }
 
-/// Kinds that a poor motion cannot part.
+/// Kinds that a poor motion cannot distinguish.
 const POOR: [Kind; 9] = [
     Kind::CoulombFriction,
     Kind::ViscousFriction,
@@ -77,7 +77,7 @@ const POOR: [Kind; 9] = [
     Kind::DriveGain,
 ];
 
-/// A case of which nothing is hidden yet, and how its joints' torques are.
+/// A case without hidden effects, with the typical values of its joints.
 fn empty(seed: u64, tier: Tier, kinds: &[Kind], chance: &mut Chance) -> (Case, Vec<Scale>) {
     let needs = |need| kinds.iter().any(|kind| kind.needs(need));
     let of_masses = |kind: &Kind| {
@@ -121,7 +121,7 @@ fn empty(seed: u64, tier: Tier, kinds: &[Kind], chance: &mut Chance) -> (Case, V
     (case, scales)
 }
 
-/// How each joint's torque is on this motion.
+/// Typical values of each joint on this motion.
 fn scales(case: &Case) -> Vec<Scale> {
     let ride = Ride::of(&case.rig, &case.motion, 0.0);
     let torques = recorded(&case.rig, &case.motion, &ride, &[]);
@@ -147,7 +147,7 @@ fn noise(case: &Case, scales: &[Scale], chance: &mut Chance) -> Noise {
         *sigma = share * scale.torque * chance.between(0.7, 1.4);
     }
     let coarse = [0.03, 0.3, 1.0][chance.pick(3)];
-    // What rounding of positions adds to accelerations in a band of 40 Hz stays well below the torque's own noise.
+    // The quantisation of positions, differentiated in a band of 40 Hz, stays well below the torque noise.
     let loudest = scales
         .iter()
         .zip(&sigma)
@@ -164,7 +164,7 @@ fn noise(case: &Case, scales: &[Scale], chance: &mut Chance) -> Noise {
     }
 }
 
-/// Gives the model what it knows, off by its uncertainty.
+/// Adds effects to the model, with errors within their uncertainty.
 fn know(case: &mut Case, scales: &[Scale], kinds: &[Kind], chance: &mut Chance) {
     let needs = |need| kinds.iter().any(|kind| kind.needs(need));
     let friction = needs(Need::OwnViscous) || chance.happens(0.5);
@@ -191,7 +191,7 @@ fn know(case: &mut Case, scales: &[Scale], kinds: &[Kind], chance: &mut Chance) 
     }
 }
 
-/// An effect of that kind where it may show.
+/// A random effect of a kind on a joint where it may be observable.
 fn effect(case: &Case, scales: &[Scale], kind: Kind, chance: &mut Chance) -> Option<Effect> {
     let of_joint = kind.facts().of_joint;
     let clashes = |joint: usize| {
@@ -199,7 +199,7 @@ fn effect(case: &Case, scales: &[Scale], kind: Kind, chance: &mut Chance) -> Opt
             .iter()
             .any(|other| other.kind.name() == kind.name() && (!of_joint || other.joint == joint))
     };
-    // A second spring beside one that is known would be a third.
+    // A new spring would be confounded with a known one.
     let stands = |joint: &usize| {
         fits(case, kind, *joint)
             && !clashes(*joint)
@@ -216,7 +216,7 @@ fn effect(case: &Case, scales: &[Scale], kind: Kind, chance: &mut Chance) -> Opt
     Some(Effect { kind, joint, other, numbers })
 }
 
-/// Numbers of a kind, the leading ones of size one.
+/// Parameters of a kind, the leading ones of size one.
 pub(super) fn numbers(
     case: &Case,
     scale: &Scale,
@@ -234,7 +234,7 @@ pub(super) fn numbers(
         Kind::TorqueRipple => {
             let phase = 3.1 * around();
             let radians = if case.rig.slides { std::f64::consts::TAU } else { 1.0 };
-            // From one and a half waves in the range to 12 a second at the highest speed.
+            // From one and a half waves over the range to 12 waves per second at maximum velocity.
             let low = 1.5 * std::f64::consts::PI / (scale.reach * radians);
             let high = 12.0 * std::f64::consts::TAU / (scale.speed * radians);
             let cycles = chance.log_between(low, high.max(1.1 * low));
@@ -250,7 +250,7 @@ pub(super) fn numbers(
     }
 }
 
-/// The largest of the leading number that a robot may have.
+/// Largest physically possible leading parameter.
 pub(super) fn most(effect: &Effect, scale: &Scale) -> f64 {
     let Scale { torque, speed, acceleration, reach } = *scale;
     match effect.kind {
@@ -269,7 +269,7 @@ pub(super) fn most(effect: &Effect, scale: &Scale) -> f64 {
     }
 }
 
-/// Sizes every hidden effect so that it shows as much as is drawn; none where it would have to be larger than it can be.
+/// Scales every hidden effect to a random target z; `None` if it would exceed its physical limit.
 fn size(
     case: &mut Case,
     scales: &[Scale],
@@ -285,7 +285,7 @@ fn size(
         let bench = Bench::of(case, (&motion, ride), there, Some(which));
         let span = bench.nuisances(&case.hidden[which]);
         let mut sized = case.hidden[which].clone();
-        // Twice: what is warm or late is not so in proportion.
+        // Two iterations, because temperature and delay effects are not linear.
         for _ in 0..2 {
             let factor = wanted / bench.strength(&sized, &span);
             if !factor.is_finite() {
@@ -294,7 +294,7 @@ fn size(
             sized = sized.scaled(factor.min(most / sized.lead()));
         }
         if let Some(known) = case.revised(&sized) {
-            // A revised number may also be less than the model says.
+            // A revised parameter may also be smaller than the model states.
             if sized.lead() < 0.9 * known.real.numbers[0] && chance.happens(0.5) {
                 sized = sized.scaled(-1.0);
             }
@@ -311,7 +311,8 @@ mod tests {
 
     #[test]
     fn a_level_shows_as_its_rows_in_motion_over_the_noise() {
-        // A slide of which masses are told: nothing is fitted along, white noise; z is the level times the root of the moving rows over σ.
+        // A linear axis with stated masses: no nuisance parameters, white noise; z is the friction level times the square root of the number of
+        // moving rows over σ.
         let mut chance = Chance::new(4, 0);
         let rig = Rig::slide(true, &mut chance);
         let motion = Motion::draw(&rig.rooms, (8.0, 250.0), false, Richness::Full, &mut chance);

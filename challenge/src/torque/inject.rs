@@ -1,9 +1,10 @@
 //! Effects added to a real recording: everything else is unchanged, and only the added effect is scored.
 //!
-//! Motion is read off the recorded positions by cubics through neighbouring rows. Noise is what a fit of free masses and plain frictions leaves of the
-//! recorded torque, means over a hundredth of a second, its memory taken out by a long linear predictor. `z` and gains are then those of [`crate::weigh`].
+//! The motion is estimated from the recorded positions by local cubic fits. The noise is the residual of the recorded torque after a fit of free
+//! masses and simple friction, averaged over a hundredth of a second and whitened by a long linear predictor. `z` and gains are then those of
+//! [`crate::weigh`].
 //!
-//! Promises: rows, positions and times stay as recorded; torques change by what the effect's law says, and by nothing else. Never: a solver's answer.
+//! Rows, positions and times are unchanged; torques change only by the law of the effect.
 
 use crate::arm::{JOINTS, Joints};
 use crate::case::Tier;
@@ -23,16 +24,16 @@ use super::motion::{Motion, Room, State};
 use super::predictor::Predictor;
 use super::rig::Rig;
 
-/// Half of the window that a cubic is laid through, s.
+/// Half width of the window of a cubic fit, s.
 const HALF_S: f64 = 0.02;
-/// Values are means over so long, s: a robot's drive says little beyond.
+/// Averaging time of values, s: a robot's drive torque contains little information beyond this bandwidth.
 const MEAN_S: f64 = 0.01;
-/// A pause of so many steps parts two runs.
+/// A pause of this many steps separates two runs.
 const PAUSE: f64 = 3.5;
-/// Less of a column than this beside what is fitted anyway is nothing to size an effect by.
+/// Effects of which less than this fraction remains after projection on the nuisance parameters are not used.
 const LEAST_SHARE: f64 = 0.02;
 
-/// One real recording.
+/// A real recording, prepared for added effects.
 pub struct Real {
     case: Case,
     scales: Vec<Scale>,
@@ -46,22 +47,22 @@ pub struct Real {
     still: Vec<Joints>,
 }
 
-/// An effect that was added.
+/// An added effect.
 #[derive(Clone, Debug)]
 pub struct Injected {
-    /// Which.
+    /// The effect.
     pub effect: Effect,
-    /// What can be said of it before anyone answers.
+    /// Its detectability, known before any answer.
     pub judged: Judged,
-    /// What is recorded with it, row by row.
+    /// Torques including the effect, row by row, Nm or N.
     pub torques: Vec<Joints>,
 }
 
-/// A row of a recording: its segment, its time (s), positions and torques.
+/// A row of a recording: segment, time (s), positions and torques.
 pub type Row = (usize, f64, Joints, Joints);
 
 impl Real {
-    /// Rows in order of time, of a rig whose masses and rooms do not matter.
+    /// Prepares rows in order of time; masses and joint ranges of the rig are not used. `None` if there are too few rows.
     #[must_use]
     pub fn of(mut rig: Rig, rows: &[Row]) -> Option<Self> {
         let step_s = step_s(rows)?;
@@ -117,25 +118,25 @@ impl Real {
         Some(real)
     }
 
-    /// Rows that are left, each with its run and time, and the recorded torques.
+    /// The rows in use, each with its run and time, and their recorded torques.
     #[must_use]
     pub fn rows(&self) -> (&[(usize, f64)], &[Joints]) {
         (&self.ride.at, &self.torques)
     }
 
-    /// Of each row that is left, its place among those given.
+    /// Index of each row in use among the given rows.
     #[must_use]
     pub fn sources(&self) -> &[usize] {
         &self.sources
     }
 
-    /// The number of joints.
+    /// Number of joints.
     #[must_use]
     pub fn count(&self) -> usize {
         self.case.rig.count()
     }
 
-    /// An effect of this kind by chance, so that it shows by `z`; none where nothing of it would show, or it would have to be larger than it can be.
+    /// A random effect of this kind, scaled to detectability `z`; `None` if it is not observable, or if it would exceed its physical limit.
     #[must_use]
     pub fn inject(&self, kind: Kind, z: f64, chance: &mut Chance) -> Option<Injected> {
         let can =
@@ -178,7 +179,7 @@ impl Real {
         Some(Injected { effect, judged, torques })
     }
 
-    /// What an effect changes of what is recorded.
+    /// Change of the recorded torques by an effect.
     fn changed(&self, effect: &Effect) -> Vec<Joints> {
         if effect.kind == Kind::TorqueDelay {
             let late = self.ride.recorded_late(&self.still, effect.numbers[0]);
@@ -191,7 +192,7 @@ impl Real {
         self.white(&self.changed(effect))
     }
 
-    /// A joint's values as means, run by run.
+    /// Averaged values of a joint, run by run.
     fn means(&self, torques: &[Joints], joint: usize) -> Vec<Vec<f64>> {
         let count = ((MEAN_S / self.step_s).round() as usize).max(1);
         let mean =
@@ -205,7 +206,7 @@ impl Real {
     }
 }
 
-/// Rows in runs without a pause, of at least so many rows.
+/// Ranges of rows without a pause, with at least `least` rows each.
 fn runs(rows: &[Row], step_s: f64, least: usize) -> Vec<std::ops::Range<usize>> {
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
     for row in 0..rows.len() {
@@ -222,7 +223,7 @@ fn runs(rows: &[Row], step_s: f64, least: usize) -> Vec<std::ops::Range<usize>> 
     runs
 }
 
-/// The median step.
+/// Median sampling interval, s.
 fn step_s(rows: &[Row]) -> Option<f64> {
     let pairs = rows.windows(2).filter(|pair| pair[0].0 == pair[1].0);
     let mut steps: Vec<f64> = pairs.map(|pair| pair[1].1 - pair[0].1).collect();
@@ -230,7 +231,7 @@ fn step_s(rows: &[Row]) -> Option<f64> {
     steps.get(steps.len() / 2).copied().filter(|step| *step > 0.0)
 }
 
-/// State and torque at a row, by a cubic through the rows beside it.
+/// State and torque at a row, by a cubic fit to the neighbouring rows.
 fn local(
     rows: &[Row],
     run: &std::ops::Range<usize>,
@@ -280,7 +281,7 @@ fn probes(rig: &Rig, ride: &Ride) -> Vec<Vec<Joints>> {
     (0..rig.count()).flat_map(Rig::probes).map(|probe| ride.held(rig, &[probe])).collect()
 }
 
-/// What masses ask of the recorded torques, and what masses and plain frictions leave of them.
+/// Fitted torques of the masses, and residual after masses and simple friction.
 fn parts(
     rig: &Rig,
     ride: &Ride,
@@ -330,7 +331,7 @@ fn parts(
     (rigid, left)
 }
 
-/// A case that holds the rig and nothing else.
+/// A case that contains only the rig.
 fn shell(rig: Rig, rate_hz: f64) -> Case {
     let noise =
         Noise { sigma: [1.0; JOINTS], digit: [0.0; JOINTS], colour: 0.0, step: 0.0, gaps: 0 };

@@ -1,11 +1,10 @@
-//! The kinds of hidden effects of torques: their names and keys in the contract (`effects.md`), and what they need to show.
-//!
-//! Promises: numbers are SI in the order of the keys. Never: a law; see [`super::laws`].
+//! Kinds of hidden torque effects: names and keys in the model format (docs/reference/effects.md), and the conditions for them to be observable.
+//! Parameters are SI, in the order of the keys. Their laws: [`super::laws`].
 
 use crate::law::{self, Entry, Law};
 use Need::{Arm, OwnSpring, OwnViscous, Revolute, Several, Temperature};
 
-/// Kinds that the torque table of the contract has, one per set of parameters, and kinds that it has not.
+/// Kinds of the torque dictionary, one per set of parameters, and kinds outside it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[expect(
     missing_docs,
@@ -37,16 +36,16 @@ pub enum Kind {
     Wander,
 }
 
-/// What must be there for an effect to show.
+/// Condition for an effect to be observable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
-    /// A temperature that changes.
+    /// A temperature that varies.
     Temperature,
-    /// Viscous friction of this very joint that the model knows.
+    /// The model has viscous friction of the same joint.
     OwnViscous,
-    /// A spring of this very joint that the model knows.
+    /// The model has a spring of the same joint.
     OwnSpring,
-    /// A joint that turns.
+    /// A revolute joint.
     Revolute,
     /// Several joints.
     Several,
@@ -54,9 +53,9 @@ pub enum Need {
     Arm,
 }
 
-/// What is said of a kind.
+/// Facts of a kind.
 pub type Facts = law::Facts<Need>;
-/// An effect with its numbers.
+/// An effect with its parameters.
 pub type Effect = law::Effect<Kind>;
 
 const fn one(key: &'static str) -> Entry {
@@ -92,11 +91,11 @@ const OFFSET: Entry = two("offset_Nm", "offset_N");
 const COEFFICIENT: Entry = one("coefficient");
 const PLACE: Entry = Entry::of("com_mm", 3, 1e-3);
 const MOMENT: Entry = Entry::of("first_moment_kgm", 3, 1.0);
-/// Springs that slip and the contract's law reach the same height, not by the same way.
+/// Elasto-slip elements and the law of the model format reach the same height, but along different curves.
 const REVERSAL: Entry = milli("reversal_mrad", "reversal_mm").loose();
 
 impl Kind {
-    /// Every kind of the contract's torque table.
+    /// Every kind of the torque dictionary.
     pub const LIBRARY: [Self; 18] = [
         Self::CoulombFriction,
         Self::ViscousFriction,
@@ -118,7 +117,7 @@ impl Kind {
         Self::Payload,
     ];
 
-    /// Physics that no library of the contract has.
+    /// Kinds outside the candidate dictionary.
     pub const OUTSIDE: [Self; 5] =
         [Self::SpeedCube, Self::PlaceFriction, Self::PlaceDamping, Self::CrossTorque, Self::Wander];
 
@@ -186,7 +185,7 @@ impl Kind {
         }
     }
 
-    /// Of what belongs to no joint, and of what no library has.
+    /// Facts of kinds without a joint, and of kinds outside the dictionary.
     fn facts_of_the_whole(self) -> Facts {
         const DELAY: &[Entry] = &[milli("delay_ms", "delay_ms")];
         const MASS: &[Entry] = &[one("mass_kg"), PLACE];
@@ -211,7 +210,7 @@ impl Law for Kind {
     fn step(effect: &Effect, number: usize) -> f64 {
         let size = effect.numbers[number].abs();
         match effect.kind {
-            // A centre of mass on an axis, a phase or a rest position of nothing still move.
+            // A zero centre of mass, phase or rest position still needs a finite step.
             Self::Payload | Self::TorqueRipple | Self::Spring if number > 0 => size.max(0.1),
             _ => size.max(effect.lead()).max(1e-9),
         }
@@ -219,7 +218,7 @@ impl Law for Kind {
 
     fn bounded(effect: &Effect, number: usize, wanted: f64) -> f64 {
         let from = effect.numbers[number];
-        // A speed or a way stays above nothing; masses, centres and phases may be anywhere.
+        // Velocities and distances stay positive; masses, centres and phases are unbounded.
         let scales = number == 1 && effect.kind.facts().leads == 1 && effect.numbers.len() <= 3;
         if scales && from > 0.0 { wanted.max(0.3 * from) } else { wanted }
     }

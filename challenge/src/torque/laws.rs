@@ -1,9 +1,10 @@
 //! Laws of the contributions of each effect to the recorded torques (docs/reference/effects.md, torque domain), and laws outside the catalogue.
 //!
-//! Outside the library: drag with the cube of the speed (`SpeedCube`), dry friction that comes and goes along the way (`PlaceFriction`), oil that drags
-//! by the place (`PlaceDamping`), a hose that pulls at one joint as another turns (`CrossTorque`), a torque that wanders with time (`Wander`).
+//! Outside the catalogue: drag with the cube of the velocity (`SpeedCube`), Coulomb friction that varies with position (`PlaceFriction`), viscous
+//! friction that varies with position (`PlaceDamping`), a hose whose torque on one joint depends on another joint (`CrossTorque`), a torque that
+//! drifts with time (`Wander`).
 //!
-//! Promises: what is recorded is `1 + g` times what acts, late by the delay. Never: noise.
+//! The recorded torque is `1 + g` times the acting one, delayed. No noise is added here.
 
 use crate::arm::{JOINTS, Joints, Mass};
 use crate::laws::slipping;
@@ -12,27 +13,27 @@ use super::kinds::{Effect, Kind};
 use super::motion::{Motion, State};
 use super::rig::{Places, Rig};
 
-/// Temperature at which viscous friction is what the model says, °C.
+/// Temperature at which viscous friction has its nominal value, °C.
 const REFERENCE_C: f64 = 20.0;
 
-/// A motion row by row, perhaps a little earlier than it is looked at.
+/// A motion sampled row by row, optionally at earlier instants.
 #[derive(Clone, Debug)]
 pub struct Ride {
     /// Run and time of each row.
     pub at: Vec<(usize, f64)>,
-    /// What each joint does.
+    /// State of each joint.
     pub states: Vec<[State; JOINTS]>,
-    /// Of each joint, °C.
+    /// Temperature of each joint, °C.
     pub celsius: Vec<Joints>,
     places: Vec<Places>,
-    /// What the rig's own masses ask.
+    /// Torques of the rig's own masses.
     rigid: Vec<Joints>,
-    /// What acts besides, of a recording that was made elsewhere.
+    /// Other torques of a real recording.
     besides: Option<Vec<Joints>>,
 }
 
 impl Ride {
-    /// The motion as it was `late_s` before each look.
+    /// The motion at `late_s` before each sampling time.
     #[must_use]
     pub fn of(rig: &Rig, motion: &Motion, late_s: f64) -> Self {
         let (mut at, mut states, mut celsius) = (Vec::new(), Vec::new(), Vec::new());
@@ -46,7 +47,7 @@ impl Ride {
         Self::of_states(rig, at, states, celsius)
     }
 
-    /// Of states that are known row by row.
+    /// From states that are given row by row.
     #[must_use]
     pub fn of_states(
         rig: &Rig,
@@ -60,7 +61,7 @@ impl Ride {
         ride
     }
 
-    /// What the joints hold of these masses, row by row.
+    /// Torques required by these masses, row by row.
     #[must_use]
     pub fn held(&self, rig: &Rig, masses: &[Mass]) -> Vec<Joints> {
         let of_row = |places: &Places| {
@@ -71,12 +72,12 @@ impl Ride {
         self.places.iter().map(of_row).collect()
     }
 
-    /// Takes what was recorded: what masses ask of it, and what acts besides.
+    /// Sets the rigid-body torques and all other torques of a real recording.
     pub fn take_recorded(&mut self, rigid: Vec<Joints>, besides: Vec<Joints>) {
         (self.rigid, self.besides) = (rigid, Some(besides));
     }
 
-    /// Torques at rows as they were `late_s` before, between rows on the straight line; at a run's start its first.
+    /// Torques `late_s` before each row, interpolated linearly between rows; before the start of a run its first value.
     #[must_use]
     pub fn recorded_late(&self, torques: &[Joints], late_s: f64) -> Vec<Joints> {
         let mut late = Vec::with_capacity(torques.len());
@@ -100,7 +101,7 @@ impl Ride {
         late
     }
 
-    /// Rows of each run, as ranges.
+    /// Row range of each run.
     fn runs(&self) -> Vec<std::ops::Range<usize>> {
         let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
         for (row, (run, _)) in self.at.iter().enumerate() {
@@ -113,7 +114,7 @@ impl Ride {
     }
 }
 
-/// What is recorded of the drives with these effects, row by row, Nm or N; on `ride` where nothing is late.
+/// Recorded drive torques with these effects, row by row, Nm or N; `ride` is the motion without delay.
 #[must_use]
 pub fn recorded(rig: &Rig, motion: &Motion, ride: &Ride, effects: &[Effect]) -> Vec<Joints> {
     let late = sum(effects, Kind::TorqueDelay, 0);
@@ -123,13 +124,13 @@ pub fn recorded(rig: &Rig, motion: &Motion, ride: &Ride, effects: &[Effect]) -> 
     on(rig, &Ride::of(rig, motion, late), effects)
 }
 
-/// The sum of the first numbers of a kind on a joint.
+/// Sum of the first parameters of a kind on a joint.
 fn sum(effects: &[Effect], kind: Kind, joint: usize) -> f64 {
     let own = effects.iter().filter(|effect| effect.kind == kind && effect.joint == joint);
     own.map(|effect| effect.numbers[0]).sum()
 }
 
-/// What is recorded at the instants of a ride.
+/// Torques at the instants of a ride.
 #[must_use]
 pub fn on(rig: &Rig, ride: &Ride, effects: &[Effect]) -> Vec<Joints> {
     let mut loads = ride.rigid.clone();
@@ -150,7 +151,7 @@ pub fn on(rig: &Rig, ride: &Ride, effects: &[Effect]) -> Vec<Joints> {
     torques
 }
 
-/// What hangs there unknown: it loads the gears too.
+/// Adds unknown masses, which load the gears as well.
 fn add_masses(rig: &Rig, ride: &Ride, effect: &Effect, loads: &mut [Joints]) {
     let x = &effect.numbers;
     if effect.kind == Kind::Payload {
@@ -161,7 +162,7 @@ fn add_masses(rig: &Rig, ride: &Ride, effect: &Effect, loads: &mut [Joints]) {
     }
 }
 
-/// What one effect adds to the torques of its joint (a first moment: of all joints before it too).
+/// Adds the torque of one effect to its joint (for a first mass moment: also to all preceding joints).
 fn add_own(
     rig: &Rig,
     ride: &Ride,
@@ -182,7 +183,7 @@ fn add_own(
         Kind::Hysteresis => {
             for run in ride.runs() {
                 let way: Vec<f64> = ride.states[run.clone()].iter().map(|s| s[i][0]).collect();
-                // As a position it lags behind the motor; as a force it resists it.
+                // The elements lag behind the motor position; as a force they resist it.
                 for (row, lag) in run.zip(slipping(&way, x[0], x[1])) {
                     torques[row][i] -= lag;
                 }
@@ -229,12 +230,12 @@ fn add_own(
     }
 }
 
-/// Radians of a wave per radian of a joint, or per metre of a slide.
+/// Radians of phase per radian of a joint, or per metre of a linear axis.
 fn cycles(rig: &Rig, given: f64) -> f64 {
     if rig.slides { std::f64::consts::TAU * given } else { given }
 }
 
-/// A joint's place as a phase that goes about once through its range.
+/// A joint's position as a phase that covers about one turn over its range.
 fn place(rig: &Rig, joint: usize, q: f64) -> f64 {
     let room = rig.rooms[joint];
     2.5 * (q - room.home) / room.reach

@@ -1,9 +1,8 @@
 //! Motion of each joint in a torque case as a formula, with velocity and acceleration at any instant.
 //!
-//! Sums of sines that swell from rest, moves from stop to stop with rounded corners and a stretch of even speed (trapezoids), or moves with random
-//! stops between them. Where temperatures are recorded, several runs at other temperatures.
-//!
-//! Promises: position, velocity and acceleration are of one formula. Never: an effect.
+//! Sums of sines with amplitudes that grow from rest, moves from stop to stop with rounded corners and a phase of constant velocity (trapezoids), or
+//! moves with random stops between them. If temperatures are recorded, several runs at different temperatures. Position, velocity and acceleration
+//! follow from one formula.
 
 use crate::arm::{JOINTS, Joints};
 use crate::chance::Chance;
@@ -17,32 +16,32 @@ pub type State = [f64; 3];
 pub enum Track {
     /// Sines about a centre: amplitude, rate (rad/s), phase.
     Waves {
-        /// rad or m.
+        /// Centre, rad or m.
         centre: f64,
-        /// Amplitude, rate, phase.
+        /// Amplitude (rad or m), angular frequency (rad/s), phase (rad).
         waves: Vec<[f64; 3]>,
-        /// The time over which they swell, s.
+        /// Time over which the amplitudes grow, s.
         swell_s: f64,
     },
-    /// Moves, one after the other, at rest between them.
+    /// Successive moves, at rest between them.
     Moves(Vec<Move>),
 }
 
 /// A move from stop to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
-    /// When it begins, s.
+    /// Start time, s.
     pub start_s: f64,
-    /// How long it takes, s.
+    /// Duration, s.
     pub takes_s: f64,
-    /// From and to, rad or m.
+    /// Start and end position, rad or m.
     pub ends: [f64; 2],
-    /// Share of its time in which it gains speed; as much to lose it.
+    /// Fraction of the duration for acceleration, and the same for deceleration.
     pub ramp: f64,
 }
 
 impl Track {
-    /// At an instant; before the start and after the end at rest where moves are.
+    /// State at an instant; before the first and after the last move at rest.
     #[must_use]
     pub fn at(&self, t_s: f64) -> State {
         match self {
@@ -74,7 +73,7 @@ impl Track {
     }
 }
 
-/// From 0 to 1 with rest at both ends: value, slope, curvature.
+/// Smooth step from 0 to 1 with rest at both ends: value, first and second derivative.
 fn swell(x: f64) -> State {
     if x >= 1.0 {
         return [1.0, 0.0, 0.0];
@@ -96,7 +95,7 @@ impl Move {
             return [to, 0.0, 0.0];
         }
         let speed = 1.0 / (1.0 - r);
-        // Speed rises as 3 u² − 2 u³, so that acceleration has no step.
+        // Velocity rises as 3 u² − 2 u³, so that the acceleration is continuous.
         let rising = |x: f64| {
             let u = x / r;
             let place = speed * r * u * u * u * (1.0 - 0.5 * u);
@@ -114,16 +113,16 @@ impl Move {
     }
 }
 
-/// A run: every joint's motion, when it is looked at, how warm the joints are.
+/// A run: motion of every joint, sampling times, temperatures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
     /// One per joint.
     pub tracks: Vec<Track>,
-    /// When it is looked at, s from its start.
+    /// Sampling times, s from its start.
     pub times_s: Vec<f64>,
-    /// Of each joint at the start, °C.
+    /// Temperature of each joint at the start, °C.
     pub warm_c: Joints,
-    /// By how much each joint warms, K/s.
+    /// Temperature rate of each joint, K/s.
     pub warming: Joints,
 }
 
@@ -132,20 +131,20 @@ pub struct Segment {
 pub struct Motion {
     /// Its runs.
     pub segments: Vec<Segment>,
-    /// Looks per second.
+    /// Sampling rate, Hz.
     pub rate_hz: f64,
     /// Whether temperatures are recorded.
     pub warms: bool,
 }
 
-/// Where each joint may be and how fast.
+/// Range and maximum velocity of each joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Room {
-    /// Middle, rad or m.
+    /// Centre, rad or m.
     pub home: f64,
     /// Half of the range, rad or m.
     pub reach: f64,
-    /// rad/s or m/s.
+    /// Maximum velocity, rad/s or m/s.
     pub fastest: f64,
 }
 
@@ -158,7 +157,7 @@ impl Segment {
         all
     }
 
-    /// Temperature of a joint at an instant, °C, as it is recorded.
+    /// Temperature of a joint at an instant, °C, as recorded.
     #[must_use]
     pub fn celsius(&self, joint: usize, t_s: f64) -> f64 {
         let warm = self.warm_c[joint] + self.warming[joint] * t_s;
@@ -167,13 +166,13 @@ impl Segment {
 }
 
 impl Motion {
-    /// How many rows it has.
+    /// Number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.segments.iter().map(|segment| segment.times_s.len()).sum()
     }
 
-    /// A motion by chance: so long, s, at this rate, Hz.
+    /// A random motion with this length, s, and rate, Hz.
     pub fn draw(
         rooms: &[Room],
         (length_s, rate_hz): (f64, f64),
@@ -206,7 +205,7 @@ impl Motion {
     }
 }
 
-/// One sine, little.
+/// One sinusoid of small amplitude.
 fn poor(room: &Room, chance: &mut Chance) -> Track {
     let amplitude = room.reach * chance.between(0.1, 0.4);
     let rate = chance.between(1.0, 4.0).min(room.fastest / amplitude);
@@ -235,7 +234,7 @@ fn full(room: &Room, length_s: f64, style: usize, chance: &mut Chance) -> Track 
     let (mut t_s, mut from) = (chance.between(0.0, 0.3), place(chance));
     while t_s < length_s {
         let to = place(chance);
-        // Trapezoids hold their speed for long; the others do not hold it at all.
+        // Trapezoids have long phases of constant velocity; the others have short ones or none.
         let ramp = if style == 1 { chance.between(0.15, 0.3) } else { chance.between(0.35, 0.5) };
         let speed = room.fastest * chance.log_between(0.1, 1.0);
         let takes_s = ((to - from).abs() / ((1.0 - ramp) * speed)).max(0.25);
@@ -263,7 +262,7 @@ mod tests {
                     let slope = (after[order] - before[order]) / (2.0 * h);
                     off = off.max((slope - now[order + 1]).abs());
                 }
-                // Where a move begins or ends its ramp, the slope of the acceleration jumps.
+                // At the beginning and end of a ramp, the derivative of the acceleration is discontinuous.
                 assert!(off < 2e-2, "style {style} at {t}: {off}");
                 assert!((now[0] - 0.2).abs() < 1.1 && now[1].abs() < 4.0);
             }

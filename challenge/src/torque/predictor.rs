@@ -1,11 +1,11 @@
 //! Whitening of autocorrelated noise by a linear predictor (Yule-Walker equations, Levinson recursion).
 //!
-//! Promises: what the predictor was made of comes out with unit variance and without memory. Never: a signal's meaning.
+//! The signal from which the predictor was estimated is whitened to unit variance.
 
-/// How far it looks back.
+/// Order of the autoregressive model.
 const ORDER: usize = 24;
 
-/// A predictor of a signal by its own past.
+/// A linear predictor of a signal from its past.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Predictor {
     past: Vec<f64>,
@@ -13,7 +13,7 @@ pub struct Predictor {
 }
 
 impl Predictor {
-    /// For noise, stretch by stretch.
+    /// Estimated from noise in separate pieces.
     #[must_use]
     pub fn of(noise: &[Vec<f64>]) -> Self {
         let count: usize = noise.iter().map(Vec::len).sum();
@@ -25,7 +25,7 @@ impl Predictor {
         };
         let products: Vec<f64> = (0..=ORDER).map(product).collect();
         let mut past: Vec<f64> = Vec::new();
-        // A millionth of its power as white noise keeps the recursion from dividing by nothing.
+        // White noise of a millionth of the power avoids a division by zero.
         let mut error = products[0] * (1.0 + 1e-6) + f64::MIN_POSITIVE;
         for order in 1..=ORDER {
             let known: f64 =
@@ -39,7 +39,7 @@ impl Predictor {
         Self { past, sigma: error.sqrt() }
     }
 
-    /// Stretches whitened, one after the other, each without its first values.
+    /// Whitened pieces, concatenated, each without its first values.
     #[must_use]
     pub fn white(&self, pieces: &[Vec<f64>]) -> Vec<f64> {
         let mut all = Vec::new();

@@ -1,9 +1,8 @@
 //! Evaluation of an answer on torques of an unseen motion: error before, after, and of an oracle that knows the true form.
 //!
-//! Masses that the model does not say are fitted on training rows for all three; the oracle fits the true form's numbers and the model's own (with their
-//! uncertainty) there by Gauss and Newton. Joints count by their noise, in units of its geometric mean.
-//!
-//! Promises: the three errors are over the same rows. Never: use of an answer's name.
+//! Masses that the model does not state are fitted on training rows for all three; the oracle also fits the true form's parameters and the model's
+//! own (with their uncertainty), by Gauss-Newton. Joints are weighted by their noise, in units of its geometric mean. All three errors are over the
+//! same rows.
 
 use crate::arm::Joints;
 use crate::fit::{Pair, Part};
@@ -17,7 +16,7 @@ use super::motion::Motion;
 
 const STEPS: usize = 3;
 
-/// Both recordings of a case; values are in units of their noise.
+/// The two recordings of a case; values are in units of their noise.
 pub struct Proof<'a> {
     case: &'a Case,
     motions: [&'a Motion; 2],
@@ -26,7 +25,7 @@ pub struct Proof<'a> {
 }
 
 impl<'a> Proof<'a> {
-    /// The case's recording and the one that the solver never sees.
+    /// Prepares the case's recording and the one that the solver never sees.
     #[must_use]
     pub fn of(case: &'a Case, unseen: &'a Motion) -> Self {
         let motions = [&case.motion, unseen];
@@ -51,13 +50,13 @@ impl<'a> Proof<'a> {
         self.motions
     }
 
-    /// Error of the model as given, Nm or N.
+    /// Error of the nominal model, rms, Nm or N.
     #[must_use]
     pub fn before(&self) -> f64 {
         self.error(&self.case.nominal())
     }
 
-    /// Error of predicted torques of both recordings; none where they have not a row for each.
+    /// Error of predicted torques of both recordings; `None` unless each has one value per row.
     #[must_use]
     pub fn after(&self, training: &[Joints], unseen: &[Joints]) -> Option<f64> {
         let rows = self.rides.each_ref().map(|ride| ride.at.len());
@@ -68,7 +67,7 @@ impl<'a> Proof<'a> {
         Some(self.unit() * self.pair.error(&training, &unseen)).filter(|error| error.is_finite())
     }
 
-    /// Error of the true form with its numbers fitted.
+    /// Error of the oracle: the true form with fitted parameters.
     #[must_use]
     pub fn oracle(&self) -> f64 {
         self.error(&self.pair.fitted(self.case, STEPS, |effects| self.exact(0, effects)))
@@ -85,7 +84,7 @@ impl<'a> Proof<'a> {
         self.unit() * self.pair.error(&self.exact(0, effects), &self.exact(1, effects))
     }
 
-    /// The geometric mean of the joints' noise, Nm or N.
+    /// Geometric mean of the joints' noise, Nm or N.
     fn unit(&self) -> f64 {
         let count = self.case.rig.count();
         let sum = (0..count).map(|i| self.case.noise.total(i).ln()).sum::<f64>();

@@ -1,8 +1,7 @@
-//! Load of the motors: a slide, a pendulum or an arm as point masses, and the joint torques.
+//! Rigid-body load of the motors: a linear axis, a pendulum or an arm of point masses, and its joint torques.
 //!
-//! `τᵢ = Σ m (p̈ − g) · ∂p/∂qᵢ`, the acceleration p̈ of a point from its places a little before and after on the parabola that the joints are on.
-//!
-//! Promises: a point's share is proportional to its mass. Never: a spatial vector, a recursion from link to link.
+//! `τᵢ = Σ m (p̈ − g) · ∂p/∂qᵢ`, with the acceleration p̈ of a point from its positions slightly before and after on the parabola of the joint
+//! motion. The torque of a point is proportional to its mass.
 
 use crate::arm::{Arm, JOINTS, Joints, Mass};
 use crate::chance::Chance;
@@ -13,33 +12,33 @@ use crate::space::{
 
 use super::motion::{Room, State};
 
-/// Half of the parabola over which a point's places are differenced, s.
+/// Half width of the second difference of a point's positions, s.
 const H_S: f64 = 5e-4;
 
-/// A robot, or a rig of one axis.
+/// A robot, or a rig with one axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
-    /// Its chain; of a slide the one joint moves along its axis instead of about it.
+    /// Its chain; the joint of a linear axis moves along z instead of about it.
     pub arm: Arm,
-    /// Whether the one joint slides.
+    /// Whether the only joint is prismatic.
     pub slides: bool,
-    /// Its masses.
+    /// Its point masses.
     pub points: Vec<Mass>,
-    /// Whether the model says them.
+    /// Whether the model states them.
     pub told: bool,
-    /// Where each joint may be.
+    /// Range of each joint.
     pub rooms: Vec<Room>,
 }
 
-/// Frames after each joint's motion: a little before, now, a little after.
+/// Frames after each joint's motion: slightly before, now, slightly after.
 #[derive(Clone, Debug)]
 pub struct Places([Vec<T4>; 3]);
 
 impl Rig {
-    /// A slide along x, or inclined.
+    /// A linear axis along x, or inclined.
     pub fn slide(told: bool, chance: &mut Chance) -> Self {
         let lean = if chance.happens(0.3) { chance.between(0.2, 1.57) } else { 0.0 };
-        // z of the joint's frame points along x, turned up about y.
+        // z of the joint's frame points along x, inclined about y.
         let along = turn([0.0, std::f64::consts::FRAC_PI_2 - lean, 0.0]);
         let kg = chance.log_between(5.0, 150.0);
         let at = [0.05, 0.0, 0.02];
@@ -55,7 +54,7 @@ impl Rig {
         }
     }
 
-    /// A pendulum about a level axis.
+    /// A pendulum about a horizontal axis.
     pub fn pendulum(told: bool, chance: &mut Chance) -> Self {
         let level = turn([-std::f64::consts::FRAC_PI_2, 0.0, 0.0]);
         let kg = chance.log_between(1.0, 20.0);
@@ -72,7 +71,7 @@ impl Rig {
         }
     }
 
-    /// An arm of three to six axes.
+    /// An arm with three to six axes.
     pub fn arm(told: bool, chance: &mut Chance) -> Self {
         let number = [0, 1, 2, 2, 4, 5, 5][chance.pick(7)];
         let tool = mul(&shift([0.02, 0.03, 0.12]), &turn([0.2, -0.1, 0.4]));
@@ -85,7 +84,8 @@ impl Rig {
         Self { arm, slides: false, points, told, rooms }
     }
 
-    /// A chain of axes through points, base axes at the zero configuration, m; nothing is said of masses. Several joints turn; a single one may slide.
+    /// A chain of axes through points, base axes at the zero configuration, m, without masses. All joints are revolute; a single joint may be
+    /// prismatic.
     #[must_use]
     pub fn of_axes(axes: &[(V3, V3)], slides: bool, tcp: V3, gravity: V3) -> Self {
         let mut links = Vec::with_capacity(axes.len() + 1);
@@ -102,7 +102,7 @@ impl Rig {
         Self { arm, slides, points: Vec::new(), told: false, rooms }
     }
 
-    /// The number of joints.
+    /// Number of joints.
     #[must_use]
     pub fn count(&self) -> usize {
         self.arm.count()
@@ -120,14 +120,14 @@ impl Rig {
         self.arm.links.iter().take(self.count()).zip(q).map(moved).collect()
     }
 
-    /// Places on the parabola of a state.
+    /// Frames on the parabola of a state.
     #[must_use]
     pub fn places(&self, states: &[State; JOINTS]) -> Places {
         let at = |h: f64| states.map(|[q, v, a]| q + h * v + 0.5 * h * h * a);
         Places([-H_S, 0.0, H_S].map(|h| self.frames(&at(h))))
     }
 
-    /// Adds what the joints hold of a point mass, Nm or N.
+    /// Adds the joint torques required by a point mass, Nm or N.
     pub fn hold(&self, places: &Places, mass: &Mass, torques: &mut Joints) {
         let [before, now, after] =
             places.0.each_ref().map(|frames| point(&frames[mass.joint], mass.at));
@@ -143,7 +143,8 @@ impl Rig {
         }
     }
 
-    /// Adds what the joints up to `joint` hold against gravity of a first moment that turns with that joint, base axes at the zero configuration, kg m.
+    /// Adds the joint torques, up to `joint`, against the weight of a first mass moment fixed to that joint's body, base axes at the zero
+    /// configuration, kg m.
     pub fn hold_moment(&self, places: &Places, joint: usize, moment: V3, torques: &mut Joints) {
         let own = self.arm.into_joint(joint, moment);
         let weight = cross(rotate(&places.0[1][joint], own), self.arm.gravity);
@@ -152,7 +153,7 @@ impl Rig {
         }
     }
 
-    /// A point given in base axes at the zero configuration, as a mass of the last joint.
+    /// A point mass at the last joint, given in base axes at the zero configuration.
     #[must_use]
     pub fn at_flange(&self, kg: f64, at: V3) -> Mass {
         let joint = self.count() - 1;
@@ -166,7 +167,7 @@ impl Rig {
         origin(&self.arm.tool(&[0.0; JOINTS]))
     }
 
-    /// A body's mass, centre (base axes at the zero configuration) and inertia about it (xx, yy, zz, xy, xz, yz), kg, m, kg m².
+    /// A body's mass (kg), centre of mass (m, base axes at the zero configuration) and inertia about it (xx, yy, zz, xy, xz, yz; kg m²).
     #[must_use]
     pub fn body(&self, joint: usize, tool: bool) -> Option<(f64, V3, [f64; 6])> {
         let zero = self.frames(&[0.0; JOINTS])[joint];
@@ -186,7 +187,7 @@ impl Rig {
         Some((kg, centre, inertia))
     }
 
-    /// Ten points of a joint's body, of a kilogram each: what they ask spans what any body there asks.
+    /// Ten points of one kilogram each on a joint's body: their torques span those of any rigid body there.
     #[must_use]
     pub fn probes(joint: usize) -> [Mass; 10] {
         let e = |k: usize, by: f64| {
@@ -210,7 +211,7 @@ impl Rig {
     }
 }
 
-/// A turn after which z points along a unit vector.
+/// A rotation that maps z to a unit vector.
 fn with_z(axis: V3) -> T4 {
     let about = cross([0.0, 0.0, 1.0], axis);
     let sine = norm(about);
@@ -232,7 +233,7 @@ fn plain(name: &str, links: Vec<T4>) -> Arm {
     }
 }
 
-/// Links as three points each, about the same centre; a tool stays a point.
+/// Replaces each link's mass by three points with the same centre; a tool stays one point.
 fn spread(masses: &[Mass]) -> Vec<Mass> {
     let three = |mass: &Mass| {
         let size = 0.06 + 0.25 * norm(mass.at).min(0.4);
@@ -262,7 +263,7 @@ mod tests {
         let mut torques = [0.0; JOINTS];
         let places = rig.places(&state(0.5, 1.7, -3.0));
         rig.hold(&places, &rig.points[0].clone(), &mut torques);
-        // At zero it hangs: gravity asks m g l sin q beside m l² a; a steady turn asks nothing.
+        // It hangs down at zero: gravity requires m g l sin q in addition to m l² a; constant velocity requires nothing.
         let expected = 2.0 * 9.806_65 * 0.3 * 0.5_f64.sin() - 2.0 * 0.09 * 3.0;
         assert!((torques[0] - expected).abs() < 1e-5, "{} not {expected}", torques[0]);
     }

@@ -1,6 +1,6 @@
 //! Writes a case of torques as the files for a solver: model, recording and its metadata (docs/reference/model.md, `recording.md`).
 //!
-//! Promises: nothing that is hidden is in them. Never: read back.
+//! The files contain nothing that is hidden from the solver.
 
 use std::fmt::Write as _;
 
@@ -11,13 +11,13 @@ use super::kinds::Effect;
 use super::laws::Ride;
 use super::motion::Motion;
 
-/// An effect as an entry of a model; `sigma` of its first number, SI.
+/// An effect as an entry of a model file; `sigma`: standard uncertainty of its first parameter, SI.
 #[must_use]
 pub fn effect(effect: &Effect, slides: bool, sigma: &[f64]) -> String {
     entry(effect, slides, None, sigma)
 }
 
-/// The model that the solver is given.
+/// The model file for the solver.
 #[must_use]
 pub fn model(case: &Case) -> String {
     let rig = &case.rig;
@@ -35,16 +35,16 @@ pub fn model(case: &Case) -> String {
     text
 }
 
-/// What the recording says of itself.
+/// The metadata of the recording, TOML.
 #[must_use]
 pub fn about() -> String {
     "schema = \"trued.recording/1\"\nmodel = \"model.toml\"\n".to_owned()
 }
 
-/// Rows at rest before each run of a [`command`], where its motion begins: what differences rows sees that it begins there.
+/// Rows at rest before each run of a [`command`] that begins at rest, so that numerical differentiation sees the beginning of the motion.
 const BEFORE: usize = 8;
 
-/// Which rows of a [`command`] are those of the motion.
+/// Indices of the rows of a [`command`] that are those of the motion.
 #[must_use]
 pub fn commanded(motion: &Motion, finer: usize) -> Vec<usize> {
     let mut from = 0;
@@ -57,8 +57,8 @@ pub fn commanded(motion: &Motion, finer: usize) -> Vec<usize> {
     rows
 }
 
-/// A motion as it is commanded, `finer` rows for each of its own ([`commanded`]), with no torque that says anything: for a program that runs a model over it. What
-/// differences rows sees a fine motion as it is.
+/// A motion as commands, with `finer` rows for each of its own ([`commanded`]) and zero torques, as input of a program that evaluates a model. The
+/// fine grid makes numerical differentiation accurate.
 #[must_use]
 pub fn command(case: &Case, motion: &Motion, finer: usize) -> String {
     let (n, finer) = (case.rig.count(), finer.max(1));
@@ -72,13 +72,13 @@ pub fn command(case: &Case, motion: &Motion, finer: usize) -> String {
         let moving = (0..segment.times_s.len() * finer).map(|k| (k / finer, between(k)));
         for (row, t_s) in rest.map(|t_s| (0, t_s)).chain(moving) {
             let states = segment.at(t_s.max(0.0));
-            // A time that is off by 1e-7 s is an acceleration that is off by half a radian per second squared.
+            // A time error of 1e-7 s would be an acceleration error of half a radian per second squared.
             let _ = write!(text, "{t_s:.13},{number}");
             states.iter().take(n).for_each(|[q, _, _]| {
                 let _ = write!(text, ",{q:.13}");
             });
             text.push_str(&",0.0".repeat(n));
-            // Temperatures are those of the row, as they are recorded.
+            // Temperatures are those of the recorded row.
             warmth(&mut text, case, |i| segment.celsius(i, segment.times_s[row]));
             text.push('\n');
         }
@@ -86,7 +86,7 @@ pub fn command(case: &Case, motion: &Motion, finer: usize) -> String {
     text
 }
 
-/// A recording of what was measured, positions as motors' ones.
+/// The recording of the measurements, with positions as motor positions.
 #[must_use]
 pub fn recording(case: &Case, ride: &Ride, measured: &Measured) -> String {
     let n = case.rig.count();
@@ -126,7 +126,7 @@ fn header(case: &Case, stem: &str) -> String {
     names.join(",") + "\n"
 }
 
-/// The files of a case that the solver is given.
+/// The files of a case for the solver.
 #[must_use]
 pub fn files(case: &Case) -> [File; 3] {
     let ride = Ride::of(&case.rig, &case.motion, 0.0);

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// 40 s of a slide of 90 kg with dry friction and noise that remembers itself, as somebody may have recorded it.
+/// 40 s of a linear axis of 90 kg with Coulomb friction and autocorrelated noise, like a real recording.
 fn slide() -> Real {
     let mut chance = Chance::new(2, 0);
     let rig = Rig::slide(false, &mut chance);
