@@ -1,4 +1,4 @@
-//! Which engine runs on which recordings of a robot, and what it gives.
+//! Selection of the diagnosis (positions, torques) for the recordings of a robot, and its results.
 
 use std::path::Path;
 
@@ -16,19 +16,20 @@ use crate::page;
 use crate::result::{Report, json};
 use crate::tolerance::Tolerance;
 
-/// How a diagnosis is made and reported.
+/// Settings of a diagnosis and of its report.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Of the split into training and test rows. Default 0.
+    /// Seed of the split into training and test rows. Default 0.
     pub seed: u64,
     /// Torque and motion are compared below this frequency, Hz; above 0. Default: none, which is 40 or a tenth of the sampling rate.
     pub band_hz: Option<f64>,
-    /// Measured rows from which on positions can be diagnosed; from 1. Default 30. Origin: a choice; fewer cannot be split into training and test rows.
+    /// Least number of measured rows for a diagnosis of positions; from 1. Default 30. Origin: a choice; fewer cannot be split into training and test
+    /// rows.
     pub rows_least: usize,
-    /// Findings that are reported one by one, at most; those with the smallest effects on what was measured are `minor`. From 1. Default 20. Origin: a choice, as
-    /// many as a person can read and act on; no fit depends on it.
+    /// Largest number of findings that are reported one by one; those with the smallest effects on the measurement are `minor`. From 1. Default 20.
+    /// Origin: a choice, as many as a person can read and act on; no fit depends on it.
     pub findings_most: usize,
-    /// Error of the tool that is allowed, mm; above 0. Default: none, which judges nothing. It changes no fit and no verdict.
+    /// Allowed error of the tool, mm; above 0. Default: none, so that no tolerance is evaluated. It affects neither fits nor the verdict.
     pub tolerance_mm: Option<f64>,
 }
 
@@ -38,11 +39,11 @@ impl Default for Settings {
     }
 }
 
-/// Why a tolerance is refused.
+/// Message if a tolerance cannot be evaluated.
 const NO_POSITION: &str =
     "a tool tolerance was given, but only drive torques were recorded; measure the tool";
 
-/// What is being computed, for progress.
+/// Stage of the computation, for progress display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Drive torques.
@@ -51,26 +52,26 @@ pub enum Stage {
     Positions,
 }
 
-/// What recordings of a robot say of its positions and torques.
+/// Diagnosis of the positions and drive torques of a robot.
 pub struct Diagnosed {
     pub(crate) base: RobotModel,
     pub(crate) settings: Settings,
-    /// Of positions; none where the recordings cannot be judged, or hold no positions.
+    /// Result for positions; `None` if they cannot be diagnosed, or were not recorded.
     pub diagnosis: Option<Diagnosis>,
-    /// The model's effects with what was found.
+    /// The model's effects including the findings.
     entries: Vec<Entry>,
-    /// Why positions cannot be judged.
+    /// Reasons why positions cannot be diagnosed.
     pub(crate) doubts: Vec<String>,
-    /// What was seen in the recordings before anything was fitted, and what was done about it.
+    /// Observations on the recordings before any fit, and how they were handled.
     pub(crate) notes: Vec<String>,
     pub(crate) rows: usize,
-    /// Whether the recordings say anything of positions.
+    /// Whether the recordings contain positions.
     has_positions: bool,
-    /// What the torques say, where they were recorded.
+    /// Result for drive torques, if they were recorded.
     drives: Option<Drives>,
 }
 
-/// Diagnoses `base` by recordings of one robot; `begins` is called at the begin of each stage.
+/// Diagnoses `base` by recordings of one robot; `begins` is called at the beginning of each stage.
 ///
 /// # Errors
 /// Recordings that cannot be used with this model.
@@ -152,17 +153,17 @@ impl Diagnosed {
         Ok(Self { diagnosis, entries, notes, rows, has_positions, ..empty })
     }
 
-    /// The tool's held-out errors against the tolerance, where one was stated.
+    /// The tool's held-out errors compared with the tolerance, if one was stated.
     pub(crate) fn tolerance(&self) -> Option<Tolerance> {
         self.settings.tolerance_mm.map(|mm| Tolerance::of(mm, self.diagnosis.as_ref()))
     }
 
-    /// What the torques say, where they could be judged.
+    /// Result for the torques, if they could be diagnosed.
     pub(crate) fn torques(&self) -> Option<&torque::Diagnosis> {
         self.drives.as_ref().and_then(|drives| drives.result.as_ref().ok())
     }
 
-    /// What is said of each domain that was recorded: positions first, then torques.
+    /// Reports of the recorded domains: positions first, then torques.
     #[must_use]
     pub fn reports(&self) -> Vec<Report> {
         let of_positions = self.has_positions || self.drives.is_none();
@@ -182,13 +183,13 @@ impl Diagnosed {
         json(&self.reports())
     }
 
-    /// The page. `dir`: the folder of `diagnosis.json` and [`MODEL`](crate::MODEL), for the commands that the page shows.
+    /// The page. `dir`: the folder of `diagnosis.json` and [`MODEL`](crate::MODEL), for the commands shown on the page.
     #[must_use]
     pub fn page(&self, dir: &Path) -> Page {
         page::render(self, &self.reports(), dir)
     }
 
-    /// The model with what was found, as text that loads.
+    /// The model with the findings, as text of a model file.
     ///
     /// # Errors
     /// [`Error::Internal`]
@@ -209,7 +210,7 @@ impl Diagnosed {
     }
 }
 
-/// Why positions cannot be judged by these recordings.
+/// Reasons why positions cannot be diagnosed with these recordings.
 fn doubts(base: &RobotModel, looked: &Thinned, least: usize) -> Vec<String> {
     let rows = looked.rows;
     if rows < least {

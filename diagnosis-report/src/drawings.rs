@@ -1,6 +1,6 @@
 //! Drawings shared by several pages: arm with tool errors, sizes of effects, effects by joint.
 //!
-//! Never: a number of its own but means of errors over the readings of a pose.
+//! The only values computed here are means of errors over the measurements of a pose.
 
 use std::collections::BTreeMap;
 
@@ -9,39 +9,39 @@ use glam::DVec3;
 use physics::{Arm, Chain, Joints};
 use report::{ArmPicture, Axis, Bars, Cell, Column, Point, Role, Svg, Table, ToolError};
 
-/// Joints whose effects do at least this share of what those of the most guilty joint do are lit.
+/// Joints whose total effect is at least this fraction of the largest are highlighted.
 const LIT: f64 = 0.3;
-/// So small a part of the largest is nothing.
+/// Values below this fraction of the largest are shown as zero.
 const NOTHING: f64 = 1e-3;
-/// Bars of a ranking at most.
+/// Largest number of bars of a ranking.
 const RANKED: usize = 12;
 
-/// How one thing that was found compares: its name, and what it does.
+/// An entry of a ranking.
 pub struct Ranked {
-    /// As it is drawn.
+    /// Label.
     pub name: String,
-    /// In the unit of the ranking; none where it is not known.
+    /// Size in the unit of the ranking; `None` if unknown.
     pub size: Option<f64>,
 }
 
 /// An effect of one joint, or of the whole robot.
 pub struct OfJoint {
-    /// Its name, in words.
+    /// Name for users.
     pub effect: String,
-    /// From 1.
+    /// 1-based; `None` for effects of the whole robot.
     pub joint: Option<usize>,
-    /// In the unit of the drawing.
+    /// Size in the unit of the drawing.
     pub size: f64,
 }
 
-/// The places of an arm's joints from the base on, and of its tool last; base frame, m.
+/// Positions of an arm's joints from the base on, followed by that of its tool; base frame, m.
 pub fn places(arm: &Arm, q: &Joints) -> Vec<Point> {
     let chain = Chain::nominal(arm, q);
     let joints = (0..arm.count()).map(|joint| chain.point(joint).to_array());
     joints.chain([Chain::tool_at(arm, q).origin.to_array()]).collect()
 }
 
-/// Errors of measured points by two fits, of the poses that are `wanted`: one for each pose, the mean of its points.
+/// Errors of measured points with two fits, for the poses selected by `wanted`: one per pose, the mean over its points.
 pub fn tool_errors(
     campaign: &Campaign,
     arm: &Arm,
@@ -58,7 +58,7 @@ pub fn tool_errors(
     before.iter().filter(|(pose, _)| wanted(**pose)).filter_map(error).collect()
 }
 
-/// The mean error of the points that were measured in each pose, base axes, m.
+/// Mean error of the measured points of each pose, base axes, m.
 fn by_pose(campaign: &Campaign, fit: &Fit) -> BTreeMap<usize, DVec3> {
     let readings: Vec<&Reading> =
         campaign.poses.iter().flat_map(|pose| &pose.seen).map(|seen| &seen.reading).collect();
@@ -73,7 +73,7 @@ fn by_pose(campaign: &Campaign, fit: &Fit) -> BTreeMap<usize, DVec3> {
     sums.into_iter().map(|(pose, (sum, count))| (pose, sum / count)).collect()
 }
 
-/// The arm in the measured pose that lies most in the middle, with the errors at its tool; none where no point was measured. `lit`: joints from 0.
+/// The arm at the most central measured pose, with the errors at its tool; `None` if no point was measured. `lit`: highlighted joints, 0-based.
 pub fn arm_with_errors(
     arm: &Arm,
     campaign: &Campaign,
@@ -96,7 +96,7 @@ pub fn arm_with_errors(
     Some((picture.render(), picture.magnified()))
 }
 
-/// Joints, from 0, whose effects do most together: at least 0.3 of what those of the largest one do.
+/// Joints (0-based) with a total effect of at least 0.3 of the largest.
 pub fn guilty(joints: usize, found: &[OfJoint]) -> Vec<usize> {
     let mut sums = vec![0.0_f64; joints];
     for one in found {
@@ -109,7 +109,7 @@ pub fn guilty(joints: usize, found: &[OfJoint]) -> Vec<usize> {
     sums.filter(|(_, sum)| most > 0.0 && *sum >= LIT * most).map(|(joint, _)| joint).collect()
 }
 
-/// What each of those found does, the largest first; none where of none it is known.
+/// Bars of the entries, largest first; `None` if no size is known.
 pub fn ranking(title: &str, axis: Axis, found: impl IntoIterator<Item = Ranked>) -> Option<Svg> {
     let mut known: Vec<(String, f64)> =
         found.into_iter().filter_map(|one| Some((one.name, one.size?))).collect();
@@ -120,7 +120,7 @@ pub fn ranking(title: &str, axis: Axis, found: impl IntoIterator<Item = Ranked>)
         .then(|| shown.fold(bars, |bars, (name, size)| bars.row(name, [*size])).render())
 }
 
-/// Effects in rows, joints in columns; the effect that does most in all joints together first.
+/// Table with effects in rows and joints in columns; the effect with the largest total first.
 pub fn by_joint(caption: &str, joints: usize, found: &[OfJoint]) -> Table {
     let mut rows: Vec<(&str, Vec<f64>)> = Vec::new();
     for one in found {

@@ -1,6 +1,6 @@
 //! Torque domain of `trued diagnose`: unmodelled drive torques as effects of a model file.
 //!
-//! Promises: what acts in one recording alone (a payload of that day) is told and not written into the model. Never: a fit of its own.
+//! An effect found in one recording only (such as a payload) is reported, but not written into the model.
 
 use std::borrow::Cow;
 
@@ -10,19 +10,19 @@ use recording::series::{Channel, Recording};
 
 use crate::error::Error;
 
-/// What was found in the torques.
+/// Result of the torque diagnosis.
 pub(crate) struct Drives {
     pub(crate) result: Result<Diagnosis, Doubt>,
     /// Names of the recordings, for findings of one of them.
     pub(crate) recordings: Vec<String>,
 }
 
-/// Whether torque was recorded.
+/// Whether any torque was recorded.
 pub(crate) fn are_recorded(recordings: &[Recording]) -> bool {
     torque::has_torque(recordings)
 }
 
-/// Whether anything was measured of where the tool or a link is.
+/// Whether any position of the tool or of a link was measured.
 pub(crate) fn positions_are_recorded(recordings: &[Recording]) -> bool {
     recordings.iter().any(|recording| {
         recording.channels().any(|channel| {
@@ -41,7 +41,8 @@ pub(crate) fn positions_are_recorded(recordings: &[Recording]) -> bool {
 }
 
 impl Drives {
-    /// What is found in the torques, where there are any. Recordings without positions are taken: nothing else is asked of them, and they are large.
+    /// Diagnoses the torques, if any were recorded. Recordings without positions are moved out of `recordings` to save memory, because no other
+    /// domain needs them.
     pub(crate) fn where_recorded(
         base: &RobotModel,
         recordings: &mut Vec<Recording>,
@@ -75,7 +76,7 @@ impl Drives {
         Ok(Self { result: torque::diagnose(&stated, recordings, band_hz, seed), recordings: names })
     }
 
-    /// The model's effects with what was found, and its own numbers as they were fitted along.
+    /// The model's effects with the findings, and its own refitted parameters.
     pub(crate) fn written(&self, base: &RobotModel, effects: &[EffectEntry]) -> Vec<EffectEntry> {
         let refits = self.result.iter().flat_map(|diagnosis| &diagnosis.refits);
         let result = self.result.iter();
@@ -84,7 +85,7 @@ impl Drives {
     }
 }
 
-/// A model's effects with what was found, and its own numbers as they were fitted along.
+/// A model's effects with the findings, and its own refitted parameters.
 pub(crate) fn written<'a>(
     base: &RobotModel,
     effects: &[EffectEntry],
@@ -109,7 +110,7 @@ pub(crate) fn written<'a>(
     all
 }
 
-/// Gives a number of stated uncertainty what the fit made of it.
+/// Replaces a parameter of stated uncertainty by its fitted value.
 fn refitted(base: &RobotModel, effects: &mut [EffectEntry], refit: &Refit) {
     let number = &refit.number;
     let one = SiParameter { stem: number.stem, values: &number.values, sigma: Some(&number.sigma) };
@@ -127,7 +128,7 @@ fn refitted(base: &RobotModel, effects: &mut [EffectEntry], refit: &Refit) {
     }
 }
 
-/// Adds the difference that was found to the numbers that stand there.
+/// Adds the fitted differences to the existing values.
 fn add(known: &mut EffectEntry, found: &EffectEntry) {
     for parameter in &mut known.parameters {
         let Some(off) = found.parameters.iter().find(|p| p.key == parameter.key) else { continue };
@@ -157,7 +158,7 @@ pub(crate) fn entry(base: &RobotModel, finding: &Finding) -> Option<EffectEntry>
     EffectEntry::from_si(&base.physics.arm, finding.kind, finding.joint, &parameters)
 }
 
-/// By how much the model says that torques are recorded late, s.
+/// Delay of recorded torques according to the model, s.
 fn delay_s(base: &RobotModel) -> f64 {
     let delays = base.file.effects.iter().filter(|entry| entry.kind == "torque_delay");
     let values = delays.filter_map(|entry| entry.to_si(&base.physics.arm));

@@ -1,7 +1,7 @@
 //! The effects of a fit with their parameters in file units.
 //!
-//! Promises: an effect that the base model has keeps its entry, numbers and uncertainties renewed; others get one of their own.
-//! Never: a number that the data did not tell counted as found.
+//! An effect of the base model keeps its entry, with updated parameters and uncertainties; other effects get new entries. Parameters that the data do
+//! not determine do not count as found.
 
 use diagnosis::hypothesis::{Named, named, without_axial_part};
 use diagnosis::{Chosen, Fit};
@@ -12,57 +12,57 @@ use recording::model::{EffectEntry, ModelFile, Numbers, Parameter, RobotModel, S
 
 use crate::error::Error;
 
-/// Cosine from which an axis lies along a direction.
+/// Cosine above which an axis is considered parallel to a direction.
 pub const ALONG: f64 = 0.999_999;
 
-/// One number of an effect.
+/// One parameter of an effect.
 pub struct Number {
     /// Key in the file.
     pub key: String,
-    /// Place in the key's list, from 1; none where it is no list.
+    /// Index in the key's list, 1-based; `None` for a scalar.
     pub index: Option<usize>,
-    /// In the unit of the key.
+    /// Value in the unit of the key.
     pub value: f64,
-    /// In the unit of the key; none where it was not fitted.
+    /// Standard uncertainty in the unit of the key; `None` if it was not fitted.
     pub sigma: Option<f64>,
-    /// Whether a fit might have changed it.
+    /// Whether it is a free parameter of the fit.
     pub free: bool,
 }
 
 /// One effect.
 pub struct Entry {
-    /// The effect as it was fitted, SI.
+    /// The fitted effect, SI.
     pub effect: AnyEffect,
-    /// Place in the base model's file; none where it is new.
+    /// Index in the base model's file; `None` for a new effect.
     pub of_base: Option<usize>,
-    /// Its numbers in the units of files.
+    /// Its parameters in file units.
     pub numbers: Vec<Number>,
-    /// By how much it moves the tool, m, root of the mean square.
+    /// RMS displacement of the tool by this effect, m.
     pub share_m: f64,
-    /// As it stands in the file.
+    /// Its entry in the file.
     pub written: EffectEntry,
 }
 
 impl Entry {
-    /// Whether there is nothing to write: new, and nothing of it was told.
+    /// Whether there is nothing to write: a new effect without any determined or non-zero parameter.
     pub fn is_empty(&self) -> bool {
         let is_nothing = |number: &Number| number.sigma.is_none() && number.value == 0.0;
         self.of_base.is_none() && self.numbers.iter().filter(|n| n.free).all(is_nothing)
     }
 
-    /// From 1.
+    /// 1-based; `None` for effects of the whole robot.
     pub fn joint(&self) -> Option<usize> {
         self.effect.joint().map(|joint| joint + 1)
     }
 
-    /// Its name, as in model files.
+    /// Kind of the effect, as in model files.
     #[must_use]
     pub fn kind(&self) -> &'static str {
         self.effect.spec().kind
     }
 }
 
-/// The file of `base` with these effects: those that it has renewed, new ones of which something is known appended.
+/// The file of `base` with these effects: existing ones updated, new ones appended unless empty.
 pub(crate) fn renewed_file(base: &RobotModel, entries: &[Entry]) -> ModelFile {
     let mut file = base.file.clone();
     for entry in entries {
@@ -75,7 +75,7 @@ pub(crate) fn renewed_file(base: &RobotModel, entries: &[Entry]) -> ModelFile {
     file
 }
 
-/// The effects of `last`, in its order.
+/// The effects of the fit `last`, in its order.
 pub fn entries(
     base: &RobotModel,
     last: &Fit,
@@ -109,14 +109,14 @@ fn kind_of(base: &RobotModel, effect: &AnyEffect) -> JointKind {
     joint.map_or(JointKind::Revolute, |joint| joint.kind)
 }
 
-/// The axis along which an `axis_shift` does nothing: its own, but for the last joint's.
+/// The axis along which an `axis_shift` has no effect: the joint's own, except at the last joint.
 pub fn barred(effect: &AnyEffect, arm: &Arm) -> Option<DVec3> {
     let joint = effect.joint().filter(|joint| joint + 1 < arm.count())?;
     let axis = arm.joints().get(joint)?.axis;
     (effect.spec().kind == "axis_shift").then_some(axis)
 }
 
-/// The effect without what does nothing: a fit may leave a part of a shift along its axis, a file may not.
+/// The effect without a component that has no effect: a fit may leave a shift along the axis, a file must not contain one.
 fn across(effect: &AnyEffect, arm: &Arm) -> AnyEffect {
     let mut next = *effect;
     if let (Some(axis), [x, y, z]) = (barred(effect, arm), effect.values()) {
@@ -126,7 +126,7 @@ fn across(effect: &AnyEffect, arm: &Arm) -> AnyEffect {
     next
 }
 
-/// The standard uncertainty of each value of the effect in place `place`, SI.
+/// Standard uncertainty of each parameter of the effect at index `place`, SI.
 fn sigma_of(last: &Fit, place: usize, effect: &AnyEffect) -> Vec<Option<f64>> {
     let mut columns = vec![None; effect.values().len()];
     for (k, free) in last.hypothesis.free.iter().enumerate().filter(|(_, f)| f.effect == place) {
@@ -136,7 +136,7 @@ fn sigma_of(last: &Fit, place: usize, effect: &AnyEffect) -> Vec<Option<f64>> {
     let Some(axis) = barred else {
         return columns.into_iter().map(|column| last.sigma(column?)).collect();
     };
-    // What is left of the shift across its axis, `s − a (a·s)`: the same rows of the covariance.
+    // The component of the shift perpendicular to its axis, `s − a (a·s)`: the same projection of the covariance.
     let across = |value: usize| {
         let row = without_axial_part(axis, DVec3::AXES[value]);
         let known = || columns.iter().enumerate().filter_map(|(k, column)| Some((k, (*column)?)));
@@ -148,7 +148,7 @@ fn sigma_of(last: &Fit, place: usize, effect: &AnyEffect) -> Vec<Option<f64>> {
     (0..columns.len()).map(across).collect()
 }
 
-/// Whether an axis lies along none of x, y, z.
+/// Whether an axis is parallel to none of x, y, z.
 fn is_slanted(axis: DVec3) -> bool {
     axis.abs().max_element() < ALONG
 }
@@ -176,7 +176,7 @@ fn numbers(
     (0..effect.values().len()).filter_map(number).collect()
 }
 
-/// The values of each entry of an effect, with their uncertainties, 0 where unknown; those only where any is known.
+/// Key, values and standard uncertainties (0 where unknown; `None` if all are unknown) of an effect.
 type Group = (&'static str, Vec<f64>, Option<Vec<f64>>);
 
 fn groups(effect: &AnyEffect, sigma: &[Option<f64>]) -> Vec<Group> {
@@ -216,7 +216,7 @@ fn made(
     EffectEntry::from_si(&base.physics.arm, effect.spec().kind, effect.joint(), &parameters)
 }
 
-/// The entry with what was found; what no fit changes stays as it is written.
+/// The entry with the fitted values; parameters that no fit changes keep their text.
 fn renewed(
     entry: &EffectEntry,
     effect: &AnyEffect,

@@ -1,6 +1,6 @@
 //! Force domain of `trued diagnose`: recordings of forces (or accelerations) without joints.
 //!
-//! Promises: the same three files as for a robot, together or not at all. Never: a claim of what was not compared.
+//! Writes the same three files as for a robot, all or none. Effects that were not compared are not reported.
 
 use diagnosis::force::{self, Diagnosis, Doubt, Finding};
 use recording::model::{EffectEntry, RobotModel, SiParameter};
@@ -13,7 +13,7 @@ use crate::error::Error;
 use crate::page;
 use crate::result::{Report, json};
 
-/// What a recording of forces alone says.
+/// Diagnosis of a recording that contains only forces.
 pub struct DiagnosedForces {
     pub(crate) base: RobotModel,
     pub(crate) result: Result<Diagnosis, Doubt>,
@@ -32,7 +32,7 @@ impl DiagnosedForces {
         Ok(Self { base, result, seed })
     }
 
-    /// What is said of the forces.
+    /// The report of the force domain.
     #[must_use]
     pub fn report(&self) -> Report {
         Report::of_forces(self)
@@ -52,7 +52,7 @@ impl DiagnosedForces {
         page::forces::render(self, &self.report())
     }
 
-    /// The model with what was found, and its own numbers as they were fitted along.
+    /// The model with the findings, and its own refitted parameters.
     ///
     /// # Errors
     /// [`Error::Internal`]

@@ -92,7 +92,7 @@ pub fn report<'a>(model: &'a RobotModel, evaluation: &Evaluation) -> Evaluated<'
     }
 }
 
-/// The same as JSON.
+/// The result as JSON.
 ///
 /// # Errors
 /// [`Error::Internal`]
@@ -118,7 +118,7 @@ impl PoseReport {
     }
 }
 
-/// What the standard asks for beyond this recording.
+/// Requirements of the standard that this recording does not meet.
 fn notes(evaluation: &Evaluation) -> Vec<String> {
     let mut notes = Vec::new();
     if !evaluation.has_accuracy() {
@@ -130,7 +130,7 @@ fn notes(evaluation: &Evaluation) -> Vec<String> {
     notes
 }
 
-/// The worst repeatability.
+/// Summary: the largest repeatability.
 #[must_use]
 pub fn headline(evaluation: &Evaluation) -> String {
     let worst =
@@ -138,7 +138,7 @@ pub fn headline(evaluation: &Evaluation) -> String {
     format!("repeatability {} mm", fixed(MILLI * worst, 3))
 }
 
-/// What follows the [`headline`]: the worst accuracy, and lines pose by pose, in a table of at most `width_max` characters.
+/// The text after the [`headline`]: the largest accuracy error, and a table of the poses, at most `width_max` characters wide.
 #[must_use]
 pub fn details(model: &RobotModel, evaluation: &Evaluation, width_max: Option<usize>) -> String {
     let with_accuracy = evaluation.has_accuracy();
@@ -172,7 +172,7 @@ pub fn details(model: &RobotModel, evaluation: &Evaluation, width_max: Option<us
     text
 }
 
-/// The result in lines of text, its table at most `width_max` characters wide.
+/// The result as text, its table at most `width_max` characters wide.
 #[must_use]
 pub fn text(model: &RobotModel, evaluation: &Evaluation, width_max: Option<usize>) -> String {
     headline(evaluation) + &details(model, evaluation, width_max)

@@ -1,10 +1,9 @@
-//! Results of a diagnosis and of a calibration for people and programs: JSON, lines of text, an HTML page, and the model with what was found.
+//! Results of a diagnosis and of a calibration for people and programs: JSON, lines of text, an HTML page, and the resulting model.
 //!
-//! [`calibration`] makes a calibrated model from measurements of the tool. [`diagnose`] reads what recordings of one robot say of positions and of drive torques,
-//! [`DiagnosedForces`] what forces alone say. [`plan`] chooses measuring poses, [`iso9283`] reports accuracy and repeatability, [`simulation`] runs a
-//! model forward on a recording. Modules of a diagnosis in the order in which to read them:
-//! `diagnosed` and `forces` (which engine runs on which recordings), `result` (numbers and words), `page` (the same as a page), `entries` and `drives` (the same
-//! as effects of a model file), `drawings` (pictures that several pages share).
+//! [`calibration`] makes a calibrated model from measurements of the tool. [`diagnose`] diagnoses positions and drive torques of one robot,
+//! [`DiagnosedForces`] forces without a robot. [`plan`] chooses measuring poses, [`iso9283`] reports accuracy and repeatability, [`simulation`] runs
+//! a model forward on a recording. Modules of a diagnosis in reading order: `diagnosed` and `forces` (selection of the diagnosis), `result` (values
+//! and sentences), `page` (HTML), `entries` and `drives` (effects of a model file), `drawings` (figures shared by pages).
 //!
 //! The same model, recordings and seed give the same bytes. Writes no file.
 //!
@@ -46,7 +45,7 @@ mod result;
 pub mod simulation;
 mod tolerance;
 
-/// File name of the model with what was found, beside `diagnosis.json`.
+/// File name of the resulting model, next to `diagnosis.json`.
 pub const MODEL: &str = "model.toml";
 
 pub use diagnosed::{Diagnosed, Settings, Stage, diagnose};

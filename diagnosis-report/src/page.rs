@@ -1,6 +1,6 @@
 //! The page of `trued diagnose`: findings as text, validation, location, alternatives, untested effects, handling of the data.
 //!
-//! Promises: a reader who stops anywhere has read the most important of what there is. Never: a number that is not in `diagnosis.json` or its figures.
+//! The most important results come first. All values are contained in `diagnosis.json` or in the figures' data.
 
 mod cut;
 mod drives;
@@ -17,7 +17,7 @@ use crate::diagnosed::Diagnosed;
 use crate::drawings::{Ranked, ranking};
 use crate::result::{Report, ReportedFinding, lead};
 
-/// Findings from which on a page shows their sizes joint by joint, and folds the list.
+/// With at least this many findings, a page shows their sizes joint by joint, and folds the list.
 const MANY: usize = 6;
 
 /// The whole page: positions first, then torques. `dir`: where the files of the result are written.
@@ -39,7 +39,7 @@ fn headed(report: &Report) -> String {
     format!("{domain}: {}", report.verdict.replace('_', " "))
 }
 
-/// What a verdict is to its reader.
+/// Tone of a verdict.
 fn tone(report: &Report) -> Tone {
     match report.verdict {
         "consistent" => Tone::Good,
@@ -47,7 +47,7 @@ fn tone(report: &Report) -> Tone {
     }
 }
 
-/// The first screen of a domain: verdict, numbers, the picture that answers, what to do next.
+/// The first screen of a domain: verdict, numbers, main figure, next step.
 fn first(
     page: Page,
     report: &Report,
@@ -69,7 +69,7 @@ fn first(
     next(page, report, is_judged, dir)
 }
 
-/// A drawing with what it shows.
+/// A drawing with its caption.
 pub(crate) struct Figure {
     pub(crate) caption: String,
     pub(crate) drawing: report::Svg,
@@ -95,7 +95,7 @@ fn next(page: Page, report: &Report, is_judged: bool, dir: &Path) -> Page {
     }
 }
 
-/// What was found, in sentences; the tables of a long list are folded.
+/// The findings as sentences; the tables of a long list are folded.
 fn words(mut page: Page, report: &Report, joints: usize) -> Page {
     let sentences: Vec<&str> =
         report.findings.iter().map(|reported| reported.says.as_str()).collect();
@@ -149,7 +149,7 @@ fn sizes(report: &Report) -> Option<Figure> {
     Some(Figure { caption, drawing })
 }
 
-/// The rivals, the numbers, and what is open.
+/// The alternatives, the parameters, and what was not tested.
 fn rest(mut page: Page, report: &Report) -> Page {
     page = rivals(page, report);
     if !report.findings.is_empty() {
@@ -181,7 +181,7 @@ fn domain(page: Page, found: &Diagnosed, report: &Report, dir: &Path) -> Page {
     made_from(rest(page, report), found, report)
 }
 
-/// The verdict in sentences, with the judgement of a tolerance where one was stated.
+/// The verdict as sentences, with the evaluation of a tolerance if one was stated.
 fn judged(report: &Report) -> String {
     let sentence = sentence(report);
     match &report.tolerance {
@@ -224,7 +224,7 @@ fn effects(count: usize) -> String {
     if count == 1 { "One effect".to_owned() } else { format!("{count} effects together") }
 }
 
-/// No tone: less than before is not yet good enough for everybody.
+/// Key figures without a tone: an improvement is not necessarily sufficient.
 fn numbers(report: &Report) -> Vec<Number> {
     let rms = "RMS of held-out readings";
     let held = report.heldout_rms_before.zip(report.heldout_rms_after).map(|(before, after)| {
@@ -247,7 +247,7 @@ fn numbers(report: &Report) -> Vec<Number> {
     held.into_iter().flatten().chain([residual, findings]).collect()
 }
 
-/// Findings that another name explains as well or nearly.
+/// Findings with alternatives that explain the data equally or almost as well.
 fn rivals(page: Page, report: &Report) -> Page {
     if report.findings.iter().all(|reported| reported.alternatives.is_empty()) {
         return page;
@@ -257,10 +257,10 @@ fn rivals(page: Page, report: &Report) -> Page {
         .figure("Probability of each candidate.", &figures::rivals(report))
 }
 
-/// An effect, and joints from 1; none for the whole robot.
+/// An effect, and its joints (1-based; empty for the whole robot).
 type OfJoints = (String, Vec<usize>);
 
-/// What could not have shown, together where the reason is one.
+/// Effects that could not be tested, grouped by reason.
 fn open(page: Page, report: &Report) -> Page {
     let mut reasons: Vec<(&str, Vec<OfJoints>)> = Vec::new();
     for one in &report.not_tested {

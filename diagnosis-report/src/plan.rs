@@ -1,9 +1,9 @@
 //! Plans of measuring poses for people and programs: `trued.plan/1` as JSON, text, HTML page, and files for controller and measurements.
 //!
-//! [`measuring_poses`] chooses the poses of a calibration, [`next_pose`] one more and whether it is worth measuring, [`check_poses`] poses that reveal
-//! damage, [`iso_poses`] the test of ISO 9283. [`judge`] says whether a model still holds for measurements, [`crate::iso9283`] what they say of accuracy and
-//! repeatability, [`experiment`] writes what a diagnosis asks for. What is computed: [`diagnosis::plan`]. Modules in the order in which to read them:
-//! `poses`, `next`, `check`, `judged`, `iso`, `experiment` (a result each), `page` and `files` (what plans share).
+//! [`measuring_poses`] chooses the poses of a calibration, [`next_pose`] one more and whether it is worth measuring, [`check_poses`] poses that
+//! detect damage, [`iso_poses`] the test of ISO 9283. [`judge`] tests whether a model is still valid, [`crate::iso9283`] evaluates accuracy and
+//! repeatability, [`experiment`] writes the experiment proposed by a diagnosis. Computation: [`diagnosis::plan`]. Modules in reading order: `poses`,
+//! `next`, `check`, `judged`, `iso`, `experiment` (one result each), `page` and `files` (common to plans).
 //!
 //! The same model, recordings and seed give the same bytes. Writes no file.
 
@@ -38,12 +38,12 @@ use serde::Serialize;
 
 use crate::error::Error;
 
-/// Number of poses at which the tool's error is evaluated. Origin: a choice; the error of the mean is a ninth of their scatter.
+/// Number of poses at which the tool's error is evaluated. Origin: a choice; the standard error of the mean is a ninth of their scatter.
 const TOOL_POSES: usize = 80;
 /// mm per m, mrad per rad.
 const MILLI: f64 = 1e3;
 
-/// A robot and what was measured of it so far.
+/// A robot with its existing measurements.
 #[derive(Clone, Copy, Debug)]
 pub struct Robot<'a> {
     /// Its model.
@@ -52,24 +52,24 @@ pub struct Robot<'a> {
     pub recordings: &'a [Recording],
 }
 
-/// How poses are planned.
+/// Settings of a plan.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// Instrument, targets, constraints.
     pub setup: MeasuringSetup,
-    /// Where the tool's error counts. Default: none, so that it counts in the whole workspace.
+    /// Region in which the tool's error is evaluated. Default: none, so that it is the whole workspace.
     pub zone: Option<Zone>,
-    /// Poses to choose from, as those that are known to be free, rad or m. Default: none, so that poses are drawn.
+    /// Candidate poses, such as poses known to be collision-free, rad or m. Default: none, so that poses are drawn at random.
     pub among: Vec<Joints>,
-    /// Number of poses that are drawn to choose from; 20 to 5000. Default 600. Origin: a choice.
+    /// Number of candidate poses that are drawn; 20 to 5000. Default 600. Origin: a choice.
     pub candidates: usize,
-    /// Seed of all chance. Default 0.
+    /// Seed of all random draws. Default 0.
     pub seed: u64,
     /// Motion between the poses, and axes of the controller.
     pub programs: Programs,
-    /// The model's file, as the commands that the results name should call it. Default `ROBOT.toml`.
+    /// Path of the model in the commands shown. Default `ROBOT.toml`.
     pub model_path: PathBuf,
-    /// Folder that the files will go to, as the results name it. Default: none.
+    /// Folder of the files, for the texts. Default: none.
     pub out: Option<PathBuf>,
 }
 
@@ -89,7 +89,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Where the plan starts, without poses at which the tool's error counts.
+    /// The starting point of the plan, without poses for the evaluation of the tool's error.
     fn start(&self, robot: Robot<'_>) -> Result<StartingPoint, Error> {
         let Robot { model, recordings } = robot;
         let mut start = StartingPoint::of(model, recordings, &self.setup).map_err(Error::input)?;
@@ -97,7 +97,7 @@ impl Settings {
         Ok(start)
     }
 
-    /// Where the plan starts.
+    /// The starting point of the plan.
     fn start_with_zone(&self, robot: Robot<'_>) -> Result<StartingPoint, Error> {
         let mut start = self.start(robot)?;
         let chance = self.seed.wrapping_add(1);
@@ -119,24 +119,24 @@ impl Settings {
         Wish { count, criterion, candidates, seed: self.seed }
     }
 
-    /// Where the tool's error counts, as a part of a sentence.
+    /// The region in which the tool's error is evaluated, as part of a sentence.
     fn whereabouts(&self) -> &'static str {
         if self.zone.is_some() { "in the zone" } else { "over the workspace" }
     }
 
-    /// A command of this robot over the list that was filled in.
+    /// The command that evaluates the completed list.
     fn measured_by(&self, command: &str, options: &str) -> String {
         let list = self.out.as_deref().unwrap_or(Path::new("")).join(LIST);
         format!("trued {command} --model {} {options}{}", self.model_path.display(), list.display())
     }
 
-    /// What to do with the poses of a calibration, and the command that evaluates the measurements.
+    /// Instructions for the poses of a calibration, and the command that evaluates the measurements.
     fn to_calibrate(&self) -> (&'static str, String) {
         let words = "Load the program and run it slowly first; then measure, fill the readings into poses.csv, and calibrate.";
         (words, self.measured_by("calibrate", "--out calibrated.toml "))
     }
 
-    /// What no constraint checked, as sentences.
+    /// Constraints that were not checked, one sentence each.
     fn not_checked(&self, sees: &Sees) -> Vec<&'static str> {
         let mut open = vec![
             "the way between two poses: try the program slowly first",
@@ -150,7 +150,7 @@ impl Settings {
         open
     }
 
-    /// The last lines of a text: what was not checked, and where the files are.
+    /// The last lines of a text: constraints that were not checked, and the location of the files.
     fn closing(&self, not_checked: &[&str]) -> impl Iterator<Item = TextLine> {
         let open = not_checked.iter().map(|open| TextLine::from(format!("not checked: {open}")));
         let written = self.out.as_ref().map(|out| {
@@ -191,7 +191,7 @@ fn least_detectable(model: &Model, found: &Detectable) -> String {
     })
 }
 
-/// What the poses of a check can show, as a table of text.
+/// The damage that check poses can detect, as a text table.
 fn detectable_table(model: &Model, detectable: &[Detectable], width_max: Option<usize>) -> String {
     let start = report::TextTable::new(["damage", "minimum detectable change"]);
     let table = detectable.iter().fold(start, |table, found| {

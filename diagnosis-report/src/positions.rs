@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use physics::{Arm, JointKind, Joints};
 use report::fixed;
 
-/// By column, as in recordings: `q1_deg`, `q2_mm`, ….
+/// By column name, as in recordings: `q1_deg`, `q2_mm`, ….
 #[must_use]
 pub fn columns(arm: &Arm, q: &Joints) -> BTreeMap<String, f64> {
     let each = arm.joints().iter().zip(q).enumerate();
@@ -16,7 +16,7 @@ pub fn columns(arm: &Arm, q: &Joints) -> BTreeMap<String, f64> {
     .collect()
 }
 
-/// Joint by joint, degrees and mm, one decimal.
+/// As text, joint by joint, degrees and mm with one decimal.
 #[must_use]
 pub fn shown(arm: &Arm, q: &Joints) -> String {
     let each: Vec<String> = columns(arm, q).into_values().map(|number| fixed(number, 1)).collect();

@@ -1,6 +1,6 @@
 //! Output of a diagnosis: `trued.diagnosis/1` and text.
 //!
-//! Promises: keys, units and signs of the contract; a change carries the difference. Never: a number that was not found.
+//! Keys, units and signs as documented in docs/reference/results.md; a revised effect is reported as the difference. Only fitted values are reported.
 
 mod cut;
 mod drives;
@@ -26,14 +26,14 @@ pub use lines::lines;
 use crate::diagnosed::Diagnosed;
 use crate::tolerance::Tolerance;
 
-/// Standard uncertainties to each side that hold 95 in 100.
+/// Coverage factor of a 95 % interval, in standard uncertainties.
 const NINETY_FIVE: f64 = 1.96;
-/// What is likelier than this and not listed stands as an alternative of its own; less is rounding.
+/// A remaining probability above this is listed as an alternative of its own; less is rounding.
 const LEAST_LISTED: f64 = 1e-6;
 /// mm per m, mrad per rad.
 const MILLI: f64 = 1e3;
 
-/// What is said of one domain: `trued.diagnosis/1` (docs/reference/results.md).
+/// Result of one domain: `trued.diagnosis/1` (docs/reference/results.md).
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "the contract's keys")]
@@ -42,95 +42,95 @@ pub struct Report {
     pub verdict: &'static str,
     /// `position`, `torque` or `force`.
     pub domain: &'static str,
-    /// Of every root mean square and size.
+    /// Unit of every root mean square and size.
     pub unit: &'static str,
-    /// Rows that were used.
+    /// Number of rows in use.
     pub samples: usize,
-    /// Of the measured values about their means.
+    /// RMS of the measured values about their means.
     pub signal_rms: f64,
     band_Hz: Option<[f64; 2]>,
-    /// Of the residual.
+    /// RMS of the noise, estimated from the residual.
     pub noise_rms: f64,
-    /// On held-out rows, the model as given; none where nothing was held out.
+    /// RMS error on held-out rows with the given model; null if nothing was held out.
     pub heldout_rms_before: Option<f64>,
-    /// On held-out rows, the model with what was found.
+    /// RMS error on held-out rows with the findings.
     pub heldout_rms_after: Option<f64>,
-    /// What was held out, in words.
+    /// Description of the held-out rows.
     pub heldout: String,
-    /// The tool's held-out errors against the tolerance; none where none was stated, and for torques and forces.
+    /// The tool's held-out errors compared with the tolerance; null if none was stated, and for torques and forces.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<Tolerance>,
-    /// What is claimed: the probability of each is a half or more. At most [`Settings::findings_most`](crate::Settings::findings_most).
+    /// Claimed effects, with a probability of at least one half each. At most [`Settings::findings_most`](crate::Settings::findings_most).
     pub findings: Vec<ReportedFinding>,
-    /// Claimed as well; each has a smaller effect on what was measured than any of `findings`.
+    /// Also claimed; each has a smaller effect on the measurement than any of `findings`.
     pub minor: Vec<ReportedFinding>,
-    /// What is not claimed, though a part of the mismatch goes with it.
+    /// Effects that are not claimed, although a part of the deviation correlates with them.
     pub candidates: Vec<ReportedFinding>,
-    /// How the held-out errors of the findings, one after the other, share the whole.
+    /// How the reduction of the held-out error is attributed to the findings, one after the other.
     attribution: &'static str,
-    /// The motion or load that would tell alternatives apart, in words.
+    /// Description of the motion or load that would distinguish the alternatives.
     pub next_experiment: Option<String>,
     experiment: Option<Asked>,
     pub(crate) not_tested: Vec<NotTested>,
     pub(crate) unexplained: Option<Unexplained>,
     pub(crate) map: Vec<Place>,
-    /// The proof of each joint, in the torque domain.
+    /// Validation of each joint, in the torque domain.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) joints: Vec<JointErrors>,
-    /// What the tool did, in the force domain.
+    /// Phases of the tool's engagement, in the force domain.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) phases: Vec<forces::Stretch>,
-    /// Tones of the cut, in the force domain.
+    /// Spectral lines of the cut, in the force domain.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) tones: Vec<forces::Heard>,
-    /// What was done with the data.
+    /// How the data were processed.
     pub notes: Vec<String>,
     seed: u64,
 }
 
-/// A finding in the units of files.
+/// A finding in file units.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ReportedFinding {
     /// Name of the effect, as in model files.
     pub effect: &'static str,
-    /// From 1; none for effects of the whole robot.
+    /// 1-based; null for effects of the whole robot.
     pub joint: Option<usize>,
     /// `new`, or `revised` where the model has the effect with another value.
     pub change: &'static str,
-    /// Probability that it is right; none where none is computed.
+    /// Posterior probability; null if not computed.
     pub confidence: Option<f64>,
-    /// By key, as in model files; of a revised effect the difference.
+    /// Parameters by key, as in model files; for a revised effect the difference.
     pub parameters: BTreeMap<String, Value>,
-    /// On held-out rows with all findings before it in the list; none where nothing was held out.
+    /// RMS error on held-out rows with all preceding findings of the list; null if nothing was held out.
     pub heldout_rms_before: Option<f64>,
-    /// The same with this one.
+    /// The same including this finding.
     pub heldout_rms_after: Option<f64>,
-    /// Where it alone is left out and all else is fitted anew; none where nothing was held out.
+    /// RMS error on held-out rows if only this finding is removed and all others are refitted; null if nothing was held out.
     pub heldout_rms_without: Option<f64>,
-    /// What it alone does to what was measured; none where that is not computed.
+    /// Effect of this finding alone on the measurement; null if not computed.
     pub size: Option<Size>,
-    /// The name of findings that are determined only together; none where it is determined by itself, or that is not computed.
+    /// Name of a group of findings that are determined only jointly; null if it is determined separately, or if this is not computed.
     pub group: Option<String>,
     #[serde(rename = "where")]
     place: Where,
     pub(crate) alternatives: Vec<Alternative>,
-    /// Cause and size in a sentence.
+    /// Cause and size as a sentence.
     pub says: String,
 }
 
-/// What an effect alone does to the measured values, in the report's unit.
+/// Effect of one finding alone on the measured values, in the report's unit.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Size {
     /// Root mean square.
     pub rms: f64,
-    /// Largest.
+    /// Largest absolute value.
     pub max: f64,
 }
 
 impl Size {
-    /// In a unit of which so many make one of SI.
+    /// In a unit of which `per_si` make one SI unit.
     pub(crate) fn of(size: diagnosis::size::Size, per_si: f64) -> Self {
         Self { rms: per_si * size.rms, max: per_si * size.largest }
     }
@@ -141,7 +141,7 @@ impl Size {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum Value {
-    /// A number.
+    /// A scalar.
     One {
         /// The estimate.
         value: f64,
@@ -150,7 +150,7 @@ pub enum Value {
         /// Whether the data determine it; otherwise the interval is that of its prior.
         determined: bool,
     },
-    /// Several numbers.
+    /// A list.
     List {
         /// The estimates.
         value: Vec<f64>,
@@ -162,19 +162,19 @@ pub enum Value {
 }
 
 impl Value {
-    /// A number that the data determine.
+    /// A scalar that the data determine.
     pub(crate) fn one(value: f64, ci95: Interval) -> Self {
         Self::One { value, ci95, determined: true }
     }
 
-    /// Numbers that the data determine.
+    /// A list of values that the data determine.
     pub(crate) fn list(value: Vec<f64>, ci95: Vec<Interval>) -> Self {
         let determined = vec![true; value.len()];
         Self::List { value, ci95, determined }
     }
 }
 
-/// Of 95 %; none where none is computed.
+/// A 95 % interval; `None` if not computed.
 pub type Interval = Option<[f64; 2]>;
 
 #[derive(Serialize)]
@@ -193,7 +193,7 @@ struct Where {
 pub(crate) struct Alternative {
     pub(crate) effect: &'static str,
     pub(crate) joint: Option<usize>,
-    /// None where none is computed.
+    /// Null if not computed.
     pub(crate) confidence: Option<f64>,
     #[serde(skip)]
     is_alike: bool,
@@ -216,7 +216,7 @@ pub(crate) struct Unexplained {
     pub(crate) says: String,
 }
 
-/// The experiment that is proposed, for `trued plan --for`.
+/// The proposed experiment, for `trued plan --for`.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Asked {
@@ -238,7 +238,7 @@ impl Asked {
     }
 }
 
-/// A cell of the map of where model and recording differ: how far a joint would have to be off there.
+/// A cell of the map of deviations: the joint deviation that would explain the recording there.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(crate) struct Place {
@@ -258,7 +258,7 @@ pub(crate) struct JointErrors {
     pub(crate) torque_rms: f64,
     pub(crate) heldout_rms_before: f64,
     pub(crate) heldout_rms_after: f64,
-    /// Without the zones of low speed that the notes tell of.
+    /// Without the zones of low speed described in the notes.
     pub(crate) heldout_rms_after_outside: f64,
     pub(crate) noise_rms: f64,
 }
@@ -331,14 +331,14 @@ impl Report {
         }
     }
 
-    /// Positions of which nothing can be said.
+    /// The report if positions cannot be diagnosed.
     fn nothing(found: &Diagnosed) -> Self {
         let empty = Self::empty("position", "mm", found.settings.seed);
         let (samples, notes, tolerance) = (found.rows, found.notes.clone(), found.tolerance());
         Self { samples, notes, tolerance, ..empty }.because(found.doubts.join(" Or: "))
     }
 
-    /// Of which nothing is said yet.
+    /// A report without results.
     fn empty(domain: &'static str, unit: &'static str, seed: u64) -> Self {
         Self {
             verdict: Verdict::Undetermined.name(),
@@ -369,20 +369,20 @@ impl Report {
         }
     }
 
-    /// The same with why nothing can be said.
+    /// The report with the reason why there is no result.
     fn because(self, says: String) -> Self {
         let why = Unexplained { rms: 0.0, depends_on: Vec::new(), heldout_rms_after: 0.0, says };
         Self { unexplained: Some(why), ..self }
     }
 }
 
-/// An effect's name and its joint, from 1.
+/// Name of an effect with its joint (1-based), for users.
 fn name(effect: &str, joint: Option<usize>) -> String {
     let whose = joint.map_or(String::new(), |joint| format!(" of joint {joint}"));
     format!("{}{whose}", effect.replace('_', " "))
 }
 
-/// The `most` findings with the largest effects on what was measured, and the others; both in their order. One without a size counts as large.
+/// The `most` findings with the largest effects on the measurement, and the others; both in their order. A finding without a size counts as large.
 fn largest(
     findings: Vec<ReportedFinding>,
     most: usize,
@@ -435,7 +435,7 @@ impl ReportedFinding {
     }
 }
 
-/// The numbers in the units of files, with 95 % intervals; differences where the model had them.
+/// Parameters in file units, with 95 % intervals; differences for effects that the model had.
 fn parameters(finding: &Finding, slides: bool) -> BTreeMap<String, Value> {
     let kind = if slides { JointKind::Prismatic } else { JointKind::Revolute };
     let effect: &AnyEffect = &finding.effect;
@@ -497,24 +497,24 @@ impl Place {
 }
 
 impl Report {
-    /// The same with at most so many findings, the largest; the others are minor.
+    /// The report limited to the largest findings; the others become minor.
     pub(crate) fn limited_to(self, findings_most: usize) -> Self {
         let (findings, minor) = largest(self.findings, findings_most);
         Self { findings, minor, ..self }
     }
 
-    /// All that is claimed, large and small.
+    /// All claimed effects, large and small.
     pub fn claims(&self) -> impl Iterator<Item = &ReportedFinding> {
         self.findings.iter().chain(&self.minor)
     }
 
-    /// Whether `trued plan --for` can write the experiment that is proposed.
+    /// Whether `trued plan --for` can write the proposed experiment.
     pub(crate) fn is_planned(&self) -> bool {
         self.experiment.is_some()
     }
 }
 
-/// The result in one sentence, with the judgement of a tolerance where one was stated.
+/// The result in one sentence, with the evaluation of a tolerance if one was stated.
 #[must_use]
 pub fn lead(report: &Report) -> String {
     let lead = difference(report);
@@ -524,7 +524,7 @@ pub fn lead(report: &Report) -> String {
     }
 }
 
-/// How far model and recording differ.
+/// The deviation between model and recording as text.
 fn difference(report: &Report) -> String {
     let held = report.heldout_rms_before.zip(report.heldout_rms_after);
     let Some((before, after)) = held.filter(|(before, _)| report.samples > 0 && *before > 0.0)
@@ -552,7 +552,7 @@ fn difference(report: &Report) -> String {
 }
 
 impl Alternative {
-    /// A finding's alternatives, with what is not listed among them as one more, so that all probabilities add up to one.
+    /// The alternatives of a finding, with the probability of unlisted ones as one more entry, so that all probabilities add up to one.
     pub(crate) fn whole(confidence: f64, mut listed: Vec<Self>) -> Vec<Self> {
         let sum = confidence + listed.iter().filter_map(|one| one.confidence).sum::<f64>();
         if 1.0 - sum > LEAST_LISTED {

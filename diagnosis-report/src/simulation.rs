@@ -1,4 +1,5 @@
-//! A simulated recording for people and programs: `trued.simulate/1` as JSON, text, table and description. What is simulated: [`diagnosis::simulated`].
+//! A simulated recording for people and programs: `trued.simulate/1` as JSON, text, table and description. What is simulated:
+//! [`diagnosis::simulated`].
 
 use std::path::Path;
 
@@ -18,9 +19,9 @@ const MILLI: f64 = 1e3;
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SimulationReport<'a> {
     seed: u64,
-    /// mm, mrad on angles.
+    /// mm, for angles mrad.
     noise: f64,
-    /// Nm, N of a slide.
+    /// Nm, for prismatic joints N.
     torque_noise: f64,
     /// N.
     force_noise: f64,
@@ -29,20 +30,19 @@ pub struct SimulationReport<'a> {
     rows: usize,
     columns: &'a [String],
     left_out: &'a [String],
-    /// Recorded values compared with the model without noise, over single values; `None` if nothing
-    /// was recorded.
+    /// RMS difference between recorded values and the model without noise, over scalar values; `None` if nothing was recorded.
     recorded_rms_mm: Option<f64>,
     rows_beyond_stiffness: usize,
 }
 
-/// How a recording is simulated. Standard deviations of normal noise, 0 or above; default 0.
+/// Settings of a simulation. Standard deviations of normal noise, 0 or above; default 0.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Settings {
-    /// Of every measured length, mm, and angle, mrad.
+    /// For every measured length, mm, and angle, mrad.
     pub noise_mm: f64,
-    /// Of every torque, Nm (N of a slide).
+    /// For every torque, Nm (N of a prismatic joint).
     pub torque_noise_nm: f64,
-    /// Of every force of a cut, N.
+    /// For every cutting force, N.
     pub force_noise_n: f64,
     /// Seed of the noise.
     pub seed: u64,
@@ -53,11 +53,11 @@ pub struct Settings {
 pub struct Simulation {
     settings: Settings,
     model: String,
-    /// What the instruments read.
+    /// The simulated measurements.
     pub readings: Readings,
 }
 
-/// Replaces what was measured in a recording by what the model gives.
+/// Replaces the measurements of a recording by those that the model predicts.
 ///
 /// ```
 /// use diagnosis_report::simulation::{Settings, simulate};
@@ -76,7 +76,7 @@ pub struct Simulation {
 /// ```
 ///
 /// # Errors
-/// [`Error::Input`] where the recording or the model cannot be used.
+/// [`Error::Input`] if the recording or the model cannot be used.
 pub fn simulate(
     model: &RobotModel,
     recording: Recording,
@@ -93,7 +93,7 @@ pub fn simulate(
 }
 
 impl Simulation {
-    /// The result as an object; `file`: where the table of the recording goes.
+    /// The result as an object; `file`: the file to which the recording is written.
     #[must_use]
     pub fn report(&self, file: &Path) -> SimulationReport<'_> {
         let Self { settings, model, readings } = self;
@@ -127,7 +127,7 @@ impl Simulation {
         lines.into_iter().map(TextLine::from).collect()
     }
 
-    /// What limits the result, as sentences.
+    /// Limitations of the result, one sentence each.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let Readings { understated, left_out, rows_beyond, .. } = &self.readings;
@@ -150,7 +150,7 @@ impl Simulation {
         warnings
     }
 
-    /// The recording's TOML, with how it was made.
+    /// The recording's TOML, with the settings of the simulation.
     #[must_use]
     pub fn about_toml(&self) -> String {
         let Settings { noise_mm, torque_noise_nm, force_noise_n, seed } = self.settings;

@@ -1,41 +1,41 @@
-//! The tool's held-out errors of a diagnosis against the error that is allowed.
+//! The tool's held-out errors compared with the allowed error.
 //!
-//! An error is the distance of a measured point from where the model sees it, noise of the instrument included; measuring frames and targets are fitted along.
+//! An error is the distance between a measured and a predicted point, including the noise of the instrument; measuring frames and targets are fitted.
 
 use diagnosis::diagnose::Diagnosis;
 use diagnosis::proof::Errors;
 use report::significant;
 use serde::Serialize;
 
-/// m to mm.
+/// From m to mm.
 const MILLI: f64 = 1e3;
-/// Share of the held-out errors that must be within the tolerance, as in a calibration.
+/// Fraction of the held-out errors that must be within the tolerance, as in a calibration.
 const SHARE: f64 = 0.95;
 
-/// Whether the tool keeps a tolerance on held-out rows.
+/// Whether the tool is within a tolerance on held-out rows.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Tolerance {
-    /// What is allowed.
+    /// Allowed error, mm.
     pub tolerance_mm: f64,
-    /// The model as given; none where no held-out row tells where the tool is.
+    /// The given model; null if no held-out row contains a tool position.
     pub before: Option<HeldOut>,
-    /// The model with what was found.
+    /// The model with the findings.
     pub after: Option<HeldOut>,
 }
 
-/// Held-out errors of one model against the tolerance.
+/// Held-out errors of one model compared with the tolerance.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct HeldOut {
-    /// What 95 of 100 held-out errors stay within.
+    /// 95 % quantile of the held-out errors, mm.
     pub p95_mm: f64,
-    /// Whether that is no more than the tolerance.
+    /// Whether it is within the tolerance.
     pub met: bool,
 }
 
 impl Tolerance {
-    /// None: positions were not judged.
+    /// `None`: positions were not diagnosed.
     pub(crate) fn of(tolerance_mm: f64, diagnosis: Option<&Diagnosis>) -> Self {
         let judged = diagnosis.filter(|diagnosis| diagnosis.proof.is_length);
         let lists = judged.map(Diagnosis::held_out).unwrap_or_default();
@@ -43,7 +43,7 @@ impl Tolerance {
         Self { tolerance_mm, before, after }
     }
 
-    /// The judgement, after the words "tolerance of".
+    /// The evaluation, to follow the words "tolerance of".
     pub(crate) fn words(&self) -> String {
         let tolerance = significant(self.tolerance_mm, 3);
         let (Some(before), Some(after)) = (self.before, self.after) else {

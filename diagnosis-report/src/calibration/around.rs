@@ -1,30 +1,30 @@
 //! Fitted objects around the robot: fixed points, planes, spheres.
 //!
-//! Promises: every number that was fitted, with its standard uncertainty where the data tell it. Never: measuring frames or targets.
+//! Every fitted parameter, with its standard uncertainty if the data determine it. Measuring frames and targets are not listed.
 
 use diagnosis::Fit;
 use diagnosis::surroundings;
 use report::significant;
 use serde::Serialize;
 
-/// Metres (radians) in mm (mrad).
+/// From m to mm, or rad to mrad.
 const MILLI: f64 = 1e3;
 
-/// A fitted number of a fixed point, plane or sphere.
+/// A fitted parameter of a fixed point, plane or sphere.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Number {
     thing: &'static str,
-    /// From 1.
+    /// 1-based.
     number: usize,
     what: &'static str,
-    /// mm; of a plane's tilts, which start from the stated normal, there is none.
+    /// mm; null for a plane's tilts, which are relative to the stated normal.
     value_mm: Option<f64>,
     /// mm; mrad for a plane's tilts.
     sigma: Option<f64>,
 }
 
-/// All numbers that were fitted.
+/// All fitted parameters.
 pub(super) fn numbers(fit: &Fit) -> Vec<Number> {
     let numbers = fit.surroundings.numbers().into_iter().enumerate();
     numbers.filter_map(|(column, number)| of(fit, column, number)).collect()
@@ -51,7 +51,7 @@ fn of(fit: &Fit, column: usize, number: surroundings::Number) -> Option<Number> 
     Some(Number { thing, number: at + 1, what, value_mm: value_m.map(|m| m * MILLI), sigma })
 }
 
-/// One line for each thing: `sphere 1: x 800.123 ± 0.004, …`.
+/// One line per object: `sphere 1: x 800.123 ± 0.004, …`.
 pub(super) fn lines(numbers: &[Number]) -> Vec<String> {
     let whole = numbers.chunk_by(|a, b| (a.thing, a.number) == (b.thing, b.number));
     let number = |thing: &Number| {

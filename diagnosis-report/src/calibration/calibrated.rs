@@ -1,7 +1,7 @@
-//! The three models on held-out poses, and the model that is the result.
+//! The three models with their errors on held-out poses, and the resulting model.
 //!
-//! Promises: held-out poses that recordings keep for validation take no part in the resulting model either; those drawn at random do, after their
-//! figures are taken. Only warnings are text.
+//! Held-out poses that recordings reserve for validation are not used in the resulting model; those drawn at random are used after their errors have
+//! been evaluated.
 
 use diagnosis::proof::{self, Calibration, Errors, Split};
 use diagnosis::share::tool_shares;
@@ -18,71 +18,71 @@ use crate::drawings::tool_errors;
 use crate::entries::{ALONG, Entry, entries};
 use crate::error::Error;
 
-/// A pose with a reading that weighs less than half.
+/// A pose with a measurement of weight below one half.
 pub struct Outlier {
-    /// Place in the campaign's recordings.
+    /// Index into the campaign's recordings.
     pub recording: usize,
-    /// Row of the table, from 1.
+    /// Row of the table, 1-based.
     pub row: usize,
-    /// What its worst reading is off by, m.
+    /// Largest residual, m.
     pub off_m: f64,
 }
 
-/// Held-out errors by the direction in which a joint arrived.
+/// Held-out errors by the direction of approach of a joint.
 pub struct Approached {
-    /// From 0.
+    /// 0-based.
     pub joint: usize,
-    /// Rising and falling, for each of the three models.
+    /// Errors after rising and falling motion, for each of the three models.
     pub errors: [[Errors; 2]; 3],
 }
 
 /// Held-out errors of one recording.
 pub struct OfRecording {
-    /// Place in the campaign's recordings.
+    /// Index into the campaign's recordings.
     pub recording: usize,
     /// Whether the joints that move have parallel axes, so that the tool stays in a plane.
     pub planar: bool,
-    /// Nominal, calibrated, advanced.
+    /// Errors of the nominal, calibrated and advanced models.
     pub errors: [Errors; 3],
 }
 
 /// Held-out errors of one station of the instrument.
 pub struct Stationed {
-    /// Place in the campaign's measuring frames.
+    /// Index into the campaign's measuring frames.
     pub frame: usize,
-    /// Place in the campaign's recordings.
+    /// Index into the campaign's recordings.
     pub recording: usize,
-    /// Of the three models.
+    /// Errors of the three models.
     pub errors: [Errors; 3],
 }
 
-/// A calibration with its proof.
+/// A calibration with its validation.
 pub struct Calibrated {
-    /// The model that it began with.
+    /// The given model.
     pub base: RobotModel,
-    /// What was measured.
+    /// The measurements.
     pub campaign: Campaign,
-    /// Which poses trained the three models.
+    /// Training poses of the three models.
     pub split: Split,
-    /// The seed, where the held-out poses were drawn at random.
+    /// The seed, if the held-out poses were drawn at random.
     pub seed: Option<u64>,
-    /// On held-out poses: nominal, calibrated, advanced ([`MODELS`](super::MODELS)).
+    /// Errors on held-out poses: nominal, calibrated, advanced ([`MODELS`](super::MODELS)).
     pub errors: [Errors; 3],
     /// The fit of the resulting model.
     pub fit: Fit,
-    /// Poses that it was fitted to.
+    /// Number of poses to which it was fitted.
     pub poses: usize,
-    /// Its effects with their numbers in the units of files.
+    /// Its effects with their parameters in file units.
     pub entries: Vec<Entry>,
-    /// Poses that weigh little in it.
+    /// Poses with low weight in it.
     pub outliers: Vec<Outlier>,
-    /// Of the held-out poses in which points were measured: with the nominal model, and with the advanced.
+    /// Errors of the held-out poses with measured points: with the nominal and the advanced model.
     pub(super) tool_errors: Vec<ToolError>,
-    /// Of the joints that arrived from both sides.
+    /// Errors of the joints that were approached from both directions.
     pub approached: Vec<Approached>,
-    /// Of the recordings with held-out poses.
+    /// Errors of the recordings with held-out poses.
     pub of_recordings: Vec<OfRecording>,
-    /// Of the stations of the instrument; empty where there is one.
+    /// Errors of the instrument's stations; empty if there is only one.
     pub stationed: Vec<Stationed>,
     /// Analyses of single joints and of loads.
     pub sweeps_and_loads: SweepsAndLoads,
@@ -93,10 +93,10 @@ pub struct Calibrated {
     tolerance_mm: Option<f64>,
 }
 
-/// Calibrates `base` by recordings of one robot. `begins` is called with the name of each step as it starts, for a progress display.
+/// Calibrates `base` by recordings of one robot. `begins` is called with the name of each step as it begins, for a progress display.
 ///
 /// # Errors
-/// [`Error::GrossFaults`] where recordings and model do not belong together; [`Error::Input`] where recordings cannot be used with this model or hold too few
+/// [`Error::GrossFaults`] if recordings and model do not match; [`Error::Input`] if recordings cannot be used with this model or contain too few
 /// poses.
 pub fn calibrate(
     base: RobotModel,
@@ -116,11 +116,11 @@ pub fn calibrate(
     Calibrated::of(base, recordings, campaign, parts, fitted, settings)
 }
 
-/// The three models of the training poses, and the one that is the result.
+/// The three models of the training poses, and the resulting one.
 struct Fitted {
     calibration: Calibration,
     written: Selection,
-    /// The poses that it was fitted to.
+    /// Poses to which the resulting model was fitted.
     used: Vec<bool>,
 }
 
@@ -132,8 +132,8 @@ impl Fitted {
         begins: &mut dyn FnMut(&'static str),
     ) -> Self {
         let training = &split.training;
-        // Poses that were held out at random are used in the resulting model, which is selected and fitted again on all poses and so does not depend on the
-        // seed. Poses that a recording reserves for validation are used in no fit.
+        // Poses that were held out at random are used in the resulting model, which is selected and fitted again on all poses and so does not depend
+        // on the seed. Poses that a recording reserves for validation are used in no fit.
         let used = if seed.is_some() { vec![true; campaign.poses.len()] } else { training.clone() };
         let anew = |used: &[bool]| {
             proof::calibrate(campaign, &base.physics, &base.sigma, used, &mut |_| ()).advanced
@@ -195,13 +195,13 @@ impl Calibrated {
         })
     }
 
-    /// Whether nothing speaks against the model: on held-out poses it is no worse than the one that it began with, and no gross fault remains.
+    /// Whether the validation supports the model: on held-out poses it is no worse than the given one, and no gross error remains.
     #[must_use]
     pub fn is_proven(&self) -> bool {
         self.refused.is_empty()
     }
 
-    /// The new model against the tolerance, where one is stated.
+    /// The resulting model compared with the tolerance, if one is stated.
     #[must_use]
     pub fn tolerance(&self) -> Option<Tolerance> {
         let tolerance_mm = self.tolerance_mm?;
@@ -226,7 +226,7 @@ impl Calibrated {
         self.open().map(Undetermined::says).collect()
     }
 
-    /// The same in one sentence per reason.
+    /// The undetermined parameters, one sentence per reason.
     #[must_use]
     pub fn left_open(&self) -> Vec<String> {
         undetermined::sentences(&self.fit, self.open())

@@ -9,7 +9,7 @@ use crate::entries::renewed_file;
 use crate::error::Error;
 
 impl Calibrated {
-    /// The base model's file with what was found, as text that loads.
+    /// The base model's file with the fitted effects, as text of a model file.
     ///
     /// # Errors
     /// [`Error::Internal`]
@@ -28,7 +28,7 @@ impl Calibrated {
     }
 }
 
-/// What it was made from.
+/// Adds the origin of the model as comments.
 fn explain(file: &mut ModelFile, found: &Calibrated) {
     let names: Vec<&str> =
         (0..found.campaign.recordings.len()).map(|place| found.recording(place)).collect();

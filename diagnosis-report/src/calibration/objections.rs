@@ -1,4 +1,4 @@
-//! What speaks against a calibrated model: reasons to reject it, and warnings.
+//! Objections to a calibrated model: reasons to reject it, and warnings.
 
 use diagnosis::proof::{Calibration, Errors};
 use diagnosis::{Campaign, Effort, Fit, Free, Influence, Settings, gross, readback};
@@ -8,14 +8,14 @@ use report::{count, fixed};
 
 use crate::entries::{ALONG, barred};
 
-/// Reasons to reject the model: a larger error on the held-out poses than before, or a gross fault that remains.
+/// Reasons to reject the model: a larger error on the held-out poses than before, or a remaining gross error.
 pub(super) fn refused(
     [nominal, _, advanced]: &[Errors; 3],
     campaign: &Campaign,
     last: &Fit,
 ) -> Vec<String> {
     let mm = |metres: f64| fixed(metres * 1e3, 4);
-    // An error that is no number is no better.
+    // A NaN error counts as worse.
     let is_better = advanced.mean() <= nominal.mean();
     let worse = (!is_better).then(|| {
         format!(
@@ -28,13 +28,13 @@ pub(super) fn refused(
     worse.into_iter().chain(faults.into_iter().map(|fault| fault.says)).collect()
 }
 
-/// Whether a number shifts a joint's axis along itself, where no shift shows.
+/// Whether a parameter shifts a joint's axis along itself, which has no effect.
 pub(super) fn is_along_axis(fit: &Fit, free: &Free) -> bool {
     let axis = fit.hypothesis.effect_of(free).and_then(|e| barred(e, &fit.hypothesis.model.arm));
     axis.and_then(|axis| axis.to_array().get(free.value).copied()).is_some_and(|x| x.abs() > ALONG)
 }
 
-/// Joint positions that were read back before the arm stood.
+/// Joint positions that were read back before the arm had settled.
 pub(super) fn contradictions(
     recordings: &[Recording],
     base: &RobotModel,
@@ -82,7 +82,7 @@ pub(super) fn checks(campaign: &Campaign, last: &Fit, settings: &super::Settings
     warnings
 }
 
-/// What of recordings and held-out errors makes the model less certain.
+/// Circumstances of recordings and held-out errors that make the model less certain.
 pub(super) fn doubts(recordings: &[Recording], errors: &[Errors; 3], last: &Fit) -> Vec<String> {
     let mut warnings = Vec::new();
     let numbers = last.hypothesis.free.iter().enumerate();

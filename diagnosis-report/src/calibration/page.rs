@@ -13,23 +13,23 @@ use super::{MODELS, mm};
 use crate::drawings::{OfJoint, Ranked, arm_with_errors, by_joint, guilty, ranking};
 use crate::entries::Entry;
 
-/// Outliers in the table.
+/// Largest number of outliers in the table.
 const OUTLIERS: usize = 50;
-/// Of the distribution of errors.
+/// Caption of the distribution of errors.
 const SPREAD: &str =
     "Distance between measured and predicted points for each model, on held-out poses.";
-/// What the models of [`MODELS`] stand for.
+/// Roles of the [`MODELS`] in figures.
 const ROLES: [Role; 3] = [Role::Before, Role::Calibrated, Role::After];
 
 impl Calibrated {
-    /// The page. `written`: the file that the model was written to.
+    /// The page. `written`: the file to which the model was written.
     #[must_use]
     pub fn page(&self, written: Option<&Path>) -> Page {
         render(self, written)
     }
 }
 
-/// The whole page.
+/// Renders the page.
 fn render(found: &Calibrated, written: Option<&Path>) -> Page {
     let names: Vec<&str> =
         (0..found.campaign.recordings.len()).map(|place| found.recording(place)).collect();
@@ -109,7 +109,7 @@ fn verdict(page: Page, found: &Calibrated, written: Option<&Path>) -> Page {
     }
 }
 
-/// The arm with the errors at its tool; where no point was measured, how often which error occurred.
+/// The arm with the errors at its tool; if no point was measured, the distribution of errors.
 fn picture(page: Page, found: &Calibrated) -> Page {
     let arm = &found.base.physics.arm;
     let lit = guilty(arm.count(), &sizes(found));
@@ -139,7 +139,7 @@ fn next(page: Page, found: &Calibrated, written: Option<&Path>) -> Page {
     )
 }
 
-/// How far each effect moves the tool, mm.
+/// Displacement of the tool by each effect, mm.
 fn sizes(found: &Calibrated) -> Vec<OfJoint> {
     let known = found.entries.iter().filter(|entry| !entry.is_empty());
     known
@@ -181,7 +181,7 @@ fn what_was_found(page: Page, found: &Calibrated) -> Page {
     if nests.is_empty() { page } else { page.list(&nests) }
 }
 
-/// What speaks against the model, and what is to be looked at.
+/// Objections to the model, and warnings.
 fn notes(mut page: Page, found: &Calibrated) -> Page {
     for reason in &found.refused {
         page = page.note(Tone::Bad, "Validation failed", reason);
@@ -195,7 +195,7 @@ fn notes(mut page: Page, found: &Calibrated) -> Page {
     page
 }
 
-/// No tone: less than before is not yet good enough for everybody.
+/// Key figures without a tone: an improvement is not necessarily sufficient.
 fn numbers(found: &Calibrated) -> Vec<Number> {
     let of = |k: usize| {
         let errors = &found.errors[k];
@@ -208,7 +208,7 @@ fn numbers(found: &Calibrated) -> Vec<Number> {
 
 fn errors(found: &Calibrated) -> Table {
     let heads = ["Model", "Mean (mm)", "Median (mm)", "95 % (mm)", "Largest (mm)", "Points"];
-    // The smallest of three models is what counts: a digit more for it.
+    // The smallest error matters most: one more digit for it.
     let heads = heads.map(|head| Column::new(head).digits(4));
     let table = Table::new("Errors on held-out poses", heads);
     MODELS.iter().zip(&found.errors).fold(table, |table, (name, errors)| {
@@ -227,7 +227,7 @@ fn histogram(found: &Calibrated) -> report::Svg {
         .render()
 }
 
-/// Mean, median, 95 % and largest, mm.
+/// Mean, median, 95 % quantile and maximum, mm.
 fn four(errors: &Errors) -> [Cell; 4] {
     [errors.mean(), errors.quantile(0.5), errors.quantile(0.95), errors.max()]
         .map(|error| Cell::from(mm(error)))

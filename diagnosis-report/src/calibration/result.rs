@@ -15,10 +15,10 @@ use crate::error::Error;
 
 /// Name of the format.
 const FORMAT: &str = "trued.calibrate/1";
-/// Bins of the histogram.
+/// Number of bins of the histogram.
 const BINS: u8 = 40;
 
-/// A calibration that was refused: `trued.calibrate/1`.
+/// A rejected calibration: `trued.calibrate/1`.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Refused<'a> {
@@ -26,26 +26,26 @@ pub struct Refused<'a> {
 }
 
 impl<'a> Refused<'a> {
-    /// For these gross faults.
+    /// For these gross errors.
     #[must_use]
     pub fn of(faults: &'a [Suspicion]) -> Self {
         Self { faults: faults.iter().map(|fault| fault.says.as_str()).collect() }
     }
 }
 
-/// What a calibration gives: `trued.calibrate/1` (docs/reference/results.md).
+/// Result of a calibration: `trued.calibrate/1` (docs/reference/results.md).
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     unit: &'static str,
     model: String,
-    /// Maker, type and serial number as far as the model states them, and the hash of its nominal geometry.
+    /// Maker, type and serial number as stated in the model, and the hash of its nominal geometry.
     robot: String,
-    /// None where no model was written.
+    /// Null if no model was written.
     out: Option<String>,
-    /// Why the model is not to be used.
+    /// Reasons why the model must not be used.
     refused: Vec<String>,
-    /// None where none was stated.
+    /// Null if none was stated.
     tolerance: Option<Tolerance>,
     seed: Option<u64>,
     split: String,
@@ -70,13 +70,13 @@ pub struct Report {
     warnings: Vec<String>,
 }
 
-/// The residuals of an instrument against its noise.
+/// Residuals of an instrument relative to its noise.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ResidualReport {
     instrument: String,
     noise_is_stated: bool,
-    /// Residuals against the noise that is stated, or else assumed.
+    /// Ratio of the residuals to the stated or assumed noise.
     factor: f64,
 }
 
@@ -152,7 +152,7 @@ struct ApproachReport {
 
 type ByModel = Heldout<Figures>;
 
-/// How many held-out errors lie between each edge and the next.
+/// Number of held-out errors between each edge and the next.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct HistogramReport {
@@ -192,7 +192,7 @@ fn station(found: &Calibrated, one: &Stationed) -> StationReport {
 }
 
 impl Calibrated {
-    /// The result as an object. `written`: the file that the model was written to.
+    /// The result as an object. `written`: the file to which the model was written.
     #[must_use]
     pub fn report(&self, written: Option<&Path>) -> Report {
         let training = self.split.training.iter().filter(|trains| **trains).count();
@@ -229,7 +229,7 @@ impl Calibrated {
         }
     }
 
-    /// The same as JSON.
+    /// The result as JSON.
     ///
     /// # Errors
     /// [`Error::Internal`]
@@ -317,7 +317,7 @@ fn by_recording(found: &Calibrated) -> Vec<RecordingReport> {
     found.of_recordings.iter().map(of).collect()
 }
 
-/// How the tool moves between the poses of a recording.
+/// Kind of motion of the tool between the poses of a recording.
 pub(super) fn moves_in(planar: bool) -> &'static str {
     if planar { "planar" } else { "spatial" }
 }

@@ -1,4 +1,4 @@
-//! Which poses train and which are held out: as the recordings say, else drawn at random.
+//! Division into training and held-out poses: as stated in the recordings, otherwise drawn at random.
 
 use diagnosis::proof::Split;
 use diagnosis::{Campaign, Pose, from_recording};
@@ -11,13 +11,13 @@ use crate::error::Error;
 /// How the poses were split.
 pub(super) struct Parts {
     pub(super) split: Split,
-    /// The seed, where the held-out poses were drawn.
+    /// The seed, if the held-out poses were drawn at random.
     pub(super) seed: Option<u64>,
 }
 
 impl Parts {
     /// # Errors
-    /// Too few poses on either side, or a station of the instrument that no training pose places.
+    /// Too few poses on either side, or a station of the instrument that the training poses do not determine.
     pub(super) fn of(
         campaign: &Campaign,
         recordings: &[Recording],
@@ -44,7 +44,7 @@ impl Parts {
     }
 }
 
-/// Lengths were measured on both sides.
+/// Checks that lengths were measured on both sides.
 fn check_poses(campaign: &Campaign, split: &Split, least: usize) -> Result<(), Error> {
     let is_length = |pose: &Pose| pose.seen.iter().any(|s| s.reading.is_length());
     let poses = campaign.poses.iter().zip(&split.training);
@@ -62,7 +62,7 @@ fn check_poses(campaign: &Campaign, split: &Split, least: usize) -> Result<(), E
     Ok(())
 }
 
-/// A station that no pose which trains places cannot be judged.
+/// A station that the training poses do not determine cannot be validated.
 fn check_stations(campaign: &Campaign, split: &Split, least: usize) -> Result<(), Error> {
     for (frame, station) in campaign.surroundings.frames.iter().enumerate() {
         let poses = campaign.poses.iter().zip(&split.training);

@@ -1,7 +1,7 @@
 //! Separate analysis of single-joint sweeps and loaded poses, in addition to the overall fit.
 //!
-//! Promises: what was taken out for sag is told with what it changed; a joint that sweeps say nothing of is told too.
-//! Never: a part in the calibrated model: its fit has the same readings, all at once.
+//! The removed gravity deflection is reported with its effect, as are joints that sweeps do not determine. The results do not enter the calibrated
+//! model: its fit uses the same measurements jointly.
 
 mod text;
 
@@ -14,14 +14,14 @@ use diagnosis::{Campaign, Fit};
 use recording::series::Recording;
 use serde::Serialize;
 
-/// rad in mrad, m in mm.
+/// From rad to mrad, or m to mm.
 const MILLI: f64 = 1e3;
-/// m in µm.
+/// From m to µm.
 const MICRO: f64 = 1e6;
-/// rad/Nm in mrad/kNm.
+/// From rad/Nm to mrad/kNm.
 const COMPLIANCE: f64 = 1e6;
 
-/// What sweeps of single joints and poses with and without load say by themselves.
+/// Separate results of single-joint sweeps and of pairs of loaded and unloaded poses.
 pub struct SweepsAndLoads {
     said: Vec<Said>,
     joints: Vec<OfJoint>,
@@ -45,7 +45,7 @@ pub(super) struct Report {
     base_tilt: Option<TiltReport>,
 }
 
-/// How the base tilted at the pose where it tilted most, against the first.
+/// Tilt of the base at the pose with the largest tilt, relative to the first pose.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct TiltReport {
@@ -72,7 +72,7 @@ struct SweepReport {
     steps: Vec<StepReport>,
 }
 
-/// What taking out the sag of the other joints did.
+/// Effect of the removal of the other joints' gravity deflection.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct SagReport {
@@ -131,7 +131,7 @@ struct CompliantJoint {
     stiffness_knm_per_rad: Option<f64>,
 }
 
-/// What bending under the load changes, with the model that is written.
+/// Effect of the load-induced change of geometry, with the resulting model.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Bending {
@@ -146,7 +146,7 @@ struct Bending {
 }
 
 impl SweepsAndLoads {
-    /// `fit` tells where instruments stand and what gives way.
+    /// `fit` provides the poses of the instruments and the compliances.
     pub(super) fn of(campaign: &Campaign, recordings: &[Recording], fit: &Fit, sag: Sag) -> Self {
         let (model, around) = (&fit.hypothesis.model, &fit.surroundings);
         let taken_out = sag != Sag::AsMeasured;
@@ -252,7 +252,7 @@ impl SweepsAndLoads {
         })
     }
 
-    /// Lines of text; none where nothing was swept or loaded.
+    /// Lines of text; empty without sweeps and loads.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
         let report = self.report();
@@ -299,7 +299,7 @@ fn axes(relative: &Relative) -> AxesReport {
     }
 }
 
-/// The standard uncertainty of one coordinate of a point, as the fit has it, m.
+/// Fitted standard uncertainty of one coordinate of a point, m.
 fn typical_noise(campaign: &Campaign, fit: &Fit) -> f64 {
     let mut all: Vec<f64> = Vec::new();
     for seen in campaign.poses.iter().flat_map(|pose| &pose.seen) {

@@ -9,17 +9,17 @@ use super::calibrated::{Calibrated, Outlier};
 use super::{MODELS, Tolerance, mm};
 use crate::entries::Entry;
 
-/// Effects that move the tool by less than this share of what the largest does are not listed.
+/// Effects that move the tool by less than this fraction of the largest are not listed.
 const TOLD: f64 = 0.02;
-/// Effects listed of one joint.
+/// Largest number of effects listed per joint.
 const EFFECTS: usize = 4;
-/// Outliers listed by name.
+/// Largest number of outliers listed one by one.
 const NAMED: usize = 2;
-/// The smallest noise that a check is planned with, mm: no instrument is better.
+/// Smallest noise for which a check is planned, mm; below the noise of any instrument.
 const LEAST_SIGMA_MM: f64 = 1e-4;
 
 impl Calibrated {
-    /// The result in lines of text; its table is at most `width_max` characters wide. `written`: the file that the model was written to.
+    /// The result as text; its table is at most `width_max` characters wide. `written`: the file to which the model was written.
     #[must_use]
     pub fn text(&self, written: Option<&Path>, width_max: Option<usize>) -> String {
         let mut table = TextTable::new(["held out, mm", "mean", "median", "95 %", "largest"]);
@@ -65,7 +65,7 @@ impl Calibrated {
         text
     }
 
-    /// The command that plans a check with this model: the targets where the fit found them, and its held-out error per axis as the noise.
+    /// The command that plans a check with this model: targets at their fitted positions, and its held-out error per axis as the noise.
     #[must_use]
     pub fn check_command(&self, model: &Path) -> String {
         let [.., advanced] = &self.errors;
@@ -78,7 +78,7 @@ impl Calibrated {
         );
         for target in &self.fit.surroundings.targets {
             let [x, y, z] = (target.value * 1e3).to_array().map(|mm| format!("{mm:.3}"));
-            // A minus sign that the option takes: no typographic one.
+            // An ASCII minus sign, as the option requires.
             text += &format!(" --target={x},{y},{z}");
         }
         if !self.fit.surroundings.targets.is_empty() {
@@ -88,12 +88,12 @@ impl Calibrated {
     }
 }
 
-/// Where the model went.
+/// The file to which the model was written.
 pub(super) fn named(written: Option<&Path>) -> String {
     written.map_or_else(|| "none".to_owned(), |path| path.display().to_string())
 }
 
-/// The verdict against a tolerance.
+/// The evaluation of a tolerance as text.
 pub(super) fn in_tolerance(tolerance: Tolerance) -> String {
     let Tolerance { tolerance_mm, p95_mm, met } = tolerance;
     let word = if met { "met" } else { "not met" };
@@ -104,7 +104,7 @@ pub(super) fn in_tolerance(tolerance: Tolerance) -> String {
     )
 }
 
-/// Lines of the effects that matter, per joint, those that move the tool most first.
+/// Lines of the significant effects per joint, largest displacement of the tool first.
 fn per_joint(found: &Calibrated) -> Vec<String> {
     let mut told: Vec<&Entry> = found.entries.iter().filter(|entry| !entry.is_empty()).collect();
     told.sort_by(|a, b| b.share_m.total_cmp(&a.share_m));
@@ -125,7 +125,7 @@ fn per_joint(found: &Calibrated) -> Vec<String> {
     joints.into_iter().filter_map(line).collect()
 }
 
-/// `axis_tilt` as people write it.
+/// Name of an effect for users.
 pub(super) fn words(kind: &str) -> String {
     match kind {
         "joint_polynomial" => "an unexplained remainder".to_owned(),

@@ -1,7 +1,6 @@
 //! Undetermined parameters as text: one sentence per reason, instead of one per parameter.
 //!
-//! Promises: every number that stayed where it was is in exactly one sentence, whose words name it by joint and effect.
-//! Never: a number left out because the list is long.
+//! Invariant: every undetermined parameter is in exactly one sentence, named by joint and effect, however long the list is.
 
 use std::collections::BTreeMap;
 
@@ -10,18 +9,18 @@ use physics::AnyEffect;
 
 use super::text::words;
 
-/// Why a number cannot be told, in the order in which the reasons are said.
+/// Why a parameter is undetermined, in the order of the sentences.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Reason {
-    /// It changes nothing that was measured.
+    /// No measurement depends on it.
     Unseen,
-    /// It would have to be negative.
+    /// Its estimate would be negative.
     AtZero,
-    /// Moves with where the instrument stands.
+    /// Confounded with the pose of the instrument.
     Frame,
-    /// Moves with where the reflectors sit.
+    /// Confounded with the positions of the reflectors.
     Target,
-    /// Moves with other numbers of the robot.
+    /// Confounded with other parameters of the robot.
     Others,
 }
 
@@ -62,7 +61,7 @@ pub(super) fn sentences<'a>(
     open: impl Iterator<Item = &'a Undetermined>,
 ) -> Vec<String> {
     let first = fit.column_of(0);
-    // By reason, joint (the robot's own and what stands around it last), and effect; in the order of the joints.
+    // By reason, joint (those of the whole robot and extrinsic ones last), and effect; in the order of the joints.
     let mut groups: BTreeMap<Reason, BTreeMap<usize, Vec<String>>> = BTreeMap::new();
     for one in open {
         let free = one.column.checked_sub(first).and_then(|k| fit.hypothesis.free.get(k));
@@ -85,7 +84,7 @@ pub(super) fn sentences<'a>(
     groups.into_iter().map(said).collect()
 }
 
-/// `a, b and c`.
+/// Joins names: `a, b and c`.
 fn list(names: &[String]) -> String {
     match names {
         [] => String::new(),

@@ -1,14 +1,14 @@
 //! Forces compared with the model of the stated cut: over one spindle revolution, over time, and as spectra of the residual.
 //!
-//! Promises: a bounded number of points in each drawing. Never: a number of its own.
+//! The number of points in each drawing is bounded; all values come from the result.
 
 use diagnosis::force::{Compared, Traced};
 use report::{Axis, Multiples, Page, Plot, Role, Series, Svg};
 use spectrum::welch::{Segments, welch};
 
-/// Points of a spectrum at most.
+/// Largest number of points of a spectrum.
 const POINTS: usize = 1000;
-/// Samples of a segment of a spectrum at most.
+/// Largest number of samples of a segment of a spectrum.
 const SEGMENT: usize = 2048;
 const AXES: [&str; 3] = ["fx_N", "fy_N", "fz_N"];
 
@@ -55,7 +55,7 @@ fn points(x: &[f64], y: &[f64]) -> Vec<(f64, f64)> {
     x.iter().copied().zip(y.iter().copied()).collect()
 }
 
-/// A spectrum without what is not above zero, for an axis of logarithms.
+/// The positive values of a spectrum, for a logarithmic axis.
 fn power(samples: &[f64], rate_hz: f64) -> Vec<(f64, f64)> {
     let plan = Segments::new(rate_hz, samples.len().min(SEGMENT));
     let Ok(spectrum) = welch(samples, &plan) else { return Vec::new() };

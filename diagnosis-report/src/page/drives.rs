@@ -1,6 +1,6 @@
 //! The torque domain's part of the page: torque over time and speed, residual before and after, joint by joint.
 //!
-//! Promises: a bounded number of points in each drawing. Never: a number of its own.
+//! The number of points in each drawing is bounded; all values come from the result.
 
 use diagnosis::torque::{Diagnosis, Trace};
 use physics::JointKind;
@@ -12,7 +12,7 @@ use report::{
 
 use super::{Diagnosed, Figure, Report, first, rest, words};
 
-/// Joints that are drawn.
+/// Largest number of joints that are drawn.
 const JOINTS: usize = 6;
 
 pub(crate) fn domain(
@@ -29,7 +29,7 @@ pub(crate) fn domain(
                 .to_owned(),
         drawing: over(torques, unit, "time", "s", &|trace, k| trace.t_s[k]),
     };
-    // Of one joint or two, bars say no more than the numbers do.
+    // For one or two joints, bars add nothing to the numbers.
     let (picture, below) = match report.joints.len() {
         0..=2 => (over_time, None),
         _ => (each_joint(report, unit), Some(over_time)),
@@ -73,7 +73,7 @@ pub(crate) fn domain(
     ])
 }
 
-/// What the torque of each joint is off by, before and after.
+/// Torque error of each joint, before and after.
 fn each_joint(report: &Report, unit: &str) -> Figure {
     let axis = Axis::new("Error", format!("{unit} RMS"));
     let bars = Bars::new("Torque error of each joint", axis)
@@ -104,7 +104,7 @@ fn joints(report: &Report, unit: &str) -> Table {
     })
 }
 
-/// What each joint is off by over something, before and after.
+/// Torque error of each joint over a covariate, before and after.
 fn over(
     torques: &Diagnosis,
     unit: &str,

@@ -1,6 +1,6 @@
 //! Figures of the page: residual before and after over time, as spectrum and as distribution; location; findings over their covariates; alternatives.
 //!
-//! Promises: a bounded number of points in each drawing, and a caption that says which were left out. Never: a number of its own.
+//! The number of points in each drawing is bounded, and the caption reports what was omitted; all values come from the result.
 
 use diagnosis::diagnose::{Diagnosis, Over, Trace};
 use physics::Arm;
@@ -14,15 +14,15 @@ use crate::result::{Place, Report};
 
 /// mm per m, mrad per rad.
 const MILLI: f64 = 1e3;
-/// Points of one series, at most.
+/// Largest number of points of one series.
 const POINTS: usize = 1500;
-/// Channels that are drawn over time.
+/// Largest number of channels that are drawn over time.
 const CHANNELS: usize = 6;
-/// Cells of the map, and findings, that are drawn.
+/// Largest numbers of map cells and of findings that are drawn.
 const CELLS: usize = 15;
 const FINDINGS: usize = 6;
 
-/// The arm with the errors of held-out poses at its tool; none where no point was measured.
+/// The arm with the errors of held-out poses at its tool; `None` if no point was measured.
 pub(crate) fn arm(arm: &Arm, diagnosis: &Diagnosis, report: &Report) -> Option<Figure> {
     let training = &diagnosis.split.training;
     let held = |pose: usize| training.get(pose).is_some_and(|trains| !trains);
@@ -39,7 +39,7 @@ pub(crate) fn arm(arm: &Arm, diagnosis: &Diagnosis, report: &Report) -> Option<F
     Some(Figure { caption, drawing })
 }
 
-/// How large held-out errors are, where there is no point to draw them at.
+/// Distribution of the held-out errors, if there is no point at which to draw them.
 pub(crate) fn sizes(diagnosis: &Diagnosis, report: &Report) -> Option<Figure> {
     let [before, after] = diagnosis.held_out();
     let drawing = (!before.is_empty()).then(|| histogram(report.unit, &before, &after))?;
@@ -49,7 +49,7 @@ pub(crate) fn sizes(diagnosis: &Diagnosis, report: &Report) -> Option<Figure> {
     Some(Figure { caption, drawing })
 }
 
-/// Time, distribution, spectrum.
+/// Validation: residual over time, distribution, spectrum.
 pub(crate) fn proof(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
     let unit = report.unit;
     let mut page = page.section("Before and after");
@@ -77,7 +77,7 @@ pub(crate) fn proof(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page 
     page
 }
 
-/// Every n-th, so that few enough are left; and n.
+/// Stride that reduces a series to at most [`POINTS`] points.
 fn stride(count: usize) -> usize {
     count.div_ceil(POINTS).max(1)
 }
@@ -138,7 +138,7 @@ fn spectrum(spectra: &diagnosis::diagnose::Spectra, unit: &str) -> Svg {
         .render()
 }
 
-/// A word of the contract for people, with its unit and the factor from SI to it.
+/// A covariate for users, with its unit and the factor from SI to it.
 fn worded(word: &str, slides: bool) -> (String, &'static str, f64) {
     let stem: String = word.chars().take_while(|c| c.is_ascii_lowercase() && *c != '_').collect();
     let joint: String = word.chars().filter(char::is_ascii_digit).collect();
@@ -171,12 +171,12 @@ fn slides(diagnosis: &Diagnosis, word: &str) -> bool {
     joint.and_then(|j| joints.get(j)).is_some_and(|j| j.kind == JointKind::Prismatic)
 }
 
-/// The map: how far each joint would have to be off, where it is clearest.
+/// The map: deviation of each joint where it is most significant.
 pub(crate) fn places(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
     let clear = report.map.iter().filter(|place| place.ci95[0] * place.ci95[1] > 0.0);
     let mut cells: Vec<&Place> = Vec::new();
     for place in clear {
-        // Of what one word says of one joint the clearest part is enough.
+        // Of the cells of one joint and covariate only the most significant is shown.
         let known =
             |other: &&Place| (other.joint, &other.depends_on) == (place.joint, &place.depends_on);
         if cells.len() < CELLS && !cells.iter().any(known) {
@@ -202,7 +202,7 @@ pub(crate) fn places(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page
         .figure("Equivalent error of a joint, with 95 % intervals.", &bars.render())
 }
 
-/// `q3 10 to 20 deg`, `joint 3 rising`.
+/// Range of a map cell for users: `q3 10 to 20 deg`, `joint 3 rising`.
 fn part(diagnosis: &Diagnosis, cell: &Place) -> String {
     let word = &cell.depends_on;
     if let Some(joint) = word.strip_prefix("direction_") {
@@ -215,7 +215,7 @@ fn part(diagnosis: &Diagnosis, cell: &Place) -> String {
     format!("{name} {from} to {to} {unit}")
 }
 
-/// Each finding over what it follows.
+/// Each finding over the covariate on which it depends.
 pub(crate) fn over_each(mut page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
     let shown: Vec<_> = diagnosis.findings.iter().zip(&report.findings).take(FINDINGS).collect();
     let mut first = true;
@@ -262,7 +262,7 @@ fn over_word(diagnosis: &Diagnosis, over: &Over, stride: usize) -> Svg {
     plot.series(Series::dots("explained by the finding", explained).role(Role::After)).render()
 }
 
-/// The names that each finding might bear.
+/// Posterior probabilities of the alternatives to each finding.
 pub(crate) fn rivals(report: &Report) -> Svg {
     let mut bars = Bars::new("Rivals", Axis::new("Probability", "").range(0.0, 1.0));
     let whose = |effect: &str, joint: Option<usize>| {

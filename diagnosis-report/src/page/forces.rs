@@ -1,6 +1,6 @@
 //! The page of a force recording: phases of air and cut, spectral lines, sensor.
 //!
-//! Promises: a bounded number of points in each drawing. Never: a number of its own.
+//! The number of points in each drawing is bounded; all values come from the result.
 
 use diagnosis::force::Diagnosis;
 use report::{Axis, Bars, Column, Number, Page, Plot, Series, Svg, Table, Tone, significant};
@@ -9,9 +9,9 @@ use super::{cut, tables, tone};
 use crate::forces::DiagnosedForces;
 use crate::result::{NotTested, Report};
 
-/// Points of a drawing.
+/// Largest number of points of a drawing.
 const POINTS: usize = 2000;
-/// Tones that are drawn.
+/// Largest number of tones that are drawn.
 const TONES: usize = 12;
 
 pub(crate) fn render(found: &DiagnosedForces, report: &Report) -> Page {

@@ -1,4 +1,4 @@
-//! Tables of the page: findings, and their parameters with intervals. Never a figure.
+//! Tables of the page: findings, and their parameters with intervals.
 
 use report::{Column, Table, significant};
 
@@ -6,7 +6,7 @@ use crate::drawings::{self, OfJoint};
 
 use crate::result::{Alternative, Interval, Report, ReportedFinding, Value};
 
-/// Where a number is not computed.
+/// Shown where a value is not computed.
 const NONE: &str = "–";
 
 pub(crate) fn rms(rms: Option<f64>) -> String {
@@ -25,7 +25,7 @@ pub(crate) fn candidates(report: &Report) -> Table {
     table(format!("Candidates, {}", report.unit), &report.candidates)
 }
 
-/// What each finding does to what was measured.
+/// Effect of each finding on the measurement.
 pub(crate) fn sizes(report: &Report) -> Vec<OfJoint> {
     let size = |reported: &ReportedFinding| {
         let size = reported.size.as_ref()?.rms;
@@ -34,7 +34,7 @@ pub(crate) fn sizes(report: &Report) -> Vec<OfJoint> {
     report.claims().filter_map(size).collect()
 }
 
-/// The same by effect and joint.
+/// Effects of the findings, by effect and joint.
 pub(crate) fn by_joint(report: &Report, joints: usize) -> Table {
     let caption = format!("Effect of each finding, RMS, {}", report.unit);
     drawings::by_joint(&caption, joints, &sizes(report))

@@ -1,4 +1,4 @@
-//! Poses that reveal damage.
+//! Poses that detect damage.
 
 use std::collections::BTreeMap;
 
@@ -36,11 +36,11 @@ pub struct CheckPlan<'a> {
     settings: &'a Settings,
     start: StartingPoint,
     terms: Terms,
-    /// What was chosen.
+    /// The chosen poses.
     pub found: Checkup,
 }
 
-/// Chooses `count` poses at which damage shows.
+/// Chooses `count` poses at which damage is detectable.
 ///
 /// ```
 /// use diagnosis::plan::Criterion;
@@ -60,7 +60,7 @@ pub struct CheckPlan<'a> {
 /// ```
 ///
 /// # Errors
-/// [`Error::Input`] where recordings cannot be used, or fewer poses pass the constraints.
+/// [`Error::Input`] if recordings cannot be used, or fewer poses satisfy the constraints.
 pub fn check_poses<'a>(
     robot: Robot<'a>,
     settings: &'a Settings,
@@ -147,17 +147,17 @@ impl CheckPlan<'_> {
         render(robot.model, &content)
     }
 
-    /// Programs and list of the poses.
+    /// Robot programs and list of the poses.
     ///
     /// # Errors
-    /// [`Error::File`] where a program would exceed the joint limits, or axes do not fit the robot.
+    /// [`Error::File`] if a program would exceed the joint limits, or the axes do not match the robot.
     pub fn files(&self) -> Result<Vec<PlanFile>, Error> {
         let Self { robot, settings, start, found, .. } = self;
         let approach = settings.programs.approach(settings.setup.both_ways);
         settings.programs.files(robot.model, &start.task, &found.poses, approach)
     }
 
-    /// Detections of 100 damaged robots, and false alarms of 1000 sound ones.
+    /// Number of detections per 100 damaged robots, and of false alarms per 1000 undamaged ones.
     fn rates(&self) -> (String, String) {
         let Terms { alarm, power } = self.terms;
         (fixed(100.0 * power, 0), significant(1e3 * alarm, 2))

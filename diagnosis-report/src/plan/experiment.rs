@@ -1,8 +1,8 @@
-//! The experiment that a diagnosis proposes, as a path to be run and measured.
+//! The experiment proposed by a diagnosis, as a path to be run and measured.
 //!
 //! [`Request::parse`] reads it from `diagnosis.json`. It accepts any text: it returns the experiment, that none is proposed, or why the text is not a
-//! diagnosis. The motion is the one that the diagnosis has evaluated, within the limits and speeds of its model. The robot's surroundings are not considered;
-//! this is stated.
+//! diagnosis. The motion is the one that the diagnosis has evaluated, within the limits and speeds of its model. The robot's surroundings are not
+//! considered; this is stated.
 
 use diagnosis::diagnose::experiment::{self, Measured, menu};
 use physics::Arm;
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 /// Names of the files: the path with columns for the measurements, and its description.
 pub const FILES: [&str; 2] = ["experiment.csv", "experiment.toml"];
-/// What is not checked.
+/// Constraints that are not checked.
 const NOT_CHECKED: &str = "obstacles around the robot, and collisions of the tool with floor, base or cables: run it slowly first, with a hand on the emergency stop";
 
 /// An experiment: `trued.plan/1` (docs/reference/results.md).
@@ -32,17 +32,17 @@ pub struct ExperimentReport<'a> {
 /// A proposed experiment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
-    /// What a technician has to do.
+    /// Instructions for the technician.
     pub says: String,
-    /// Which one of the menu.
+    /// Name of the experiment in the menu.
     pub name: String,
     /// Expected separation of the alternatives, as a log-likelihood ratio.
     pub expected_separation: f64,
-    /// What is to be measured.
+    /// Quantities to be measured.
     pub measured: Measured,
 }
 
-/// What is needed of `diagnosis.json`.
+/// The required keys of `diagnosis.json`.
 #[derive(Deserialize)]
 struct DiagnosisFile {
     next_experiment: Option<String>,
@@ -56,7 +56,7 @@ struct ExperimentEntry {
     measure: Vec<String>,
 }
 
-/// A text from which no experiment can be read.
+/// Why a text contains no usable experiment.
 #[derive(Debug, thiserror::Error)]
 pub enum NoRequest {
     /// Not JSON, or not of this form.
@@ -68,7 +68,7 @@ pub enum NoRequest {
 }
 
 impl Request {
-    /// Reads the text of a `diagnosis.json`; `None` where it proposes no experiment.
+    /// Parses the text of a `diagnosis.json`; `None` if it proposes no experiment.
     ///
     /// ```
     /// use diagnosis_report::plan::experiment::Request;
@@ -89,7 +89,7 @@ impl Request {
         Ok(Some(Self { says, name, expected_separation, measured }))
     }
 
-    /// The experiment for this arm; none where this version has none of that name.
+    /// The experiment for this arm; `None` if this version has no experiment of that name.
     #[must_use]
     pub fn experiment(&self, arm: &Arm) -> Option<Experiment<'_>> {
         let motion = menu(arm).into_iter().find(|one| one.name == self.name)?;
@@ -141,7 +141,7 @@ impl Experiment<'_> {
     }
 }
 
-/// Columns by their names without units.
+/// Finds columns by their names without units.
 fn measured(names: &[String]) -> Result<Measured, NoRequest> {
     let points = (0..TARGETS_MAX).flat_map(|t| (0..3).map(move |axis| Channel::Target(t, axis)));
     let all = (0..3).map(Channel::Position).chain(points);

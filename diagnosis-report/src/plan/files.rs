@@ -1,6 +1,6 @@
 //! The poses as files: a list for the measurements, and robot programs.
 //!
-//! All files contain the same numbers. A program stays within the joint limits.
+//! All files contain the same values. The programs stay within the joint limits.
 
 use std::collections::BTreeSet;
 
@@ -15,9 +15,9 @@ use recording::series::{Channel, Distance, Gauges, Probe, TouchedPlane, TouchedS
 
 use crate::error::Error;
 
-/// The list that measurements are filled into.
+/// Name of the list into which measurements are entered.
 pub const LIST: &str = "poses.csv";
-/// The page, beside the programs.
+/// Name of the page.
 pub const PAGE: &str = "plan.html";
 /// Names of all files besides the page: a description and its list, ABB RAPID, KUKA KRL.
 pub const FILES: [&str; 5] = ["poses.toml", LIST, "poses.mod", "poses.src", "poses.dat"];
@@ -25,21 +25,21 @@ pub const FILES: [&str; 5] = ["poses.toml", LIST, "poses.mod", "poses.src", "pos
 /// A file of a plan.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlanFile {
-    /// Its name, without a folder.
+    /// File name without folder.
     pub name: &'static str,
-    /// What is in it.
+    /// Content.
     pub bytes: Vec<u8>,
 }
 
-/// Motion of the robot to and at the poses.
+/// Motion of the robot to the poses, and rest at them.
 #[derive(Clone, Debug)]
 pub struct Programs {
-    /// How far away a joint begins its approach of a pose that is measured from both sides, degrees, mm where it slides; above 0. Default 3. Origin: a
-    /// choice, well above the lost motion of gears.
+    /// Distance of the start of an approach for poses that are measured from both directions, degrees, mm for prismatic joints; above 0. Default 3.
+    /// Origin: a choice, well above the lost motion of gears.
     pub approach_deg: f64,
-    /// How long the robot rests at each pose, s; 0 to 3600. Default 3. Origin: a choice, for the arm to stop swinging and the instrument to average.
+    /// Rest time at each pose, s; 0 to 3600. Default 3. Origin: a choice, for vibrations to decay and the instrument to average.
     pub pause_s: f64,
-    /// Which axis of the controller each joint is. Default: none, so that joint `i` is axis `i`.
+    /// Controller axis of each joint. Default: none, so that joint `i` is axis `i`.
     pub axes: Vec<Axis>,
 }
 
@@ -50,7 +50,7 @@ impl Default for Programs {
 }
 
 impl Programs {
-    /// The approach of poses; `both_ways`: twice, all joints from below and from above.
+    /// Approach of the poses; `both_ways`: each pose twice, all joints from below and from above.
     pub(super) fn approach(&self, both_ways: bool) -> Approach {
         if !both_ways {
             return Approach::Direct;
@@ -61,7 +61,7 @@ impl Programs {
         }
     }
 
-    /// The files of these stops.
+    /// The files for these stops.
     pub(super) fn files(
         &self,
         model: &RobotModel,
@@ -133,8 +133,8 @@ fn columns(task: &Task) -> Vec<Channel> {
     columns
 }
 
-/// The reference points of distances and the touched surfaces, as far as they are known; the probe
-/// is a point, as the poses were chosen for one.
+/// The reference points of distances and the touched surfaces, as far as they are known; the probe is treated as a point, as in the choice of the
+/// poses.
 fn gauges(task: &Task) -> Gauges {
     let around = &task.surroundings;
     let target = (!around.targets.is_empty()).then_some(0);

@@ -15,7 +15,7 @@ use super::{MILLI, Robot, Settings};
 use crate::error::Error;
 use crate::positions::{columns, shown};
 
-/// Edges of a cube may differ by this much, m: below what options state.
+/// Edges of a cube may differ by this much, m: below the resolution of the options.
 const SAME_EDGE_M: f64 = 1e-6;
 
 /// Poses of the test: `trued.plan/1` (docs/reference/results.md).
@@ -32,7 +32,7 @@ pub struct IsoReport<'a> {
     not_checked: Vec<&'static str>,
 }
 
-/// The test's five poses, and how often they are visited.
+/// The five test poses, and how often they are visited.
 #[derive(Clone, Debug)]
 pub struct IsoPlan<'a> {
     robot: Robot<'a>,
@@ -43,8 +43,8 @@ pub struct IsoPlan<'a> {
     pub found: Cube,
 }
 
-/// Places the test's cube: in the box of the settings' zone, otherwise the largest one before the arm. `along_base`: direction of the tool's z axis, base
-/// frame, unit length; `cycles`: visits of each pose, 30 by the standard ([`diagnosis::plan::iso::VISITS`]).
+/// Places the test cube: in the box of the settings' zone, otherwise the largest one in front of the arm. `along_base`: direction of the tool's z
+/// axis, base frame, unit length; `cycles`: visits of each pose, 30 by the standard ([`diagnosis::plan::iso::VISITS`]).
 ///
 /// ```no_run
 /// use diagnosis_report::plan::{Robot, Settings, iso_poses};
@@ -62,7 +62,7 @@ pub struct IsoPlan<'a> {
 /// ```
 ///
 /// # Errors
-/// [`Error::Input`] where the arm does not reach all five poses, or the zone is no cube.
+/// [`Error::Input`] if the arm does not reach all five poses, or the zone is not a cube.
 pub fn iso_poses<'a>(
     robot: Robot<'a>,
     settings: &'a Settings,
@@ -150,13 +150,13 @@ impl IsoPlan<'_> {
         render(robot.model, &content)
     }
 
-    /// Programs and list of all visits.
+    /// Robot programs and list of all visits.
     ///
     /// # Errors
-    /// [`Error::File`] where a program would exceed the joint limits, or axes do not fit the robot.
+    /// [`Error::File`] if a program would exceed the joint limits, or the axes do not match the robot.
     pub fn files(&self) -> Result<Vec<PlanFile>, Error> {
         let Self { robot, settings, start, cycles, found } = self;
-        // Always from the same side: P5 to P1, and so on round.
+        // Always approached from the same direction: P5 to P1, repeatedly.
         let cycle = [4, 3, 2, 1, 0].map(|place| found.poses[place]);
         let stops: Vec<Joints> = (0..*cycles).flat_map(|_| cycle).collect();
         let approach = settings.programs.approach(false);

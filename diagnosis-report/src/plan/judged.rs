@@ -1,4 +1,4 @@
-//! Whether a model still holds for measurements of check poses.
+//! Test whether a model is still valid, by measurements of check poses.
 
 use diagnosis::from_recording;
 use diagnosis::plan::check::{self, Detectable, Judgement, Suspect, Terms};
@@ -40,20 +40,20 @@ struct SuspectReport {
     gain: f64,
 }
 
-/// Whether a model still holds.
+/// Result of the test whether a model is still valid.
 #[derive(Clone, Debug)]
 pub struct Judged<'a> {
     robot: Robot<'a>,
     terms: Terms,
-    /// Number of poses with readings.
+    /// Number of poses with measurements.
     pub poses: usize,
-    /// The result of the tests.
+    /// Results of the statistical tests.
     pub found: Judgement,
-    /// Assumptions made where nothing was stated, and what may hide damage.
+    /// Assumptions made where nothing was stated, and circumstances that may hide damage.
     pub warnings: Vec<String>,
 }
 
-/// Tests whether the model still holds for the recordings. Of `setup` counts what it says of measuring frame and targets.
+/// Tests whether the model is still valid for the recordings. Of `setup`, only measuring frame and targets are used.
 ///
 /// ```no_run
 /// use diagnosis::plan::check::Terms;
@@ -74,7 +74,7 @@ pub struct Judged<'a> {
 /// ```
 ///
 /// # Errors
-/// [`Error::Input`] where recordings cannot be used.
+/// [`Error::Input`] if recordings cannot be used.
 pub fn judge<'a>(
     robot: Robot<'a>,
     setup: &MeasuringSetup,
@@ -192,7 +192,7 @@ impl Judged<'_> {
     }
 }
 
-/// What no reading of these poses can show, however large.
+/// Damage that these poses cannot detect, whatever its size.
 fn unseen(detectable: &[Detectable]) -> Vec<String> {
     let unseen = detectable.iter().filter(|found| found.least.is_none());
     unseen.map(|found| found.damage.says()).collect()

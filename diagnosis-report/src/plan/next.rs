@@ -1,4 +1,4 @@
-//! The next pose to measure, and whether it is worth measuring.
+//! The next pose to measure, and whether measuring it is worthwhile.
 
 use diagnosis::plan::next::AHEAD;
 use diagnosis::plan::starting_point::StartingPoint;
@@ -36,11 +36,12 @@ pub struct NextPlan<'a> {
     settings: &'a Settings,
     start: StartingPoint,
     worth_mm: f64,
-    /// What was chosen.
+    /// The chosen pose.
     pub found: Next,
 }
 
-/// Chooses the pose that takes most off the tool's expected error. `worth_mm`: what ten more poses have to take off that error to be worth measuring, mm.
+/// Chooses the pose that reduces the tool's expected error most. `worth_mm`: least reduction of that error by ten more poses for measuring to be
+/// worthwhile, mm.
 ///
 /// ```
 /// use diagnosis_report::plan::{Robot, Settings, next_pose};
@@ -57,7 +58,7 @@ pub struct NextPlan<'a> {
 /// ```
 ///
 /// # Errors
-/// [`Error::Input`] where recordings cannot be used, or too few poses pass the constraints.
+/// [`Error::Input`] if recordings cannot be used, or too few poses satisfy the constraints.
 pub fn next_pose<'a>(
     robot: Robot<'a>,
     settings: &'a Settings,
@@ -145,17 +146,17 @@ impl NextPlan<'_> {
         render(robot.model, &content)
     }
 
-    /// Programs and list of the pose.
+    /// Robot program and list of the pose.
     ///
     /// # Errors
-    /// [`Error::File`] where a program would exceed the joint limits, or axes do not fit the robot.
+    /// [`Error::File`] if a program would exceed the joint limits, or the axes do not match the robot.
     pub fn files(&self) -> Result<Vec<PlanFile>, Error> {
         let Self { robot, settings, start, found, .. } = self;
         let approach = settings.programs.approach(settings.setup.both_ways);
         settings.programs.files(robot.model, &start.task, &[found.pose.q], approach)
     }
 
-    /// The tool's expected error, and what more poses would take off it.
+    /// The tool's expected error, and its reduction by more poses, as text.
     fn improvement(&self) -> String {
         let [now_m, later_m] = self.found.tool_m;
         format!(

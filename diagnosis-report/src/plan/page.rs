@@ -1,6 +1,6 @@
 //! The page of a plan: contributions of the poses, a drawing of each, and what was not checked.
 //!
-//! Contains only numbers that the JSON contains too.
+//! All values are contained in the JSON too.
 
 use physics::Joints;
 use recording::model::RobotModel;
@@ -12,21 +12,21 @@ use crate::positions::columns;
 /// Poses per drawing: as many as fit on one sheet of paper.
 const DRAWN: usize = 12;
 
-/// The text about the poses.
+/// Content of the page about the poses.
 pub(super) struct PageContent<'a> {
     pub(super) verdict: String,
     pub(super) sentence: String,
     pub(super) numbers: Vec<Number>,
-    /// Each with its name.
+    /// Name and joint positions of each pose.
     pub(super) poses: Vec<(String, Joints)>,
     pub(super) details: Vec<Table>,
-    /// Open questions, and what was not checked.
+    /// Open questions, and constraints that were not checked.
     pub(super) open: Vec<String>,
-    /// What to do with the poses, and the command that evaluates the measurements.
+    /// Instructions for the poses, and the command that evaluates the measurements.
     pub(super) next: (&'a str, String),
 }
 
-/// The whole page.
+/// Renders the page.
 pub(super) fn render(model: &RobotModel, content: &PageContent<'_>) -> Page {
     let arm = &model.physics.arm;
     let drawn = content
@@ -80,7 +80,7 @@ fn positions(model: &RobotModel, content: &PageContent<'_>) -> Table {
     table.unwrap_or_else(|| Table::new("No pose", ["Pose"]))
 }
 
-/// Poses named by numbers.
+/// Poses named by their numbers.
 pub(super) fn numbered(poses: &[Joints]) -> Vec<(String, Joints)> {
     poses.iter().enumerate().map(|(place, q)| (format!("pose {}", place + 1), *q)).collect()
 }

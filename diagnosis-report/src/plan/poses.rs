@@ -1,4 +1,4 @@
-//! The poses of a calibration, and what each contributes.
+//! Poses for a calibration, and the contribution of each.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ use super::{MILLI, Robot, Settings};
 use crate::error::Error;
 use crate::positions::{columns, shown};
 
-/// Number of open questions in the text.
+/// Largest number of open questions in the text.
 const OPEN: usize = 3;
 
 /// Poses to measure: `trued.plan/1` (docs/reference/results.md).
@@ -84,7 +84,7 @@ impl FallsReport {
     }
 }
 
-/// A length in mm.
+/// Text of a length in mm.
 pub(super) fn mm(metres: f64) -> String {
     significant(MILLI * metres, 3)
 }
@@ -104,11 +104,11 @@ pub struct PosesPlan<'a> {
     settings: &'a Settings,
     start: StartingPoint,
     criterion: Criterion,
-    /// What was chosen.
+    /// The chosen poses.
     pub found: Plan,
 }
 
-/// Chooses `count` poses for a calibration, the best by a criterion, that complement what was measured.
+/// Chooses the best `count` poses for a calibration by a criterion, complementing the existing measurements.
 ///
 /// ```
 /// use diagnosis::plan::Criterion;
@@ -132,7 +132,7 @@ pub struct PosesPlan<'a> {
 /// ```
 ///
 /// # Errors
-/// [`Error::Input`] where recordings cannot be used, or fewer poses pass the constraints.
+/// [`Error::Input`] if recordings cannot be used, or fewer poses satisfy the constraints.
 pub fn measuring_poses<'a>(
     robot: Robot<'a>,
     settings: &'a Settings,
@@ -237,10 +237,10 @@ impl PosesPlan<'_> {
         render(robot.model, &content)
     }
 
-    /// Programs and list of the poses.
+    /// Robot programs and list of the poses.
     ///
     /// # Errors
-    /// [`Error::File`] where a program would exceed the joint limits, or axes do not fit the robot.
+    /// [`Error::File`] if a program would exceed the joint limits, or the axes do not match the robot.
     pub fn files(&self) -> Result<Vec<PlanFile>, Error> {
         let Self { robot, settings, start, .. } = self;
         let approach = settings.programs.approach(settings.setup.both_ways);
@@ -267,7 +267,7 @@ impl PosesPlan<'_> {
         )
     }
 
-    /// Each pose in a line, followed by the parameter that it improves most.
+    /// One line per pose, with the parameter that it improves most.
     fn table_of_poses(&self, width_max: Option<usize>) -> String {
         let arm = &self.robot.model.physics.arm;
         let start = TextTable::new(["pose", "joints, deg (mm)", "tool, mm"]);

@@ -1,6 +1,6 @@
 //! Output of a force comparison with a stated cut, with the keys of `trued.diagnosis/1`.
 //!
-//! Promises: what cannot be distinguished is said with the record that would part it. Never: a number that was not found.
+//! Indistinguishable effects are reported with the recording that would distinguish them. Only fitted values are reported.
 
 use diagnosis::diagnose::Verdict;
 use diagnosis::force::{Compared, Rest};
@@ -12,11 +12,11 @@ use super::drives::{alternatives, parameters};
 use super::{NotTested, Report, ReportedFinding, Size, Unexplained, Where};
 use crate::drives::entry;
 
-/// Axes as files name them.
+/// Names of the axes in files.
 const CHANNELS: [&str; 3] = ["fx_N", "fy_N", "fz_N"];
 
 impl Report {
-    /// The same report with what the comparison says in the place of what forces tell alone.
+    /// The report with the results of the comparison instead of those of the forces alone.
     pub(crate) fn against_cut(self, base: &RobotModel, compared: &Compared) -> Self {
         let not_tested = |(effect, why): &(&'static str, &'static str)| NotTested {
             effect,
@@ -70,7 +70,7 @@ fn reported(base: &RobotModel, finding: &Finding) -> ReportedFinding {
     }
 }
 
-/// What an effect's force goes with.
+/// Condition under which an effect's force occurs, for users.
 fn condition(kind: &str) -> &'static str {
     match kind {
         "cutting_force" => "proportional to the chip thickness of each tooth",
@@ -86,7 +86,7 @@ fn condition(kind: &str) -> &'static str {
     }
 }
 
-/// Cause and size in a sentence.
+/// Cause and size of a finding as a sentence.
 fn says(finding: &Finding, entry: Option<&EffectEntry>) -> String {
     let list = |stem: &str| -> Vec<f64> {
         let found = entry.and_then(|e| e.parameters.iter().find(|p| p.key.starts_with(stem)));
@@ -156,7 +156,7 @@ fn unexplained(rest: &Rest) -> Unexplained {
     }
 }
 
-/// A word of the contract, for people.
+/// A covariate for users.
 fn in_words(word: &str) -> &str {
     match word {
         "spindle_rpm" => "the turn of the spindle",
@@ -167,7 +167,7 @@ fn in_words(word: &str) -> &str {
     }
 }
 
-/// What would settle what is open.
+/// The experiment that would resolve open questions.
 fn next_experiment(compared: &Compared) -> Option<String> {
     let open = |one: &&Finding| one.rivals.iter().any(|rival| rival.alike);
     let Some(one) = compared.findings.iter().find(open) else {

@@ -1,6 +1,6 @@
 //! Output of a torque diagnosis: the same keys as for positions, in N m or N, with validation joint by joint.
 //!
-//! Promises: sentences that name cause and size. Never: a number that was not found.
+//! Sentences state cause and size. Only fitted values are reported.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ use super::{
 use crate::drives::{Drives, entry};
 
 impl Report {
-    /// What the torques say of `base`.
+    /// The report of the drive torques of `base`.
     pub(crate) fn of_drives(
         base: &RobotModel,
         drives: &Drives,
@@ -104,7 +104,7 @@ fn reported(base: &RobotModel, drives: &Drives, finding: &Finding) -> ReportedFi
     }
 }
 
-/// Of a finding in torques or forces.
+/// The alternatives to a finding in torques or forces.
 pub(crate) fn alternatives(finding: &Finding) -> Vec<Alternative> {
     let alternative = |rival: &Rival| Alternative {
         effect: rival.kind,
@@ -134,7 +134,7 @@ pub(crate) fn parameters(entry: &EffectEntry) -> BTreeMap<String, Value> {
     entry.parameters.iter().map(one).collect()
 }
 
-/// What an effect's torque goes with.
+/// Condition under which an effect's torque occurs, for users.
 fn condition(kind: &str) -> &'static str {
     match kind {
         "coulomb_friction" => "changes sign with the direction of motion",
@@ -154,7 +154,7 @@ fn condition(kind: &str) -> &'static str {
     }
 }
 
-/// A finding with the words that its sentence needs.
+/// A finding with the parts of its sentence.
 struct Sentence<'a> {
     finding: &'a Finding,
     entry: Option<&'a EffectEntry>,
@@ -163,7 +163,7 @@ struct Sentence<'a> {
 }
 
 impl Sentence<'_> {
-    /// A number in the unit of the file, to three digits.
+    /// A value in file units, to three digits.
     fn said(&self, stem: &str) -> String {
         let number = || {
             let parameter = self.entry?.parameters.iter().find(|p| p.key.starts_with(stem))?;
@@ -172,7 +172,7 @@ impl Sentence<'_> {
         number().map_or("some".to_owned(), |value| significant(value, 3))
     }
 
-    /// The same in SI.
+    /// A value in SI.
     fn si(&self, stem: &str) -> f64 {
         let found = self.finding.numbers.iter().find(|number| number.stem == stem);
         found.and_then(|number| number.values.first()).copied().unwrap_or(0.0)
@@ -182,7 +182,7 @@ impl Sentence<'_> {
         if self.slides { "N" } else { "Nm" }
     }
 
-    /// Of friction in all its forms; none for what is no friction.
+    /// Sentence for friction effects; `None` for other effects.
     fn of_friction(&self) -> Option<String> {
         let (joint, unit) = (&self.joint, self.unit());
         Some(match self.finding.kind {
@@ -226,7 +226,7 @@ impl Sentence<'_> {
         })
     }
 
-    /// Of masses, drives and springs. `only`: the recording in which it acts, if one.
+    /// Sentence for masses, drives and springs. `only`: the recording in which the effect acts, if only one.
     fn of_others(&self, only: Option<&String>) -> String {
         let (joint, unit) = (&self.joint, self.unit());
         match self.finding.kind {
@@ -275,7 +275,7 @@ impl Sentence<'_> {
     }
 }
 
-/// Cause and size in a sentence.
+/// Cause and size of a finding as a sentence.
 fn says(
     base: &RobotModel,
     drives: &Drives,
@@ -290,7 +290,7 @@ fn says(
     sentence.of_friction().unwrap_or_else(|| sentence.of_others(only))
 }
 
-/// What would settle what is open.
+/// The experiment that would resolve open questions.
 fn next_experiment(diagnosis: &Diagnosis) -> Option<String> {
     let open = diagnosis.findings.iter().find(|one| one.rivals.iter().any(|rival| rival.alike));
     if let Some(one) = open {

@@ -1,6 +1,6 @@
 //! The file `diagnosis.json`.
 //!
-//! Promises: one domain's object, or several as the contract has them. Never: a key of its own.
+//! Contains the object of one domain, or a list of several domains.
 
 use recording::program;
 use serde::Serialize;
@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Report;
 use crate::error::Error;
 
-/// `diagnosis.json`: one domain's object, or several domains as the contract has them.
+/// `diagnosis.json`: the object of one domain, or several domains.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
@@ -23,7 +23,7 @@ pub enum Whole<'a> {
 }
 
 impl<'a> Whole<'a> {
-    /// Of one domain or several.
+    /// For one or several reports.
     #[must_use]
     pub fn of(reports: &'a [Report]) -> Self {
         match reports {
@@ -33,7 +33,7 @@ impl<'a> Whole<'a> {
     }
 }
 
-/// The object by itself.
+/// The result as JSON text.
 pub(crate) fn json(reports: &[Report]) -> Result<String, Error> {
     let text = program::json("trued.diagnosis/1", &Whole::of(reports)).map_err(Error::internal)?;
     Ok(text + "\n")

@@ -1,6 +1,6 @@
 //! Output of a force diagnosis: phases of the cut, lines, sensor, with the keys of `trued.diagnosis/1`.
 //!
-//! Promises: no tone is called chatter whose cause is known. Never: a number that was not found.
+//! A tone with a known cause is never reported as chatter. Only fitted values are reported.
 
 use std::collections::BTreeMap;
 
@@ -14,19 +14,19 @@ use crate::forces::DiagnosedForces;
 /// N/m² per N/mm².
 const MEGA: f64 = 1e6;
 
-/// What the tool did from when to when.
+/// A phase of the tool's engagement.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(crate) struct Stretch {
     pub(crate) state: &'static str,
     pub(crate) from_s: f64,
     pub(crate) to_s: f64,
-    /// Of each channel.
+    /// For each channel.
     pub(crate) mean: Vec<f64>,
     pub(crate) scatter: Vec<f64>,
 }
 
-/// A tone of the cut.
+/// A spectral line of the cut.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "keys carry units")]
@@ -40,7 +40,7 @@ pub(crate) struct Heard {
 }
 
 impl Report {
-    /// What forces alone say.
+    /// The report of forces alone.
     pub(crate) fn of_forces(found: &DiagnosedForces) -> Self {
         let empty = Self::empty("force", "N", found.seed);
         let diagnosis = match &found.result {
@@ -184,7 +184,7 @@ fn reported(diagnosis: &Diagnosis, finding: &Finding) -> ReportedFinding {
     }
 }
 
-/// The intervals in which the tool did this, s.
+/// Time intervals of this state, s.
 fn intervals(diagnosis: &Diagnosis, wanted: State) -> Vec<[f64; 2]> {
     let here = diagnosis.phases.iter().filter(|phase| phase.state == wanted);
     here.map(|phase| [phase.from_s, phase.to_s]).collect()
@@ -196,7 +196,7 @@ fn chatter(
     resolution_hz: f64,
     is_alone: bool,
 ) -> ReportedFinding {
-    // A single tone has no scatter and no held-out rows: no interval is computed.
+    // A single spectral line has neither scatter nor held-out rows: no interval is computed.
     let number = |value: f64| Value::one(value, None);
     let mut parameters = BTreeMap::from([("frequency_Hz".to_owned(), number(tone.frequency_hz))]);
     if diagnosis.is_force {

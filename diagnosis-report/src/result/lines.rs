@@ -1,17 +1,17 @@
 //! A diagnosis as lines of text.
 //!
-//! Promises: findings first, the most important ones; what was left out is counted. Never: a number that the file does not hold.
+//! The most important findings come first; omitted ones are counted. All values are contained in the file.
 
 use report::{capitalised, significant};
 
 use super::{Alternative, Report, ReportedFinding};
 
-/// Findings that are reported in a line of their own, at most.
+/// Largest number of findings with a line of their own.
 const LINES: usize = 12;
-/// So much of what the findings take from the squared held-out error is reported in lines of their own.
+/// Fraction of the reduction of the squared held-out error that the findings in lines of their own account for.
 const SHARE_IN_LINES: f64 = 0.9;
 
-/// The findings, the rest, and what to do, line by line.
+/// The findings, the remaining deviation, and the next step, line by line.
 #[must_use]
 pub fn lines(report: &Report) -> Vec<String> {
     let (first, also) = report.findings.split_at(leading(&report.findings));
@@ -32,7 +32,7 @@ pub fn lines(report: &Report) -> Vec<String> {
     lines
 }
 
-/// How many findings, in their order, bring [`SHARE_IN_LINES`] of what all bring.
+/// Number of leading findings that account for [`SHARE_IN_LINES`] of the reduction.
 fn leading(findings: &[ReportedFinding]) -> usize {
     let square = |rms: Option<f64>| rms.map_or(0.0, |rms| rms * rms);
     let before = findings.first().map_or(0.0, |one| square(one.heldout_rms_before));
@@ -42,7 +42,7 @@ fn leading(findings: &[ReportedFinding]) -> usize {
     enough.map_or(findings.len(), |last| last + 1).min(LINES)
 }
 
-/// A finding with its figures.
+/// A finding with its values.
 fn line(report: &Report, reported: &ReportedFinding) -> String {
     let unit = report.unit;
     let alike = reported.alternatives.iter().filter(|other| other.is_alike);
@@ -73,7 +73,7 @@ fn line(report: &Report, reported: &ReportedFinding) -> String {
     format!("  {} {figures}{rivals}{together}", reported.says).trim_end().to_owned()
 }
 
-/// The other findings in one line, with a bound of their sizes where they are all smaller than the first ones.
+/// The other findings in one line, with an upper bound of their sizes if they are all smaller than the first ones.
 fn others(report: &Report, first: &[ReportedFinding], also: &[ReportedFinding]) -> Option<String> {
     let sizes = |all: &[ReportedFinding]| -> Vec<f64> {
         all.iter().filter_map(|reported| reported.size.as_ref()).map(|size| size.rms).collect()
@@ -88,7 +88,7 @@ fn others(report: &Report, first: &[ReportedFinding], also: &[ReportedFinding]) 
     (!also.is_empty()).then(|| format!("  also{size}: {}", by_effect(also)))
 }
 
-/// The effects that are claimed and do least, with a bound of their sizes.
+/// The claimed effects with the smallest sizes, with an upper bound.
 fn minor(report: &Report) -> Option<String> {
     let sizes =
         report.minor.iter().filter_map(|reported| reported.size.as_ref()).map(|size| size.rms);
@@ -158,7 +158,7 @@ mod tests {
         }
     }
 
-    /// As many findings, the size of each k times 1 µm, k from 1 in the order of the list.
+    /// This number of findings, with sizes of k times 1 µm, k from 1 in the order of the list.
     fn many(count: usize) -> Vec<ReportedFinding> {
         (1..=count).map(|k| reported("backlash", Some(k % 6 + 1), 1e-3 * k as f64)).collect()
     }

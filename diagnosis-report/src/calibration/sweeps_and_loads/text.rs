@@ -1,6 +1,6 @@
 //! Text output on sweeps and loads.
 //!
-//! Promises: each number with its uncertainty where it has one. Never: a number that the JSON lacks.
+//! Values are given with their uncertainty, if any; all are contained in the JSON.
 
 use report::{count, fixed, significant};
 
