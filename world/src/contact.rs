@@ -19,7 +19,7 @@ pub struct Contact {
     pub point_base: DVec3,
     /// Unit vector out of the surface, base frame.
     pub normal_base: DVec3,
-    /// N/m, 0 or above.
+    /// Stiffness, N/m, 0 or above.
     pub stiffness_n_m: f64,
 }
 

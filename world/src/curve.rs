@@ -11,8 +11,7 @@
 
 use libm::sqrt;
 
-/// Half of the widest window of speeds and accelerations, s: ten samples at 1 kHz, the neighbours
-/// only at 100 Hz.
+/// Half width of the widest window for velocities and accelerations, s: ten samples at 1 kHz, only the neighbours at 100 Hz.
 const HALF_WINDOW_S: f64 = 8e-3;
 /// Largest error by rounding, as a share of the motion's own acceleration.
 const ROUGH: f64 = 2e-3;
@@ -173,7 +172,7 @@ fn by_windows(t: &[f64], y: &[f64], half_s: f64) -> Vec<(f64, f64)> {
 /// Slope and curvature at `at` of the parabola of least squares.
 fn parabola(at: f64, t: &[f64], y: &[f64]) -> (f64, f64) {
     let (Some(first), Some(last)) = (t.first(), t.last()) else { return (0.0, 0.0) };
-    // At rest rounding would give the speed a sign.
+    // At rest, rounding errors would give the velocity a sign.
     if y.iter().all(|value| *value == y[0]) {
         return (0.0, 0.0);
     }

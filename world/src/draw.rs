@@ -183,7 +183,7 @@ mod tests {
                 assert!(i != 4 || drawn.values()[0] >= 0.0, "a gap is never negative");
             }
         }
-        // The variance of n draws is 1 ± sqrt(2/n): 0.07; four of these.
+        // The standard deviation of a variance estimated from n draws is sqrt(2/n) = 0.07; the bound is four of these.
         assert!(squares[..4].iter().all(|s| (s - 1.0).abs() < 0.28), "{squares:?}");
     }
 

@@ -33,7 +33,7 @@ pub struct Mode {
     pub rings: Rings,
     /// Undamped natural frequency, Hz.
     pub frequency_hz: f64,
-    /// Share of critical damping, below 1.
+    /// Damping ratio, below 1.
     pub damping_ratio: f64,
     /// Ratio of the mode's excitation to the joint's acceleration; unused for the base.
     pub participation: f64,
@@ -44,11 +44,11 @@ pub struct Mode {
 /// `reversal_spike`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spike {
-    /// Joint, from 0.
+    /// 0-based.
     pub joint: usize,
-    /// rad or m.
+    /// Amplitude, rad or m.
     pub amplitude: f64,
-    /// s.
+    /// Time constant of the decay, s.
     pub time_constant_s: f64,
 }
 
@@ -75,8 +75,6 @@ impl Dynamics {
     /// effects, and delays of a group that is neither position nor torque, are ignored.
     ///
     /// # Errors
-    /// Values or a joint that do not fit.
-    /// Numbers or a joint that do not fit.
     pub fn take(
         &mut self,
         arm: &Arm,

@@ -135,7 +135,7 @@ fn apart_of_reflectors(one: &[Frame], other: &[Frame]) -> f64 {
     libm::sqrt(squares / (3.0 * REFLECTORS_TOOL.len() as f64 * one.len().max(1) as f64))
 }
 
-/// Whether an effect of the model represents the same thing at the same place.
+/// Whether an effect of the model describes the same phenomenon at the same joint.
 fn stands_for(other: &AnyEffect, hidden: &AnyEffect) -> bool {
     let family = |effect: &AnyEffect| match effect.spec().kind {
         "joint_compliance" | "gravity_compliance" | "gravity_sag" | "load_compliance" => "load",

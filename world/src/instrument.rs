@@ -1,9 +1,9 @@
-//! Simulated instrument readings, in the columns and rows of a recording.
+//! Simulated measurements of instruments, in the columns and rows of a recording.
 //!
-//! A value is written where one was measured (in all rows, if a column is present but empty); the
-//! noise of a row depends on the seed and the row alone. Targets on the base or on a link are not
-//! changed; currents, accelerations, and torques without a model are omitted and named. [`forces`]:
-//! those of a cut.
+//! Values are written where one was measured (in all rows, if a column is present but empty); the
+//! noise of a row depends only on the seed and the row. Targets on the base or on a link are not
+//! changed; currents, accelerations, and torques without a model are omitted and listed. Forces of
+//! a cut: [`forces`].
 
 pub mod forces;
 
@@ -18,7 +18,7 @@ use crate::random::{Purpose, normals};
 /// Motion of the arm in each row of a recording.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// Where joints and tool were.
+    /// Positions of joints and tool in each row.
     pub seen: Vec<Seen>,
     /// Simulated torques, Nm or N; none if not requested.
     pub torques: Option<Vec<Joints>>,
@@ -40,7 +40,7 @@ pub struct Instrument<'a> {
     pub seed: u64,
 }
 
-/// A recording with simulated readings.
+/// A recording with simulated measurements.
 #[derive(Clone, Debug)]
 pub struct Readings {
     /// The recording with its measured columns replaced.
@@ -90,14 +90,14 @@ impl Instrument<'_> {
                 *value = if has_value(row) { *value + noise } else { f64::NAN };
             }
             let sigma = match channel {
-                // A quaternion's parts turn by half of the angle.
+                // The components of a quaternion change by half the angle.
                 Channel::Orientation(_) => 0.5 * self.noise,
                 Channel::Torque(_) => self.torque_noise,
                 _ => self.noise,
             };
             if sigma > 0.0 {
-                // An instrument's stated uncertainty may include more than noise: a calibration's
-                // residual, a reflector's seat.
+                // The stated uncertainty of an instrument may include more than noise, such as the
+                // residual of its calibration or the seat of a reflector.
                 let stated = *recording.about.sigma.entry(*channel).or_insert(sigma);
                 if sigma > stated {
                     understated.push(channel.base());

@@ -40,7 +40,7 @@ pub enum PlanError {
         /// Why.
         error: IkError,
     },
-    /// A joint (1-based) would exceed its speed: usually near a singular pose.
+    /// A joint (1-based) would exceed its maximum velocity, usually near a singular pose.
     #[error(
         "at {t_s:.3} s joint {joint} would need a speed of {speed:.2}, its limit is {limit:.2} (rad/s or m/s); \
          slow down or avoid singular poses"
@@ -50,9 +50,9 @@ pub enum PlanError {
         t_s: f64,
         /// 1-based.
         joint: usize,
-        /// rad/s or m/s.
+        /// Required velocity, rad/s or m/s.
         speed: f64,
-        /// rad/s or m/s.
+        /// Its limit, rad/s or m/s.
         limit: f64,
     },
 }

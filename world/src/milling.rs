@@ -1,4 +1,4 @@
-//! A recorded cut: state of the cutter in each row, and sensor readings.
+//! A recorded cut: state of the cutter in each row, and forces measured by the sensor.
 //!
 //! The same rows give the same bits; tooth 0 is at angle 0 at the start of a segment; there is no
 //! cut while spindle or feed are at rest. No noise; a row is an instant, without averaging by the
@@ -11,24 +11,24 @@ use std::f64::consts::TAU;
 /// State of the process in a row; NaN where unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
-    /// s.
+    /// Time, s.
     pub t_s: f64,
     /// Rows with the same number belong together.
     pub segment: i64,
-    /// rev/min.
+    /// Spindle speed, rev/min.
     pub spindle_rpm: f64,
-    /// m/s.
+    /// Feed rate, m/s.
     pub feed_m_s: f64,
 }
 
 /// State of the cutter in a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stand {
-    /// Since the start of the segment, s.
+    /// Time since the start of the segment, s.
     pub time_s: f64,
     /// Rotation of the spindle since the start of the segment, rad.
     pub angle_rad: f64,
-    /// m; 0 outside the cut.
+    /// Feed per tooth, m; 0 outside the cut.
     pub feed_per_tooth_m: f64,
     /// Feed travel of the tool in the cut since the start of the segment, m.
     pub cut_m: f64,
@@ -70,8 +70,8 @@ pub fn stands(cutter: &Cutter, rows: &[Row]) -> Vec<Stand> {
     all
 }
 
-/// Reading of the sensor in each row, N, cut axes: the cutter's force with all changes by the
-/// model's effects.
+/// Force measured by the sensor in each row, N, cut axes: the cutter's force with all changes by
+/// the model's effects.
 #[must_use]
 pub fn readings(model: &Model, cutter: &Cutter, rows: &[Row]) -> Vec<DVec3> {
     let mut inputs = Inputs::at_rest(Joints::default());

@@ -40,14 +40,14 @@ pub struct Step {
     pub forced: DVec2,
 }
 
-/// One mode's displacement and speed.
+/// Displacement and velocity of one mode.
 #[derive(Clone, Copy, Debug, Default)]
 struct Swing {
     position: f64,
     speed: f64,
 }
 
-/// One tool on its modes over a surface.
+/// A tool on its modes, with the surface that it cuts.
 struct Tool {
     swings: Vec<Swing>,
     surface: Vec<f64>,
@@ -97,8 +97,8 @@ impl Regeneration {
         1.0 / (self.cutter.tooth_passing_hz() * self.steps_per_tooth as f64)
     }
 
-    /// The next step at a share of the full depth (0: outside the cut), with an additional force on
-    /// both tools.
+    /// The next step at a fraction of the full depth (0: outside the cut), with an additional force
+    /// on both tools, N.
     pub fn next(&mut self, depth_part: f64, push: DVec2) -> Step {
         let dt_s = self.step_s();
         let tool = displaced(&self.modes, &self.live.swings);

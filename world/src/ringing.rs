@@ -17,7 +17,7 @@ pub struct Chatter {
     pub cut: usize,
     /// Start of the chatter after the start of the cut, s.
     pub after_s: f64,
-    /// Hz.
+    /// Frequency, Hz.
     pub frequency_hz: f64,
     /// Initial amplitude, N.
     pub seed_n: f64,
@@ -33,8 +33,7 @@ pub struct Chatter {
 }
 
 impl Chatter {
-    /// The demo's: 72 Hz, from 0.02 N doubling every 30 ms to 6 N, strongest along y, on an
-    /// elliptic path.
+    /// Chatter of the demo: 72 Hz, from 0.02 N doubling every 30 ms to 6 N, strongest along y, on an elliptic path.
     pub const fn at_72_hz(cut: usize) -> Self {
         Self {
             cut,
@@ -85,7 +84,7 @@ impl Mode {
         Self { frequency_hz, damping_ratio, compliance_m_per_n, state: (DVec3::ZERO, DVec3::ZERO) }
     }
 
-    /// The demo's: 72 Hz, 3 % damped, 0.05 µm/N: 5 µm of motion under 6 N at resonance, as the thesis' waviness (0.6 to 6.8 µm).
+    /// Mode of the demo: 72 Hz, damping ratio 3 %, 0.05 µm/N: 5 µm of motion under 6 N at resonance, like the waviness in the thesis (0.6 to 6.8 µm).
     pub const fn at_72_hz() -> Self {
         Self::at_rest(72.0, 0.03, 0.05e-6)
     }

@@ -27,13 +27,13 @@ const STEP_S: f64 = 2.5e-4;
 /// A speed that only indicates a direction, rad/s or m/s.
 const BARELY: f64 = 1e-12;
 const SWEEPS: usize = 60;
-/// Convergence of the friction: change in a sweep, relative to its bound.
+/// Convergence criterion of the friction: change in one sweep, relative to its bound.
 const STANDS: f64 = 1e-9;
 
 type Square = SMatrix<f64, JOINTS_MAX, JOINTS_MAX>;
 type Column = SVector<f64, JOINTS_MAX>;
 
-/// The motors at one row.
+/// State of the motors at one row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Followed {
     /// Their positions, rad or m.
@@ -162,8 +162,7 @@ impl<'a> Servo<'a> {
         std::array::from_fn(|i| self.integral[i] + self.gain[i] * slip[i])
     }
 
-    /// Recorded torque at a row: drive torques are constant over a step, so between two steps their
-    /// mean is recorded.
+    /// Recorded torque at a row: drive torques are constant over a step, so the mean of the steps before and after the row is recorded.
     fn read(&self, wanted: &Joints, row: &Inputs) -> Joints {
         let now = Inputs { q: self.inputs.q, velocity: self.inputs.velocity, ..*row };
         let drive = self.model.drive(&now, &self.memories);

@@ -1,9 +1,8 @@
 //! The instrument: a tracker that measures the TCP at its own rate, with noise and quantisation.
 //!
-//! `reading = round((p + s z)/d) d` per axis of the measuring frame, z normal. s: standard uncertainty · d: resolution.
+//! `measurement = round((p + s z)/d) d` per axis of the measuring frame, z standard normal. s: standard uncertainty · d: resolution.
 //!
-//! A reading depends on the seed and its own number alone, not on the number of calls in between.
-//! Drift and loss of the target are not modelled.
+//! A measurement depends only on the seed and its number, not on the number of calls in between. Drift and loss of the target are not modelled.
 
 use crate::random::{Purpose, stream};
 use glam::DVec3;
@@ -18,7 +17,7 @@ pub struct Tracker {
     pub measuring_from_base: Frame,
     /// Standard uncertainty per axis of the measuring frame, m (docs/reference/recording.md, `sigma`).
     pub sigma_m: DVec3,
-    /// Readings per second, above zero.
+    /// Measurements per second, above zero.
     pub rate_hz: f64,
     /// Resolution, m; 0 for none.
     pub resolution_m: f64,
@@ -28,7 +27,7 @@ pub struct Tracker {
 }
 
 impl Tracker {
-    /// A tracker that has not read yet, measuring in base axes.
+    /// A tracker without measurements so far, in base axes.
     pub const fn new(sigma_m: DVec3, rate_hz: f64, resolution_m: f64, seed: u64) -> Self {
         Self {
             measuring_from_base: Frame::IDENTITY,
@@ -40,11 +39,9 @@ impl Tracker {
         }
     }
 
-    /// The reading at `t_s`, measuring frame, m; `None` before the next one is due. Time must not
-    /// decrease.
+    /// The measurement at `t_s`, measuring frame, m; `None` before the next one is due. Time must not decrease.
     pub fn read(&mut self, t_s: f64, tcp_base: DVec3) -> Option<DVec3> {
-        // Times are sums of samples and miss a multiple by rounding: a reading is due a millionth
-        // of its interval early.
+        // Times are sums of samples and deviate from multiples by rounding, so a measurement is due a millionth of its interval early.
         if t_s * self.rate_hz + 1e-6 < f64::from(self.taken) {
             return None;
         }

@@ -8,7 +8,7 @@ use crate::ik::{self, IkError};
 use glam::{DMat3, DVec3};
 use physics::{Arm, Frame, Joints};
 
-/// A place to work.
+/// A working position of the tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Workplace {
     /// Its position, base frame, m.
@@ -17,7 +17,7 @@ pub struct Workplace {
     pub q: Joints,
 }
 
-/// The best place for the tool orientation `base_from_tool`.
+/// The best working position for the tool orientation `base_from_tool`.
 ///
 /// # Errors
 /// Why the last place could not be reached, if none could.
@@ -47,8 +47,8 @@ pub fn workplace(arm: &Arm, base_from_tool: DMat3) -> Result<Workplace, IkError>
     best.map(|(_, workplace)| workplace).ok_or(failure)
 }
 
-/// Distances ahead and heights as shares of the reach, from the middle outwards in distance, table
-/// heights only.
+/// Distances ahead and heights as fractions of the reach, in order of preference; only heights of a
+/// table.
 fn grid() -> impl Iterator<Item = (f64, f64)> {
     let ahead = [0.55, 0.5, 0.6, 0.45, 0.65, 0.4, 0.7, 0.35, 0.75];
     ahead.into_iter().flat_map(|ahead| [-0.1, -0.2, 0.0, -0.3].map(|up| (ahead, up)))

@@ -135,7 +135,7 @@ pub(super) fn draw(
     (revolute || joint.is_none()).then_some(Shape { kind, joint, numbers, sizes })
 }
 
-/// Values of an effect of the whole robot, and how many of its entries determine its size.
+/// Parameters of an effect of the whole robot, and the number of its entries that determine its size.
 #[expect(clippy::type_complexity, reason = "entries as `Given` takes them")]
 fn of_robot(
     kind: &str,
@@ -169,7 +169,7 @@ fn coupled(arm: &Arm, joint: usize, dice: &mut Dice<'_>) -> Option<usize> {
     }
 }
 
-/// Sag of an arm with unknown masses: one vector for each body that the joint carries.
+/// Gravity deflection of an arm with unknown masses: one vector for each body that the joint carries.
 fn sag(arm: &Arm, joint: usize, size: f64, dice: &mut Dice<'_>) -> Vec<f64> {
     (joint..arm.count()).flat_map(|_| dice.vector(3, size)).collect()
 }

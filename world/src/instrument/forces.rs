@@ -1,8 +1,7 @@
-//! Simulated readings of a force sensor for the cut that a recording's `[cut]` describes.
+//! Simulated measurements of a force sensor for the cut described by a recording's `[cut]`.
 //!
-//! Forces are written where forces were measured (in all rows, if a column is present but empty);
-//! the noise of a row depends on the seed and the row alone. Moments are not simulated; their
-//! columns are omitted and named.
+//! Forces are written where forces were measured (in all rows, if a column is present but empty); the noise of a row depends only on the seed and the
+//! row. Moments are not simulated; their columns are omitted and listed.
 
 use glam::DVec3;
 use physics::Model;
@@ -85,7 +84,7 @@ pub fn read(
     Ok(found)
 }
 
-/// What the sensor reads in each row of a cut, N.
+/// Measured force in each row of a cut without noise, N.
 ///
 /// # Errors
 /// Spindle speed or feed is missing.

@@ -44,8 +44,8 @@ fn dry_friction_shows_in_the_motion_and_rests_at_a_turn() {
     let dry = followed(&slider(&[("coulomb_friction", "level", 60.0)]), &rows);
     let (free, stuck) = (off(&free, &rows), off(&dry, &rows));
     assert!(stuck > 2.0 * free, "{free} m without, {stuck} m with friction");
-    // At the reversal at 1 s the slide rests until the controller has changed its force by twice
-    // the friction.
+    // At the reversal at 1 s the linear axis is at rest until the controller has changed its force
+    // by twice the friction.
     let stands = dry[480..540].windows(2).filter(|pair| pair[0].motor[0] == pair[1].motor[0]);
     assert!(stands.count() >= 3);
 }
