@@ -30,7 +30,7 @@ pub struct SimulationReport<'a> {
     rows: usize,
     columns: &'a [String],
     left_out: &'a [String],
-    /// RMS difference between recorded values and the model without noise, over scalar values; `None` if nothing was recorded.
+    /// RMS difference between recorded values and the model without noise, over scalar values; null if nothing was recorded.
     recorded_rms_mm: Option<f64>,
     rows_beyond_stiffness: usize,
 }

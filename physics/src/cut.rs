@@ -119,21 +119,21 @@ fn antiderivative(angle: f64) -> Teeth {
 pub struct Cutter {
     /// Number of teeth.
     pub teeth: u32,
-    /// m.
+    /// Diameter, m.
     pub diameter_m: f64,
-    /// rad.
+    /// Helix angle, rad.
     pub helix_rad: f64,
-    /// m.
+    /// Axial depth of cut, m.
     pub axial_depth_m: f64,
-    /// Where a tooth enters the work.
+    /// Angle at which a tooth enters the workpiece.
     pub entry_rad: f64,
-    /// Where it leaves, above `entry_rad`.
+    /// Angle at which it exits, above `entry_rad`.
     pub exit_rad: f64,
     /// Turning: the workpiece rotates, and the tool does not.
     pub turning: bool,
-    /// `K_tc, K_rc, K_ac`, N/m².
+    /// Cutting force coefficients `K_tc, K_rc, K_ac`, N/m².
     pub chip_n_m2: DVec3,
-    /// `K_te, K_re, K_ae`, N/m.
+    /// Edge force coefficients `K_te, K_re, K_ae`, N/m.
     pub edge_n_m: DVec3,
 }
 
@@ -146,7 +146,7 @@ pub struct Bite {
     pub chip: DMat3,
     /// The same per m of runout: towards tooth 0, and a quarter of a turn from there against the rotation.
     pub runout: [DMat3; 2],
-    /// Engaged share of a tooth; 0 outside the cut.
+    /// Engaged fraction of a tooth; 0 outside the cut.
     pub engaged: f64,
 }
 
@@ -170,7 +170,7 @@ impl Cutter {
         feed_m_s / (spindle_hz * f64::from(self.teeth.max(1)))
     }
 
-    /// With tooth 0 at this angle; helical teeth lag the higher up they are.
+    /// Forces with tooth 0 at this angle; helical teeth lag with increasing height.
     pub fn bite(&self, angle_rad: f64, feed_per_tooth_m: f64) -> Bite {
         if self.turning {
             return self.standing(feed_per_tooth_m);
@@ -249,11 +249,11 @@ fn turn_part(angle: f64) -> f64 {
 pub struct CutForce {
     edge: DVec3,
     chip: DVec3,
-    /// 1/m.
+    /// Relative growth of the edge force per length of cut, 1/m.
     wear: f64,
-    /// m.
+    /// Tool offset along two directions, m (see [`ForceTerm::Runout`]).
     runout: [f64; 2],
-    /// N.
+    /// Oscillating force, N.
     ring: f64,
     leak: DMat3,
     bias: Wrench,
@@ -326,7 +326,7 @@ impl CutForce {
         force / shallower.max(1.0 / DEEPEST) + DVec3::Y * self.ring
     }
 
-    /// The sensor's reading, N, in the axes of the cut by the model.
+    /// Measured force, N, in the axes of the model's cut.
     pub fn read(&self, acting: DVec3) -> DVec3 {
         let felt = rotation_from_vector(self.turn).transpose() * acting;
         self.bias.force + (DVec3::ONE + self.scale.force) * (felt + self.leak * felt)

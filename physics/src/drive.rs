@@ -92,7 +92,7 @@ pub struct Drive {
     rest: Joints,
     cubic: Joints,
     gain: Joints,
-    /// rad or m.
+    /// Joint positions, rad or m.
     positions: Joints,
 }
 

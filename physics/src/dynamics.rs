@@ -22,7 +22,7 @@ pub type BodyRegressor = [[f64; INERTIAL]; JOINTS_MAX];
 /// The inertial parameters of a body, in which the drives' torques are linear; bodies on one joint add up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Inertial {
-    /// kg.
+    /// Mass, kg.
     pub mass: f64,
     /// `m c`, c the centre of mass at the zero configuration, base frame, kg m.
     pub first_moment: DVec3,
@@ -72,7 +72,7 @@ pub struct Regressor<'a> {
 }
 
 impl<'a> Regressor<'a> {
-    /// `chain`: the arm at `inputs.q`; `gravity`: base axes, m/s², as [`Loads::gravity`] has it.
+    /// `chain`: the arm at `inputs.q`; `gravity`: base axes, m/s², as in [`Loads::gravity`].
     pub fn new(arm: &'a Arm, chain: &'a Chain, inputs: &Inputs, gravity: DVec3) -> Self {
         let bodies = moving(arm, chain, &inputs.velocity, &inputs.acceleration);
         Self { arm, chain, bodies, gravity }

@@ -1,19 +1,19 @@
 //! Gear trains: revolutions of the shafts of a joint's gearbox, and tooth meshes, per revolution of the joint.
 //!
-//! A train is its stages, motor side first, each `[driver, driven]` in teeth. Shaft `k`, from 1, carries the driver of stage
-//! `k`; the motor's is shaft 1. A stage slows by `driven / driver`, so shaft `k` turns `Π driven / driver` over the stages from
-//! `k` on times as often as the joint (thesis A III-1 without its offset and periodic term, table A III-1). Eccentricity
-//! repeats with every turn of its shaft, mesh errors with every tooth: `driver · turns`.
-//! Valid for fixed axes; coupling between wrist joints is not included.
+//! A train is the list of its stages, motor side first, each `[driver, driven]` in teeth. Shaft `k`, from 1, carries the driver of stage `k`; the
+//! motor's is shaft 1. A stage reduces the speed by `driven / driver`, so shaft `k` makes `Π driven / driver` (over the stages from `k` on)
+//! revolutions per revolution of the joint (thesis A III-1 without its offset and periodic term, table A III-1). Eccentricity errors repeat with
+//! every revolution of their shaft, mesh errors with every tooth: `driver · turns`. Valid for fixed axes; coupling between wrist joints is not
+//! included.
 
 /// A shaft that drives a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shaft {
-    /// From 1, motor side first.
+    /// 1-based, motor side first.
     pub number: u8,
     /// Revolutions of the shaft per revolution of the joint.
     pub turns: f64,
-    /// Teeth of its driver.
+    /// Number of teeth of its driver.
     pub teeth: u32,
 }
 

@@ -11,7 +11,7 @@ use crate::loads::PivotLoad;
 use crate::{Arm, Chain, JOINTS_MAX, JointKind, Joints};
 use glam::{DMat3, DVec3};
 
-/// A mass that the arm does not list: kg, and its first moment `m c` at the zero configuration, base frame, kg m.
+/// A mass that the arm does not list: mass, kg, and first moment `m c` at the zero configuration, base frame, kg m.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Extra {
     pub(crate) mass: f64,
@@ -23,7 +23,7 @@ pub(crate) struct Extra {
 pub(crate) struct Reaction {
     /// `−(M q̈ + C q̇)_i`, Nm or N.
     pub(crate) torque: Joints,
-    /// About the base frame's origin, Nm.
+    /// Moment about the base frame's origin, Nm.
     pub(crate) base_moment: DVec3,
 }
 

@@ -20,11 +20,11 @@ pub enum Law {
     Ratio(f64),
     /// `amplitude · sin(cycles · q + phase)`.
     Wave {
-        /// rad or m.
+        /// Amplitude, rad or m.
         amplitude: f64,
-        /// rad of phase per unit of the position.
+        /// Phase per unit of the position, rad.
         cycles: f64,
-        /// rad.
+        /// Phase at position zero, rad.
         phase: f64,
     },
     /// Proportional to the load, rad/Nm or m/N.

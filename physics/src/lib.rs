@@ -56,8 +56,8 @@ pub const JOINTS_MAX: usize = 16;
 /// Largest number of effects of a model.
 pub const EFFECTS_MAX: usize = 128;
 
-/// One number per joint: rad or rad-like for a revolute joint, m for a prismatic one.
-/// Entries beyond the arm's joint count are zero and never read.
+/// One value per joint: rad for a revolute joint, m for a prismatic one, or a quantity per joint. Entries beyond the arm's joint count are zero and
+/// never read.
 pub type Joints = [f64; JOINTS_MAX];
 
 #[cfg(test)]

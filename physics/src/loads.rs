@@ -16,9 +16,9 @@ use glam::{DMat3, DVec3};
 /// Force and moment that everything beyond a joint exerts at the joint's point, base axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PivotLoad {
-    /// N.
+    /// Force, N.
     pub force: DVec3,
-    /// Nm, about the joint's point.
+    /// Moment about the joint's point, Nm.
     pub moment: DVec3,
 }
 

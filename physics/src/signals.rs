@@ -44,7 +44,7 @@ pub struct Inputs {
     pub velocity: Joints,
     /// Joint accelerations, rad/s² or m/s²; zero for an arm treated as at rest.
     pub acceleration: Joints,
-    /// What the environment exerts on the tool, at the TCP, base axes.
+    /// Wrench exerted by the environment on the tool, at the TCP, base axes.
     pub wrench_base: Wrench,
     /// Tilt of the base relative to the frame in which its pose was stated, as measured by an
     /// inclinometer: rotation vector, rad. It rotates the whole arm about the base's origin, and

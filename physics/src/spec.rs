@@ -15,7 +15,7 @@ pub enum Unit {
     One,
     /// Small angle, `_mrad`; on a prismatic joint `_mm`.
     Milliradian,
-    /// The direction of an axis, a body or a tool: `_mrad` on every kind of joint, since it stays an angle.
+    /// Direction of an axis, a body or a tool: `_mrad` on every kind of joint, since it remains an angle.
     TurnMilliradian,
     /// Angle of a phase, `_rad` on every kind of joint.
     PhaseRadian,
@@ -29,7 +29,7 @@ pub enum Unit {
     Micrometre,
     /// `_Nm`; on a prismatic joint `_N`.
     NewtonMetre,
-    /// `m`; on a prismatic joint nothing. Of a torque or force: its stem ends in `_N`, so that it differs from the stem of an angle.
+    /// `m`; on a prismatic joint nothing. For a torque or force whose stem ends in `_N`, to differ from the stem of an angle.
     MetreAfterNewton,
     /// `_Nm` on every kind of joint.
     Moment,
@@ -45,11 +45,11 @@ pub enum Unit {
     MicrometrePerNewton,
     /// `_um_per_K`.
     MicrometrePerKelvin,
-    /// `_per_krpm`, of µm: its stem ends in `_um`, so that it differs from the stem of a growth by temperature.
+    /// `_per_krpm`, in µm: its stem ends in `_um`, to differ from the stem of a growth by temperature.
     MicrometrePerKrpm,
     /// `_mrad_per_K`; on a prismatic joint `_mm_per_K`.
     MilliradianPerKelvin,
-    /// `_per_rev`; on a prismatic joint `_per_m`. Inside: radians of phase per rad or m of joint.
+    /// `_per_rev`; on a prismatic joint `_per_m`. Internally radians of phase per rad or m of joint motion.
     CyclesPerRevolution,
     /// `_s`.
     Second,

@@ -75,6 +75,7 @@ impl Dynamics {
     /// effects, and delays of a group that is neither position nor torque, are ignored.
     ///
     /// # Errors
+    /// Values or a joint that the effect does not accept.
     pub fn take(
         &mut self,
         arm: &Arm,

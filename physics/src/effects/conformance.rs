@@ -19,7 +19,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use samples::{Sample, lengths, samples};
 
-/// Steps of every joint, rad or m: far, back, back a little more, and on by less than any gap.
+/// Steps of every joint, rad or m: a long one, one back, a short one further back, and one forward by less than any gap.
 const PATH: [f64; 4] = [0.05, -0.03, -0.004, 1.2e-4];
 
 fn numbers(contribution: &Contribution) -> Vec<f64> {
@@ -283,7 +283,7 @@ prop_compose! {
     }
 }
 
-/// A memory after an arbitrary history.
+/// A memory after an arbitrary sequence of inputs.
 fn lived(sample: &Sample, life: &[(Inputs, u8)]) -> Memory {
     let mut memory = Memory::default();
     for (inputs, what) in life {

@@ -1,7 +1,7 @@
 //! Tilt of the robot's base relative to gravity.
 //!
 //! Gravity in its base is `R(t)ᵀ g`    t: `tilt`, rotation vector about base x and y, rad, two numbers. Source: docs/reference/effects.md.
-//!  The geometry is unchanged, since poses are measured relative to the base: only gravity loads change.
+//! The geometry is unchanged, since poses are measured relative to the base: only gravity loads change.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

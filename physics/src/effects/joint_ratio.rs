@@ -1,7 +1,7 @@
 //! Gear ratio error.
 //!
 //! `δθᵢ = k qᵢ`    k: `ratio`, dimensionless, any sign · qᵢ: commanded position, rad or m. Source: docs/reference/effects.md;
-//!  thesis equation 3.5 (its k₂, printed k₁). Memoryless; holds over the whole range.
+//! thesis equation 3.5 (its k₂, printed k₁). Memoryless; holds over the whole range.
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};

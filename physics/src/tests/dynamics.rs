@@ -118,7 +118,7 @@ fn a_slider_on_an_incline_needs_its_mass_and_its_share_of_the_weight() {
     }
 }
 
-/// Two point masses on two links in a plane: the equations of every textbook.
+/// Two point masses on two links in a plane, compared with the textbook equations.
 #[test]
 fn a_double_pendulum_is_that_of_the_textbook() {
     let (l1, l2, m1, m2, g) = (0.6, 0.4, 3.0, 2.0, 9.80665);
@@ -204,7 +204,7 @@ proptest! {
         let torque = inverse_dynamics(&arm, &inputs);
         let power = dot(&torque, &inputs.velocity, arm.count());
         let h = 1e-4;
-        // Fourth order: long chains move fast at their ends.
+        // Fourth-order difference: long chains move fast at their ends.
         let gained = (8.0 * (energy(h) - energy(-h)) - energy(2.0 * h) + energy(-2.0 * h)) / (12.0 * h);
         let size: f64 = torque.iter().zip(&inputs.velocity).map(|(t, v)| (t * v).abs()).sum();
         prop_assert!((power - gained).abs() < 1e-6 * size + 1e-4, "{power} not {gained}");

@@ -9,7 +9,7 @@ use crate::effects::conformance::scene;
 use crate::{AnyEffect, Arm, Chain, Inputs, Loads, Memory, Signals, Wrench};
 use glam::DVec3;
 
-/// kNm/rad; joints 2 to 5 from the thesis, 1 and 6 of similar size.
+/// Joint stiffness, kNm/rad; joints 2 to 5 from the thesis, 1 and 6 of similar size.
 const STIFFNESS: [f64; 6] = [400.0, 451.5, 90.3, 9.13, 3.05, 3.0];
 
 fn effects(arm: &Arm) -> Vec<AnyEffect> {
@@ -41,9 +41,9 @@ fn bent(arm: &Arm, effects: &[AnyEffect], inputs: &Inputs, seen: &Chain) -> Chai
 struct Campaign {
     /// Distance of the tool from its nominal position.
     deviation: Vec<f64>,
-    /// Distance to the position with loads and effects taken on the actual geometry.
+    /// Distance to the position with loads and effects evaluated on the actual geometry.
     cost: Vec<f64>,
-    /// The same for loads taken on the result of a first pass.
+    /// The same with loads evaluated on the result of a first pass.
     cost_of_two_passes: Vec<f64>,
 }
 

@@ -1,7 +1,7 @@
 //! Load-dependent gear friction.
 //!
 //! `τ = μ |τᵢ| sign(v)`    μ: `coefficient`, ≥ 0 · τᵢ: torque of the drive for gravity and inertia, Nm or N. Source: docs/reference/effects.md;
-//!  Hamon, Gautier and Garrec, 2010. Memoryless.
+//! Hamon, Gautier and Garrec, 2010. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
