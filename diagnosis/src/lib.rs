@@ -2,7 +2,7 @@
 //!
 //! Read in this order: [`campaign`] (what was measured), [`hypothesis`] (the present model and its free parameters),
 //! [`mod@geometry`] (the tolerances that fix gauge freedoms),
-//! [`fit()`] (parameters, their uncertainty, and those that the data do not determine), `residual` (one rule per kind of reading).
+//! [`fit()`] (parameters, their uncertainty, and those that the data do not determine), `residual` (one rule per kind of measurement).
 //!
 //! The same input and seed give the same bits. No shared memory, no clock, no file access, no special treatment of a data set.
 

@@ -1,14 +1,14 @@
-//! Drift of the instrument, measured by reference targets on the base: the readings of each row are transformed to one frame.
+//! Drift of the instrument, measured by reference targets on the base: the measurements of each row are transformed to one frame.
 //!
 //! A tracker on its stand moves by hundredths of a millimetre over hours, as much as the error of a good model. Three reference targets beside the
-//! robot measure this; the correction of each row is the rigid motion to their mean positions. Their readings are noisy too: the number of rows to
+//! robot measure this; the correction of each row is the rigid motion to their mean positions. Their positions are noisy too: the number of rows to
 //! average minimises the expected error (Mallows, Some comments on Cp, Technometrics 15, 1973), with the noise estimated from the residuals of the
 //! rigid motions.
 //!
-//! A base that tilts under load moves the same targets: the corrected readings are then relative to the base, as required for a model of the arm.
+//! A base that tilts under load moves the same targets: the corrected measurements are then relative to the base, as required for a model of the arm.
 //!
-//! Promises: rows with inconsistent distances between the reference targets (confused targets, interrupted beam) use their neighbours; if the targets
-//! do not define a frame, nothing is corrected, and this is reported. Never: use of readings of the tool.
+//! Rows with inconsistent distances between the reference targets (confused targets, interrupted beam) use their neighbours. If the targets do not
+//! define a frame, nothing is corrected, and this is reported. Measurements of the tool are not used.
 
 use crate::engine::statistics::median;
 use crate::rigid::{left_over, rigid};

@@ -23,7 +23,7 @@ use world::servo::{self, ServoError};
 
 pub use world::instrument::Readings;
 
-/// Noise of simulated readings: standard deviations, 0 or above. Default 0.
+/// Noise of simulated measurements: standard deviations, 0 or above. Default 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Noise {
     /// For lengths and angles, m and rad.

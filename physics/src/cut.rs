@@ -1,4 +1,4 @@
-//! Cutting forces: the law of the teeth, and contributions of effects to the law and to the sensor's reading.
+//! Cutting forces: the law of the teeth, and contributions of effects to the law and to the sensor's output.
 //!
 //! A tooth at angle φ (from the normal axis, with the rotation), `φ_entry ≤ φ ≤ φ_exit`, chip `h = f_t sin φ`, depth `a`:
 //! `F_t = (K_tc h + K_te) a`, and so radial and axial; on the tool `F_x = −F_t cos φ − F_r sin φ`, `F_y = F_t sin φ − F_r cos φ`, `F_z = F_a`.
@@ -20,7 +20,7 @@ const STRAIGHT_RAD: f64 = 1e-6;
 /// depth.
 const DEEPEST: f64 = 20.0;
 
-/// Change of the force on the tool, or of its reading, by an effect.
+/// Change of the force on the tool, or of the measured force, by an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ForceTerm {
     /// Additional edge force: tangential, radial, axial, N/m of depth.
@@ -34,7 +34,7 @@ pub enum ForceTerm {
     Runout([f64; 2]),
     /// An oscillating force across the feed while the tool cuts, N.
     Ring(f64),
-    /// Cross-talk: the reading of each channel from each axis besides its own; rows are channels.
+    /// Cross-talk: output of each channel per force along each axis, in addition to its own; rows are channels.
     Leak(DMat3),
 }
 
@@ -244,7 +244,7 @@ fn turn_part(angle: f64) -> f64 {
     angle - TAU * libm::floor(angle / TAU)
 }
 
-/// Sum of the changes of a cutter's force, and of its reading, by effects.
+/// Sum of the changes of a cutter's force, and of the measured force, by effects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CutForce {
     edge: DVec3,

@@ -74,7 +74,7 @@ pub enum Contribution {
     },
     /// Gravity as the base sees it is turned by this rotation vector, base axes, rad.
     GravityTurn {
-        /// Rotation vector of the robot's stand: gravity becomes `Rᵀ g`.
+        /// Rotation vector of the robot's base: gravity becomes `Rᵀ g`.
         turn: DVec3,
     },
     /// A mass at the flange that the arm does not include.
@@ -84,12 +84,12 @@ pub enum Contribution {
         /// First moment `m c` with `c` the centre at the zero configuration, base frame, kg m.
         first_moment: DVec3,
     },
-    /// Errors of the force sensor, tool axes: truth `= R(turn) (reading − bias) / (1 + scale)`,
+    /// Errors of the force sensor, tool axes: actual `= R(turn) (measured − bias) / (1 + scale)`,
     /// axis by axis.
     Sensor {
-        /// Additive error of the reading.
+        /// Additive error.
         bias: Wrench,
-        /// Relative error of the reading.
+        /// Relative error.
         scale: Wrench,
         /// Rotation vector of the sensor's mounting, rad.
         turn: DVec3,
@@ -102,7 +102,7 @@ pub enum Contribution {
         /// The term, positive in the joint's positive sense.
         term: DriveTerm,
     },
-    /// A change of the force of a cut, or of its reading; [`crate::CutForce`] adds these up.
+    /// A change of the force of a cut, or of the measured force; [`crate::CutForce`] adds these up.
     ToolForce(ForceTerm),
 }
 

@@ -1,7 +1,7 @@
 //! Inverse dynamics of a rigid arm, and its regressor matrix in the inertial parameters of the bodies.
 //!
 //! `τ = M q̈ + C q̇ + ∂V/∂q − JᵀW`: minus the loads of [`crate::loads`], whose Newton-Euler recursions are there and in `inertia`.
-//! It is linear in ten numbers of each body, so `τ + JᵀW = Σ Y_k p_k`. Source: Atkeson, An and Hollerbach, 1986.
+//! It is linear in ten parameters of each body, so `τ + JᵀW = Σ Y_k p_k`. Source: Atkeson, An and Hollerbach, 1986.
 //!
 //! Parameters are defined as for a link of the model: base frame, zero configuration; the regressor
 //! times the arm's parameters is [`inverse_dynamics`] without a wrench. Which parameters are

@@ -72,7 +72,7 @@ macro_rules! effects {
             $(pub mod $drive;)+
         }
 
-        /// Cutting forces and their readings. These effects do not move the tool.
+        /// Cutting forces and their measurement. These effects do not move the tool.
         pub mod cutting {
             $(pub mod $cut;)+
         }
@@ -97,7 +97,7 @@ macro_rules! effects {
         /// Specs of all effects on drive torques.
         pub static DRIVES: &[Spec] = &[$(drives::$drive::$Drive::SPEC),+];
 
-        /// Specs of all effects on the force of a cut, or on its reading.
+        /// Specs of all effects on the force of a cut, or on its measurement.
         pub static CUTTING: &[Spec] = &[$(cutting::$cut::$Cut::SPEC),+];
 
         impl AnyEffect {

@@ -91,7 +91,7 @@ impl LoadChange {
         }
     }
 
-    /// The actual wrench for the sensor's reading `read`; both about the TCP, base axes.
+    /// The actual wrench for the measured one `read`; both about the TCP, base axes.
     fn truth(&self, read: Wrench, base_from_tool: &DMat3) -> Wrench {
         let untouched = self.sensor_bias == Wrench::ZERO && self.sensor_scale == Wrench::ZERO;
         if untouched && self.sensor_turn == DVec3::ZERO {
@@ -116,7 +116,7 @@ impl Loads {
         Self::changed(arm, chain, wrench, &LoadChange::default())
     }
 
-    /// The same, with the changes by effects; `wrench` is then the sensor's reading.
+    /// The same, with the changes by effects; `wrench` is then the measured one.
     pub fn changed(arm: &Arm, chain: &Chain, wrench: Wrench, change: &LoadChange) -> Self {
         let mut loads = Self::default();
         widest(arm.count(), Carry { loads: &mut loads, arm, chain, wrench, change });

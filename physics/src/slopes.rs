@@ -3,7 +3,7 @@
 //!
 //! Loads of gravity and wrench depend on the motion of the masses and of the TCP with each joint. A
 //! step rotates these motions by all joints up to theirs, and the joints beyond shift the moved
-//! masses. Memory, temperatures and readings of the sensor are constant.
+//! masses. Memory, temperatures and sensor values are constant.
 //!
 //! Exact if [`Told::is_whole`], verified by the conformance suite. Deviations of links, axes and
 //! tool are not included.

@@ -85,7 +85,7 @@ impl Robot {
         self.model.evaluate(&inputs, &self.memories).real.base_from_tool
     }
 
-    /// Encoder readings: joint positions on the motors' side, rad or m.
+    /// Encoder positions: joint positions on the motors' side, rad or m.
     pub const fn encoders(&self) -> &Joints {
         &self.inputs.q
     }

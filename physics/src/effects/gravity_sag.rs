@@ -1,6 +1,6 @@
 //! Joint deflection under gravity with unknown masses of the carried bodies.
 //!
-//! `δθᵢ = eᵢ · Σ_{k≥i} (R_k s_k × ĝ)`    `s_k`: three numbers of `sag` for each body that the joint carries, its own first,
+//! `δθᵢ = eᵢ · Σ_{k≥i} (R_k s_k × ĝ)`    `s_k`: three values of `sag` for each body that the joint carries, its own first,
 //! rad (compliance times mass times lever times g, zero configuration, base axes) · `R_k`: rotation of body k from the zero configuration ·
 //! eᵢ: the axis now · ĝ: unit gravity. Source: docs/reference/effects.md; thesis 3.10. Linear. Some of the parameters
 //! are not identifiable (components along an axis, bodies whose joint never moves): rank deficiency in a fit.

@@ -1,6 +1,6 @@
 //! Bias of the force sensor.
 //!
-//! `truth = reading − b`    b: `bias`, N and Nm, three numbers each, sensor axes, which are taken as the tool's; either may be missing
+//! `actual = measured − b`    b: `bias`, N and Nm, three values each, sensor axes, which are taken as the tool's; either may be missing
 //! and is then zero. Source: docs/reference/effects.md. With `wrench_scale` and `wrench_misalignment` it combines as
 //! described at [`Contribution::Sensor`]. It acts on the tool only through compliances.
 

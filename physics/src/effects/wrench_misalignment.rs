@@ -1,6 +1,6 @@
 //! Misalignment of the force sensor.
 //!
-//! `truth = R(t) reading`, forces and moments alike    t: `turn`, rotation vector, rad, sensor axes, which are taken as the tool's; about the
+//! `actual = R(t) measured`, forces and moments alike    t: `turn`, rotation vector, rad, sensor axes, which are taken as the tool's; about the
 //! TCP. Source: docs/reference/effects.md. It combines as described at [`Contribution::Sensor`] and acts on the tool only through compliances.
 
 use crate::deviation::Contribution;

@@ -1,6 +1,6 @@
 //! Scale error of the force sensor.
 //!
-//! `reading = (1 + s) truth + bias`, axis by axis    s: `scale`, six numbers (forces, then moments), sensor axes, which are taken as the
+//! `measured = (1 + s) actual + bias`, axis by axis    s: `scale`, six values (forces, then moments), sensor axes, which are taken as the
 //! tool's; above −0.5 and below 1, since a larger error means a defective sensor. Source: docs/reference/effects.md. It combines as
 //! described at [`Contribution::Sensor`] and acts on the tool only through compliances.
 

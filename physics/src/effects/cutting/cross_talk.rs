@@ -1,6 +1,6 @@
 //! Cross-talk between the channels of a dynamometer.
 //!
-//! `reading += M F`    M: `matrix`, nine numbers, row by row; a row is a channel, a column the axis that leaks into it.
+//! `measured += M F`    M: `matrix`, nine values, row by row; a row is a channel, a column the axis that leaks into it.
 //! Source: docs/reference/effects.md. The diagonal acts as a scale. Before scale and bias of the sensor. Memoryless.
 
 use crate::cut::ForceTerm;
