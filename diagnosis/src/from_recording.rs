@@ -1,7 +1,7 @@
 //! Converts recordings of a robot to a campaign.
 //!
 //! Each recording has its own measuring frame, or one per `station`; a target number denotes the same target in all recordings. Rows without
-//! measurement give no measurements, but effects with memory include them.
+//! measurement become poses without observations, which effects with memory need.
 //!
 //! Nothing is omitted silently; noise that is not stated is estimated. No file is accessed.
 

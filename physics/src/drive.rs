@@ -1,7 +1,8 @@
 //! Drive torques and their recorded values: rigid-body dynamics and contributions of effects.
 //!
 //! The recorded value is `(1 + g) (τ + Σ)`, with τ of [`crate::dynamics`] including effects on the loads, and Σ of friction, springs and
-//! ripple. Viscous friction is kept separately in the sum because it depends on temperature; springs provide their rest position, from which hardening is computed.
+//! ripple. Viscous friction is kept separately in the sum because it depends on temperature; springs provide their rest position, from which
+//! hardening is computed.
 //!
 //! Invariants: [`Model::drive`] of a model without effects is
 //! [`crate::dynamics::inverse_dynamics`]; effects add up in any order; [`Model::drive_slopes`] are

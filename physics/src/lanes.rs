@@ -1,7 +1,7 @@
 //! SIMD with four lanes, selected at run time.
 //!
-//! A kernel is written once over [`Lanes`] and compiled twice: for AVX2 with fused multiply-add, where the processor has them, and for any other. The four lanes
-//! are the three coordinates of a vector (one unused), or one coordinate of four joints.
+//! A kernel is written once over [`Lanes`] and compiled twice: for AVX2 with fused multiply-add, where the processor has them, and for any other. The
+//! four lanes are the three coordinates of a vector (one unused), or one coordinate of four joints.
 //!
 //! The selection is always the same on one machine, so that the same inputs give the same bits;
 //! selections differ by rounding. No access to memory.

@@ -29,8 +29,8 @@ pub struct ForceColumns {
     pub left_out: Vec<String>,
 }
 
-/// Replaces the measured forces of a recording by those of the cut that its `[cut]` describes; nothing without one. `model` has the effects of cutter and
-/// sensor; `noise`: standard deviation, N.
+/// Replaces the measured forces of a recording by those of the cut that its `[cut]` describes; nothing without one. `model` has the effects of cutter
+/// and sensor; `noise`: standard deviation, N.
 ///
 /// ```
 /// use recording::model::RobotModel;

@@ -1,7 +1,7 @@
 //! Chatter: a self-excited force oscillation near a mode of tool, workpiece or robot during the cut.
 //!
-//! `F_y += A sin(2π f t)` in the cut    A: `amplitude`, N, ≥ 0 · f: `frequency`, Hz, > 0 · t: since the segment began · y: perpendicular to the feed, the direction of
-//! chip regeneration. Source: docs/reference/effects.md. A steady limit cycle; its growth is not modelled. Memoryless.
+//! `F_y += A sin(2π f t)` in the cut    A: `amplitude`, N, ≥ 0 · f: `frequency`, Hz, > 0 · t: since the segment began · y: perpendicular to the feed,
+//! the direction of chip regeneration. Source: docs/reference/effects.md. A steady limit cycle; its growth is not modelled. Memoryless.
 
 use crate::cut::ForceTerm;
 use crate::deviation::Contribution;

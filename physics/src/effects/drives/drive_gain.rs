@@ -1,7 +1,7 @@
 //! Gain error of the recorded drive torque.
 //!
-//! The recorded torque is `1 + g` times the actual one    g: `gain`. Source: docs/reference/effects.md. With free masses a gain common to all joints is
-//! indistinguishable from them. Memoryless.
+//! The recorded torque is `1 + g` times the actual one    g: `gain`. Source: docs/reference/effects.md. With free masses a gain common to all joints
+//! is indistinguishable from them. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;

@@ -1,7 +1,7 @@
 //! Temperature dependence of viscous friction (lubricant viscosity).
 //!
-//! The joint's viscous friction times `exp(−k (T − T₀))`    k: `per_K`, 1/K · T₀: `reference`, °C, 20 unless given · T: the joint's own temperature, or
-//! the ambient one; no effect if unknown (NaN). Source: docs/reference/effects.md; the law is Reynolds', 1886. Memoryless.
+//! The joint's viscous friction times `exp(−k (T − T₀))`    k: `per_K`, 1/K · T₀: `reference`, °C, 20 unless given · T: the joint's own temperature,
+//! or the ambient one; no effect if unknown (NaN). Source: docs/reference/effects.md; the law is Reynolds', 1886. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;

@@ -1,8 +1,8 @@
 //! Unmodelled gravity torque.
 //!
-//! `τ = c cos q + s sin q`    c, s: `cos`, `sin`, Nm or N, of the joint alone; or, for arms, the unknown first moment `m` of the body that the joint moves:
-//! `first_moment`, three numbers, kg m, base axes, zero configuration: then each revolute joint up to this one carries `g × R m`, R how the body is turned.
-//! Source: docs/reference/effects.md. A first moment without a mass has no effect on prismatic joints. Memoryless.
+//! `τ = c cos q + s sin q`    c, s: `cos`, `sin`, Nm or N, of the joint alone; or, for arms, the unknown first moment `m` of the body that the joint
+//! moves: `first_moment`, three numbers, kg m, base axes, zero configuration: then each revolute joint up to this one carries `g × R m`, R how the
+//! body is turned. Source: docs/reference/effects.md. A first moment without a mass has no effect on prismatic joints. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;

@@ -1,7 +1,7 @@
 //! Unmodelled inertia of a joint: a motor's rotor behind its gear, a mass on a slide.
 //!
-//! `τ = J a`    J: `inertia`, kg m² (revolute) or `mass`, kg (prismatic), negative if the model's value is too large. Source: docs/reference/effects.md.
-//! It acts on its own joint only. Memoryless.
+//! `τ = J a`    J: `inertia`, kg m² (revolute) or `mass`, kg (prismatic), negative if the model's value is too large. Source:
+//! docs/reference/effects.md. It acts on its own joint only. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;

@@ -1,7 +1,7 @@
 //! A spring between a joint's link and its predecessor.
 //!
-//! `τ = K (q − q₀)`    K: `stiffness`, Nm/rad or N/m · q₀: `rest_position`, rad or m. Source: docs/reference/effects.md. Far from its rest position it is a constant
-//! plus a slope. `spring_hardening` adds to it. Memoryless.
+//! `τ = K (q − q₀)`    K: `stiffness`, Nm/rad or N/m · q₀: `rest_position`, rad or m. Source: docs/reference/effects.md. Far from its rest position
+//! it is a constant plus a slope. `spring_hardening` adds to it. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;

@@ -1,7 +1,7 @@
 //! A spring that stiffens, or softens, as it is stretched.
 //!
-//! `τ = K₃ (q − q₀)³`    K₃: `cubic_stiffness`, Nm/rad³ or N/m³ · q₀: the rest position of the joint's `spring`, 0 where it has none. Source: docs/reference/effects.md;
-//! Duffing, 1918. Memoryless.
+//! `τ = K₃ (q − q₀)³`    K₃: `cubic_stiffness`, Nm/rad³ or N/m³ · q₀: the rest position of the joint's `spring`, 0 where it has none. Source:
+//! docs/reference/effects.md; Duffing, 1918. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;

@@ -1,8 +1,8 @@
 //! Hysteresis of the drive torque, building up over a distance after each reversal.
 //!
-//! `τ = z`, `dz/d|q| = −(z − (h/2) sign(dq))/s`    h: `amplitude_N` (`amplitude_Nm`), Nm or N, ≥ 0 · s: `reversal`, rad or m, > 0 · dq: the joint's motion.
-//! Source: docs/reference/effects.md; the law is Dahl's, 1968. Rate-independent. With a distance below the step of the data it is indistinguishable from
-//! `coulomb_friction`; unlike that one it persists at rest.
+//! `τ = z`, `dz/d|q| = −(z − (h/2) sign(dq))/s`    h: `amplitude_N` (`amplitude_Nm`), Nm or N, ≥ 0 · s: `reversal`, rad or m, > 0 · dq: the joint's
+//! motion. Source: docs/reference/effects.md; the law is Dahl's, 1968. Rate-independent. With a distance below the step of the data it is
+//! indistinguishable from `coulomb_friction`; unlike that one it persists at rest.
 //!
 //! Memory: that of [`super::super::hysteresis`], whose position lags as this force resists: `z = −h u`.
 

@@ -1,7 +1,7 @@
 //! Periodic torque: motor cogging, gear ripple.
 //!
-//! `τ = A sin(n q + φ)`    A: `amplitude`, Nm or N · n: `cycles` per revolution of the joint, > 0 (prismatic: per metre, as `transmission_error` has it) ·
-//! φ: `phase`, rad. Source: docs/reference/effects.md. Memoryless.
+//! `τ = A sin(n q + φ)`    A: `amplitude`, Nm or N · n: `cycles` per revolution of the joint, > 0 (prismatic: per metre, as `transmission_error` has
+//! it) · φ: `phase`, rad. Source: docs/reference/effects.md. Memoryless.
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
