@@ -8,8 +8,8 @@ use glam::DVec3;
 use physics::{AnyEffect, Arm, Evaluation, Given, JointKind, Loads, Memories, Model};
 use std::f64::consts::TAU;
 
-/// Identifiable shape parameters of a spring: its angle, and the ratio of second to first harmonic. To first order in `a/L` the moment is `k a L ((1
-/// - s0/L) sin + (s0 a / 2 L²) sin 2)`: free length and fixed pivot are confounded.
+/// Identifiable shape parameters of a spring: its angle, and the ratio of second to first harmonic. To first order in `a/L` the moment is
+/// `k a L ((1 - s0/L) sin + (s0 a / 2 L²) sin 2)`: free length and fixed pivot are confounded.
 pub(super) const SHAPE: usize = 2;
 /// Joint loads below this are zero up to rounding, as for a vertical axis, Nm or N.
 const ROUNDING: f64 = 1e-6;
