@@ -99,7 +99,7 @@ impl Noise {
             let outlier = chance.happens(self.outliers);
             let away = self.sigma * chance.between(15.0, 60.0);
             if missing == 0 && chance.happens(self.gaps / 3.0) {
-                // Gaps have about three to five rows; the probability of a beginning is reduced so that the fraction of missing rows is kept.
+                // A gap has one to five rows, three on average: hence a third of the fraction as probability of its beginning.
                 missing = 1 + chance.pick(5);
             }
             for (value, memory) in values.iter_mut().zip(&mut memory) {

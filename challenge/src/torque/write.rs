@@ -41,7 +41,7 @@ pub fn about() -> String {
     "schema = \"trued.recording/1\"\nmodel = \"model.toml\"\n".to_owned()
 }
 
-/// Rows at rest before each run of a [`command`] that begins at rest, so that numerical differentiation sees the beginning of the motion.
+/// Rows at rest before each run of a [`command`], so that numerical differentiation sees where the motion begins.
 const BEFORE: usize = 8;
 
 /// Indices of the rows of a [`command`] that are those of the motion.

@@ -255,7 +255,7 @@ fn a_wave_is_found_from_the_opposite_phase() {
     }
 }
 
-/// Three link-side encoders; that of joint 2 is off by forty times the noise, with a sign that depends on the direction of approach.
+/// Three link-side encoders; that of joint 2 is off by plus or minus twenty times the noise, alternating every five poses.
 fn with_play() -> Campaign {
     const NOISE_RAD: f64 = 1e-5;
     let mut campaign = empty(0, 120);
