@@ -296,10 +296,11 @@ fn finish(
     let given = held.beside(&Hypothesis::fixed(*model), &last);
     let fitted = Fitted::new(&campaign, &last, &settings);
     let (before, after) = (held.rms(&given), held.rms(&last));
-    // A smooth function that does not reduce the error on the test set is not reported.
+    // A smooth function is reported only if it reduces the error on the test set, by as much as is required of the validation set.
     let rest = law.and_then(|law| {
         let [without, with] = law.on(&fitted, words, &held_out);
-        (with < without).then(|| Unexplained {
+        let is_supported = law.is_supported(last.design_effect, [without, with]);
+        (is_supported && with < without).then(|| Unexplained {
             depends_on: law.depends_on(words),
             joint: law.joint,
             heldout: [after, after * (with / without).sqrt()],

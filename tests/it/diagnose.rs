@@ -13,6 +13,7 @@ use trued_client::Client;
 
 use tests::chance::Chance;
 
+use crate::pages;
 use crate::program::{Done, Place, signal};
 use crate::reload::{beside, status};
 
@@ -237,6 +238,19 @@ fn where_nothing_is_missing_nothing_is_found_and_the_same_seed_gives_the_same_by
     diagnosed(&place, "seen.csv");
     assert_eq!(place.read("said/diagnosis.json"), first);
     assert_eq!(place.read("said/report.html"), page);
+}
+
+#[test]
+fn a_model_is_consistent_with_the_recording_that_it_was_calibrated_from_whatever_rows_are_held_out()
+{
+    let place = Place::new();
+    pages::calibrate(&place);
+    for seed in ["1", "2", "3", "4", "5", "6", "7"] {
+        let out = ["--out", "said", "--seed", seed, "measured.csv"];
+        place.run(&[&["diagnose", "--model", "calibrated.toml"], &out[..]].concat());
+        let said = place.json("said/diagnosis.json");
+        assert_eq!(said["verdict"], "consistent", "seed {seed}: {}", said["unexplained"]);
+    }
 }
 
 #[test]

@@ -44,8 +44,8 @@ fn browser() -> Result<String, String> {
     if path.is_empty() { Err("no Chromium".to_owned()) } else { Ok(path) }
 }
 
-/// A planned campaign of a simulated robot: its poses, a calibration, a diagnosis.
-fn measure(place: &Place) {
+/// A planned campaign of a simulated robot and a calibration: `measured.csv`, `calibrated.toml`.
+pub(crate) fn calibrate(place: &Place) {
     let plan = "--instrument 3500,-1500,1000 --target 50,0,100,0,0,1 --target=-50,0,100,0,0,1 \
                 --target 0,60,80,0,0,1 --sigma-mm 0.03 --seed 1 --out poses";
     let words: Vec<&str> = plan.split_whitespace().collect();
@@ -59,12 +59,12 @@ fn measure(place: &Place) {
     let calibrate = ["calibrate", "--model", MODEL, "--seed", "1", "--out", "calibrated.toml"];
     let report = ["--report", "calibrate.html", "measured.csv"];
     place.succeed(&[&calibrate[..], &report].concat());
-    place.run(&["diagnose", "--model", MODEL, "--out", "diagnosis", "measured.csv"]);
 }
 
 /// Pages of all commands that make one of files, in the folder.
 fn make_pages(place: &Place) {
-    measure(place);
+    calibrate(place);
+    place.run(&["diagnose", "--model", MODEL, "--out", "diagnosis", "measured.csv"]);
     place.file("cut.csv", &spectrum::geared_cut().csv());
     place.succeed(&["spectrum", "--model", INDIVIDUAL, "--report", "spectrum.html", "cut.csv"]);
     place.file("profile.csv", &surface::profile("x_um,z_um\n", |i, z| format!("{i},{z:.6}")));

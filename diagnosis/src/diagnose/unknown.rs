@@ -106,9 +106,8 @@ fn borne_out_by(fitted: &Fitted<'_>, words: &[Word], kept: &[bool], law: Law) ->
     if !kept.contains(&true) {
         return Some(law);
     }
-    let [without, with] = law.on(fitted, words, kept);
-    let gain = 0.5 * (without - with) / fitted.fit.design_effect;
-    (validation_margin(0.5 * law.worth, gain) > 0.0).then_some(law)
+    let sums = law.on(fitted, words, kept);
+    law.is_supported(fitted.fit.design_effect, sums).then_some(law)
 }
 
 /// A smooth function that improves the criterion more than all selected effects do, or more than the minor ones do beside the others. In the first
@@ -309,6 +308,13 @@ impl Law {
         let mut names: Vec<String> = all.map(|word| words[*word].name.clone()).collect();
         names.dedup();
         names
+    }
+
+    /// Whether rows outside the fit support it: the gain in log-likelihood there, from their sums of squares without it and with it, must be what selection
+    /// and validation together require.
+    pub(super) fn is_supported(&self, design_effect: f64, [without, with]: [f64; 2]) -> bool {
+        let gain = 0.5 * (without - with) / design_effect;
+        validation_margin(0.5 * self.worth, gain) > 0.0
     }
 
     /// Tool displacement by it at a pose.
