@@ -11,7 +11,7 @@ use super::channel::{Channel, Column, FileUnits, joint_kind_of};
 use super::clock::Clock;
 use super::need::lacking;
 use super::table::RawTable;
-use super::{Need, Recording};
+use super::{Need, Recording, suffix};
 use crate::faults::{Fault, Faults, nearest};
 use crate::unit::Unit;
 
@@ -135,6 +135,17 @@ impl<'t, 's> Builder<'t, 's> {
         self.other.push((name, cells));
     }
 
+    /// The names of the columns that are not ours.
+    pub(super) fn kept(&self) -> impl Iterator<Item = &str> {
+        self.other.iter().map(|(name, _)| name.as_str())
+    }
+
+    /// A fault of the name of a column that is not ours.
+    pub(super) fn kept_fault(&mut self, name: &str, fault: Fault) {
+        let from = self.table.header.iter().position(|known| known == name);
+        self.header_fault(from, fault);
+    }
+
     fn take_segment(&mut self, from: Option<usize>, values: &[f64]) {
         if let Some(row) = values.iter().position(|value| !is_whole(*value)) {
             let fault = Fault::new("segment", "is not a whole number").expected("a whole number");
@@ -223,7 +234,8 @@ impl<'t, 's> Builder<'t, 's> {
         self.judge_about(&about);
         self.judge_gauges(&about.gauges);
         let mut notes = self.table.notes.clone();
-        notes.extend(unknown_columns(&self.other));
+        notes.extend(suffix::note(self.kept()));
+        notes.extend(unknown_columns(self.kept()));
         let name = |source: &Source| self.table.header.get(source.from?).cloned();
         let names = self.sources.iter().filter_map(|(c, source)| Some((*c, name(source)?)));
         let names = names.collect();
@@ -327,6 +339,7 @@ impl<'t, 's> Builder<'t, 's> {
             let fault = Fault::new("ow, ox, oy, oz", "incomplete quaternion");
             self.faults.push(fault.expected("all four parts of a quaternion"));
         }
+        self.judge_suffixes(need);
         if let Some(fault) = lacking(&self.columns, need) {
             self.faults.push(fault);
         }
@@ -366,8 +379,8 @@ fn is_whole(value: f64) -> bool {
     value.fract() == 0.0 && value.abs() < 9e15
 }
 
-/// One warning for all columns that are not ours.
-fn unknown_columns(other: &[(String, Vec<String>)]) -> Option<String> {
-    let names: Vec<&str> = other.iter().map(|(name, _)| name.as_str()).collect();
+/// One warning for all columns that are not ours and do not look like it.
+fn unknown_columns<'n>(other: impl Iterator<Item = &'n str>) -> Option<String> {
+    let names: Vec<&str> = other.filter(|name| Channel::misnamed(name).is_none()).collect();
     (!names.is_empty()).then(|| format!("unused columns: {}", names.join(", ")))
 }

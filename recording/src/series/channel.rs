@@ -177,6 +177,19 @@ impl Channel {
         Unit::named(name)
     }
 
+    /// The quantity in front of a suffix that is none of its units (`q1_grad`, `x_status`), with the suffix.
+    pub(crate) fn misnamed(name: &str) -> Option<(Self, &str)> {
+        if Column::named(name) != Ok(Column::Unknown) {
+            return None;
+        }
+        let mut underscores = name.rmatch_indices('_');
+        underscores.find_map(|(at, _)| {
+            let channel = Self::with_base(name.get(..at)?)?;
+            let suffix = name.get(at + 1..).filter(|suffix| !suffix.is_empty())?;
+            (!channel.units().is_empty()).then_some((channel, suffix))
+        })
+    }
+
     /// The whole name of this column in a file.
     #[must_use]
     pub fn name(self, unit: Option<Unit>) -> String {
@@ -248,7 +261,7 @@ fn index(number: &str, limit: usize) -> Option<usize> {
 
 impl Column {
     /// The meaning of a column name. `Err` with the expectation if the name is known and its unit
-    /// is not.
+    /// does not fit. A suffix that is no unit of ours: [`Channel::misnamed`].
     pub(crate) fn named(name: &str) -> Result<Self, String> {
         match name {
             "t_s" => return Ok(Self::Time),
@@ -275,7 +288,8 @@ impl Column {
     }
 }
 
-fn expected_names(channel: Channel, units: &[&str]) -> String {
+/// The names that a quantity may have: `q1_deg` or `q1_rad`.
+pub(super) fn expected_names(channel: Channel, units: &[&str]) -> String {
     let base = channel.base();
     if units.is_empty() {
         return format!("`{base}`, without a unit");
@@ -332,6 +346,26 @@ mod tests {
                     assert_eq!(Column::named(&name), Ok(Column::Channel(channel, unit)), "{name}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_quantity_is_recognised_before_any_suffix_that_is_no_unit_of_ours() {
+        let found =
+            |name| Channel::misnamed(name).map(|(channel, suffix)| (channel.base(), suffix));
+        for (name, base, suffix) in [
+            ("q1_grad", "q1", "grad"),
+            ("ql12_rads", "ql12", "rads"),
+            ("target2_x_inch", "target2_x", "inch"),
+            ("tilt_x_arc_min", "tilt_x", "arc_min"),
+            ("fx_lbf", "fx", "lbf"),
+            ("x_status", "x", "status"),
+        ] {
+            assert_eq!(found(name), Some((base.to_owned(), suffix)), "{name}");
+        }
+        for other in ["q1_deg", "fx_kN", "q1", "q0_grad", "status", "d1_left", "x_", "q1grad", "_x"]
+        {
+            assert_eq!(found(other), None, "{other}");
         }
     }
 

@@ -23,6 +23,7 @@ mod places;
 mod rows;
 mod rowwise;
 mod separator;
+mod suffix;
 mod table;
 mod table_end;
 #[cfg(test)]

@@ -52,7 +52,9 @@ pub(super) fn waves(recording: Recording, options: &Options) -> Result<Waves, Fa
         channels.extend(found);
     }
     let mut notes: Vec<String> = recording.notes.clone();
-    notes.retain(|note| !note.starts_with("unused columns"));
+    notes.retain(|note| {
+        !note.starts_with("unused columns") && !note.starts_with("not read as a quantity")
+    });
     let beside = own
         .iter()
         .filter_map(|channel| Some((*channel, recording.column(*channel)?.to_vec())))
