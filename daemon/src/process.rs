@@ -5,7 +5,7 @@
 
 use crate::exchange::Exchange;
 use crate::setup;
-use crate::travel::{Motion, Travel, wheels};
+use crate::travel::{Motion, Travel};
 use recording::cell::CellConfig;
 use recording::model::RobotModel;
 use recording::series::Frame;
@@ -129,7 +129,9 @@ impl Process {
         self.state = self.known(motion.as_ref());
         let mut known =
             MonitorInputs { state: self.state, wheels: [None; WHEELS_MAX], modes: self.modes };
-        let turning = motion.map_or_else(Vec::new, |m| wheels(&model.file, &m.turns_per_mm));
+        let turning = motion.map_or_else(Vec::new, |motion| {
+            model.file.gear_cycles(&motion.turns_per_mm, Wheel::new).collect()
+        });
         // Verdicts name shafts: only their rotations are monitored, not their teeth.
         let shafts = turning.into_iter().filter(|wheel| wheel.teeth == 1);
         for (place, wheel) in known.wheels.iter_mut().zip(shafts) {

@@ -5,8 +5,6 @@
 //! thread.
 
 use physics::{Arm, Chain, JOINTS_MAX, JointKind, Joints};
-use recording::model::{GearCycles, ModelFile};
-use spectrum::Wheel;
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
@@ -100,18 +98,6 @@ impl Travel {
         }
         Some(Motion { feed_mm_s, turns_per_mm })
     }
-}
-
-/// Rotation of the gear trains along the path, as the vibration monitor takes it; `turns_per_mm` are those of
-/// the joints.
-pub fn wheels(model: &ModelFile, turns_per_mm: &[f64]) -> Vec<Wheel> {
-    let wheel = |cycles: GearCycles| Wheel {
-        joint: cycles.joint,
-        shaft: cycles.shaft,
-        teeth: cycles.teeth,
-        cycles_per_mm: cycles.per_mm,
-    };
-    model.gear_cycles(turns_per_mm).map(wheel).collect()
 }
 
 #[cfg(test)]

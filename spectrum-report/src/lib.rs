@@ -16,6 +16,5 @@ pub mod stability;
 pub mod surface;
 pub mod tap;
 pub mod vibration;
-mod wheels;
 
 pub use error::Error;

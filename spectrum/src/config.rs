@@ -43,6 +43,14 @@ pub struct Wheel {
     pub cycles_per_mm: f64,
 }
 
+impl Wheel {
+    /// The fields in their order.
+    #[must_use]
+    pub const fn new(joint: u8, shaft: u8, teeth: u32, cycles_per_mm: f64) -> Self {
+        Self { joint, shaft, teeth, cycles_per_mm }
+    }
+}
+
 /// `joint 1, shaft 2`; `joint 1, 10 teeth of shaft 1`.
 impl std::fmt::Display for Wheel {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

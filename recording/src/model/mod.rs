@@ -24,7 +24,6 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 pub use build::SiParameter;
-pub use gears::GearCycles;
 pub use identity::{Identity, ROBOT_NAME_BYTES_MAX, RobotEntry};
 #[cfg(feature = "schema")]
 pub(crate) use kinds::Kind as EffectKind;

@@ -6,7 +6,6 @@ use spectrum::Wheel;
 
 use super::path::{TravelledPath, Turns};
 use crate::error::Error;
-use crate::wheels;
 
 /// A joint that turns less counts as stationary, rev/mm.
 const STATIONARY_PER_MM: f64 = 1e-9;
@@ -81,7 +80,7 @@ pub(super) fn of(
             joint,
             turns_per_mm: whole.mean,
             stages: entry.gear_teeth.clone(),
-            wheels: wheels::of(model, &turning),
+            wheels: model.gear_cycles(&turning, Wheel::new).collect(),
             range: [whole.least, whole.most].map(|value| value / whole.mean),
             parts: travelled.parts.iter().map(|p| part(&p.turns[at])).collect(),
         });

@@ -149,7 +149,7 @@ impl Wheels {
                 *turns = turns_per_mm;
             }
         }
-        wheels.list = crate::wheels::of(&model.file, &turning);
+        wheels.list = model.file.gear_cycles(&turning, Wheel::new).collect();
         wheels
     }
 }
