@@ -88,7 +88,7 @@ impl Watch {
         News { seen, verdicts }
     }
 
-    fn see(&self, seen: Seen) {
+    pub(crate) fn see(&self, seen: Seen) {
         let mut known = self.known();
         known.number += 1;
         known.seen = Some(Arc::new(seen));

@@ -161,6 +161,7 @@ fn follow(
 
 fn send_events(to: &mut impl Write, watch: &Watch, stop: &AtomicBool) -> io::Result<()> {
     let mut reader = Reader::default();
+    let mut drawn = String::new();
     to.write_all(EVENTS.as_bytes())?;
     to.flush()?;
     while !stop.load(Relaxed) {
@@ -173,7 +174,11 @@ fn send_events(to: &mut impl Write, watch: &Watch, stop: &AtomicBool) -> io::Res
             Some(seen) => {
                 if let Some(robot) = &seen.robot {
                     let drawing = serde_json::to_string(robot).unwrap_or_default();
-                    write!(to, "event: robot\ndata: {drawing}\n\n")?;
+                    // A robot at rest is drawn once for each reader, however often the status comes.
+                    if drawing != drawn {
+                        write!(to, "event: robot\ndata: {drawing}\n\n")?;
+                        drawn = drawing;
+                    }
                 }
                 write!(to, "data: {}\n\n", json(&seen.report))?;
             }
@@ -182,4 +187,57 @@ fn send_events(to: &mut impl Write, watch: &Watch, stop: &AtomicBool) -> io::Res
         to.flush()?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::Drawing;
+    use crate::watch::Seen;
+    use shm_schema::Status;
+
+    /// Publishes the next state when the events so far were sent; ends after the last one.
+    struct Page<'a> {
+        watch: &'a Watch,
+        stop: &'a AtomicBool,
+        shifts_mm: Vec<f64>,
+        text: String,
+    }
+
+    impl Write for Page<'_> {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.text += &String::from_utf8_lossy(bytes);
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            match self.shifts_mm.pop() {
+                Some(x) => self.watch.see(state(x)),
+                None => self.stop.store(true, Relaxed),
+            }
+            Ok(())
+        }
+    }
+
+    fn state(x: f64) -> Seen {
+        let status = Status::default();
+        let report = Report::of("cell", &status, None);
+        let robot =
+            Drawing::Arm { points_mm: vec![[0.0; 3]], shift_mm: [x, 0.0, 0.0], reach_mm: 1.0 };
+        Seen { report, status, robot: Some(robot) }
+    }
+
+    #[test]
+    fn a_drawing_is_sent_to_each_reader_at_once_and_again_when_it_has_changed() {
+        let watch = Watch::default();
+        watch.see(state(1.0));
+        for _ in 0..2 {
+            let stop = AtomicBool::new(false);
+            let shifts_mm = vec![1.0, 2.0, 2.0, 1.0, 1.0];
+            let mut page = Page { watch: &watch, stop: &stop, shifts_mm, text: String::new() };
+            send_events(&mut page, &watch, &stop).expect("written");
+            assert_eq!(page.text.matches("event: robot").count(), 3, "{}", page.text);
+            assert_eq!(page.text.matches("\ndata: {\"").count(), 3 + 5, "{}", page.text);
+        }
+    }
 }
