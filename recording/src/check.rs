@@ -4,6 +4,7 @@
 //! limits of the daemon, a manifest with its models) make their [`Findings`] elsewhere.
 
 mod columns;
+mod other;
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +15,7 @@ use crate::bridge::{self, EgmConfig, RsiConfig};
 use crate::cut::{self, CutFile};
 use crate::faults::{Fault, Faults};
 use crate::files::{FileError, read_text};
-use crate::mapping::Mapping;
+use crate::mapping::{Mapping, mapping_path};
 use crate::model::RobotModel;
 use crate::series::{self, About, Channel, Kind, Need, Recording};
 
@@ -68,7 +69,8 @@ struct FaultReport {
     help: String,
 }
 
-/// Checks a file of this crate's formats: a TOML by its `schema`, others as recordings.
+/// Checks a file of this crate's formats: a TOML by its `schema`, a table as recording, a URDF and waveforms of
+/// instruments by their readers.
 ///
 /// `mapping`: how a recording is read, if not by the mapping beside it; `model`: the robot that recordings have to fit.
 ///
@@ -87,6 +89,11 @@ pub fn file(
     model: Option<&RobotModel>,
 ) -> Result<Findings, FileError> {
     if !is_toml(path) {
+        // With a mapping, any text is a table.
+        let beside = mapping.is_some() || mapping_path(path).is_file();
+        if !beside && let Some(findings) = other::file(path)? {
+            return Ok(findings);
+        }
         let mut findings = Findings { kind: "recording", ..Findings::default() };
         findings.take(read_recording(path, mapping, model), Findings::describe_recording)?;
         return Ok(findings);
@@ -200,6 +207,12 @@ impl Report {
 }
 
 impl FileReport {
+    /// The kind of file.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        self.what
+    }
+
     /// The findings in the file `path`.
     #[must_use]
     pub fn of(path: &Path, findings: Findings) -> Self {

@@ -255,6 +255,12 @@ impl Recording {
     }
 }
 
+/// Whether a file is a recording by its name: of the daemon, or Parquet.
+pub(crate) fn is_recording_name(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default();
+    ["mcap", "parquet"].iter().any(|name| extension.eq_ignore_ascii_case(name))
+}
+
 /// Path of a recording's TOML: `NAME.toml` for `NAME.csv`.
 #[must_use]
 pub fn about_path(recording: &Path) -> PathBuf {

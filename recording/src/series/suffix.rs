@@ -1,7 +1,5 @@
 //! Columns that name a quantity of the format with a suffix that is none of its units: `q1_grad`, `x_inch`.
 
-use std::collections::{BTreeMap, BTreeSet};
-
 use super::Need;
 use super::build::Builder;
 use super::channel::{Channel, expected_names};

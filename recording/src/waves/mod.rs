@@ -190,6 +190,12 @@ pub fn read(path: &Path, options: &Options) -> Result<Waves, FileError> {
     }
     let mapped = is_mapped(path, options);
     let bytes = std::fs::read(path).map_err(FileError::io("read", path))?;
+    if options.full_scale.is_some() && (mapped || !matches!(Form::of(path, &bytes), Form::Wav)) {
+        let mut faults = Faults::of(&name);
+        let fault = Fault::new("", "is no WAV file, so that its values have no full scale");
+        faults.push(fault.help("leave out --scale; state a factor in a mapping (`scale`)"));
+        return Err(faults.into());
+    }
     if mapped || recorded::is_recording(&bytes) {
         drop(bytes);
         let recording = series::read(path, options.mapping.as_deref(), Need::Samples)?;
@@ -201,6 +207,17 @@ pub fn read(path: &Path, options: &Options) -> Result<Waves, FileError> {
 /// Whether a mapping is given, or exists in the file's folder.
 fn is_mapped(path: &Path, options: &Options) -> bool {
     options.mapping.is_some() || mapping_path(path).is_file()
+}
+
+/// The name of an instrument's format, told by the first bytes of a file; `None` for tables and for recordings.
+pub(crate) fn instrument_format(path: &Path, head: &[u8]) -> Option<&'static str> {
+    match Form::of(path, head) {
+        Form::Wav => Some("WAV"),
+        Form::Uff => Some("universal file (UFF)"),
+        Form::LabView => Some("LabVIEW measurement"),
+        Form::Foreign(_) if !series::is_recording_name(path) => Some("waveforms"),
+        Form::Foreign(_) | Form::Table => None,
+    }
 }
 
 /// Reads the waveforms of a file's content, which is no recording of the house. The path is only named.

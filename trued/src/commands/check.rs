@@ -1,4 +1,4 @@
-//! `trued check`: reports every error of configurations, models, mappings, manifests and recordings.
+//! `trued check`: reports every error of configurations, models, mappings, manifests, recordings, URDF and waveforms.
 //!
 //! Files without errors here are accepted by `trued run`, `correct` and `replay`.
 
@@ -19,7 +19,7 @@ use crate::table::on_stdout;
 
 /// Validate files and report every error: cells, models, recordings, mappings
 ///
-/// What a TOML is, its `schema` says; other files are recordings. A cell is checked with its model, a mapping `NAME.mapping.toml` with the recording
+/// What a TOML is, its `schema` says; tables are recordings; a URDF is checked as by `trued model import`, waveforms (WAV, UFF 58, .lvm) as by `trued spectrum`. A cell is checked with its model, a mapping `NAME.mapping.toml` with the recording
 /// NAME beside it, a manifest with the models, mappings and recordings that it names. The first rows of a recording are shown as they are understood. Exit 1 where there are faults, 2 where a file cannot be read.
 #[derive(Debug, Args)]
 pub(crate) struct Check {
@@ -48,9 +48,23 @@ impl Check {
         if let Some(error) = unread {
             return Err(Failure::input(error));
         }
+        self.check_reading(&files)?;
         let report = Report::of(files);
         console.json_of(&self.files, "trued.check/1", &report)?;
         Ok(if report.ok { Answer::Done } else { Answer::No })
+    }
+
+    /// A model and a mapping say how recordings are read; with other files they would do nothing.
+    fn check_reading(&self, files: &[FileReport]) -> Result<(), Failure> {
+        let any = |kinds: &[&str]| files.iter().any(|file| kinds.contains(&file.kind()));
+        let idle = if self.reading.mapping.is_some() && !any(&["recording"]) {
+            "--mapping"
+        } else if self.reading.model.is_some() && !any(&["recording", "mapping"]) {
+            "--model"
+        } else {
+            return Ok(());
+        };
+        Err(Failure::input(format!("{idle} is for recordings, and no file is one: leave it out")))
     }
 
     /// Cells are checked as by the daemon, manifests as before a batch.
