@@ -1,9 +1,26 @@
 //! Errors of paths and measured runs.
 
+use std::fmt;
+
 use diagnosis::from_recording::Unusable;
 use thiserror::Error;
 
-/// Each message states what was found, what was expected and what to do.
+/// A row of a recording, as messages name it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathRow {
+    /// From 1, without the header.
+    pub row: usize,
+    /// s.
+    pub t_s: f64,
+}
+
+impl fmt::Display for PathRow {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "row {} of the data (t_s = {})", self.row, self.t_s)
+    }
+}
+
+/// Whoever reads the file names it. Each message states what was found, what was expected and what to do.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum FeedforwardError {
     /// The model has nothing to compensate.
@@ -25,21 +42,21 @@ pub enum FeedforwardError {
     TooShort(usize),
     /// A gap in time.
     #[error(
-        "row {row}: {gap_s} s after the row before, expected at most {most_s:.3} s (ten times the median): the motion between is not known; correct the parts separately"
+        "{at}: {gap_s:.3} s after the row before, expected at most {most_s:.3} s (ten times the median): the motion between is not known; correct the parts separately"
     )]
     Gap {
-        /// The row after the gap, from 1.
-        row: usize,
+        /// The row after the gap.
+        at: PathRow,
         /// s.
         gap_s: f64,
         /// s.
         most_s: f64,
     },
     /// A row without commanded joints.
-    #[error("row {row}: joint {joint} has no commanded position, expected one in each row")]
+    #[error("{at}: joint {joint} has no commanded position, expected one in each row")]
     NoCommand {
-        /// From 1.
-        row: usize,
+        /// Its row.
+        at: PathRow,
         /// From 1.
         joint: usize,
     },
@@ -69,11 +86,11 @@ pub enum FeedforwardError {
     },
     /// A command outside the joint limits.
     #[error(
-        "row {row}: joint {joint} would be commanded to {position:.5} (rad or m), outside its limits {lower:.5} to {upper:.5}; move the path away from the limit"
+        "{at}: joint {joint} would be commanded to {position:.5} (rad or m), outside its limits {lower:.5} to {upper:.5}; move the path away from the limit"
     )]
     JointLimit {
-        /// From 1.
-        row: usize,
+        /// The row of the path that the robot passes at that time.
+        at: PathRow,
         /// From 1.
         joint: usize,
         /// rad or m.
@@ -118,32 +135,37 @@ pub enum FeedforwardError {
         /// rad or m.
         most: f64,
     },
+    /// The measured joint moves like the commanded one, in another unit.
+    #[error(
+        "joint {joint} moves {factor:.4} times as far as commanded, expected about once: {mistaken}; rename the column, or convert the values"
+    )]
+    OtherUnit {
+        /// From 1.
+        joint: usize,
+        /// Measured over commanded.
+        factor: f64,
+        /// What the column seems to contain.
+        mistaken: &'static str,
+    },
     /// A recording cannot be used.
     #[error(transparent)]
     Unusable(#[from] Unusable),
     /// Rows of a table with corrected joints are not even in time.
     #[error(
-        "{file}: time steps are uneven, expected the output of `trued correct --dynamic` or `trued learn`, or a path without corrected joints (c1_deg …)"
+        "time steps are uneven, expected the output of `trued correct --dynamic` or `trued learn`, or a path without corrected joints (c1_deg …)"
     )]
-    UnevenTable {
-        /// The table.
-        file: String,
-    },
+    UnevenTable,
     /// A corrected joint is no number.
-    #[error("{file}: row {row}: {column} is no number")]
+    #[error("{at}: {column} is no number")]
     NoNumber {
-        /// The table.
-        file: String,
-        /// From 1.
-        row: usize,
+        /// Its row.
+        at: PathRow,
         /// Its name.
         column: String,
     },
     /// Some joints have a column, others not.
-    #[error("{file}: has corrected positions (c1_deg …) of {found} joints, expected {expected}")]
+    #[error("has corrected positions (c1_deg …) of {found} joints, expected {expected}")]
     JointsLacking {
-        /// The table.
-        file: String,
         /// Number of joints with a column.
         found: usize,
         /// Number of joints of the model.

@@ -3,6 +3,7 @@
 //! Even rows are kept; others are interpolated by the curve through the samples (`world::forward::positions_at`) at the median step.
 
 use crate::FeedforwardError;
+use crate::error::PathRow;
 use physics::JointKind;
 use recording::series::{Channel, Kind, Recording};
 use world::forward::positions_at;
@@ -25,6 +26,38 @@ pub struct Extended {
     pub lead_rows: usize,
     /// Whether rows were interpolated to other times.
     pub is_resampled: bool,
+    /// The rows of the recording.
+    pub source: Source,
+}
+
+/// The rows from which a path was made, so that messages name rows of the user's file and not those of the path.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Source {
+    times_s: Vec<f64>,
+}
+
+impl Source {
+    /// The rows of a recording.
+    #[must_use]
+    pub fn of(recording: &Recording) -> Self {
+        Self { times_s: recording.t_s.clone() }
+    }
+
+    /// The row at or before `t_s`; the first or the last one during the rest at the ends.
+    #[must_use]
+    pub fn at(&self, t_s: f64) -> PathRow {
+        // Even times differ from those of the file by rounding.
+        let half_s =
+            self.times_s.windows(2).map(|t| 0.5 * (t[1] - t[0])).fold(f64::INFINITY, f64::min);
+        let half_s = if half_s.is_finite() { half_s } else { 0.0 };
+        let row = self.times_s.partition_point(|time_s| *time_s <= t_s + half_s).saturating_sub(1);
+        let t_s = self.times_s.get(row).copied().unwrap_or(t_s);
+        PathRow { row: row + 1, t_s }
+    }
+}
+
+fn row_of(recording: &Recording, row: usize) -> PathRow {
+    PathRow { row: row + 1, t_s: recording.t_s[row] }
 }
 
 /// Median time from one row to the next, s.
@@ -55,7 +88,8 @@ pub fn extended(
         let missing = (0..recording.len())
             .find(|row| column.get(*row).is_none_or(|position| !position.is_finite()));
         if let Some(row) = missing {
-            return Err(FeedforwardError::NoCommand { row: row + 1, joint: joint + 1 });
+            let at = row_of(recording, row);
+            return Err(FeedforwardError::NoCommand { at, joint: joint + 1 });
         }
     }
     // A whole number of steps stays one in spite of rounding.
@@ -90,7 +124,8 @@ pub fn extended(
         extended.other = other.map(|(name, text)| (name.clone(), beside(text))).collect();
     }
     let Even { step_s, is_resampled, .. } = even;
-    Ok(Extended { recording: extended, step_s, lead_rows, is_resampled })
+    let source = Source::of(recording);
+    Ok(Extended { recording: extended, step_s, lead_rows, is_resampled, source })
 }
 
 /// Even times of a path.
@@ -120,7 +155,7 @@ fn even(recording: &Recording) -> Result<Even, FeedforwardError> {
     let is_gap = |t: &[f64]| t[1] - t[0] > GAP_STEPS_MAX * step_s;
     if let Some(before) = recording.t_s.windows(2).position(is_gap) {
         return Err(FeedforwardError::Gap {
-            row: before + 2,
+            at: row_of(recording, before + 1),
             gap_s: recording.t_s[before + 1] - recording.t_s[before],
             most_s: GAP_STEPS_MAX * step_s,
         });

@@ -8,8 +8,8 @@ use recording::model::RobotModel;
 use recording::series::Recording;
 use recording::unit::Unit;
 
-use crate::error::FeedforwardError;
-use crate::grid;
+use crate::error::{FeedforwardError, PathRow};
+use crate::grid::{self, Source};
 use crate::learn::{Next, Runs, expected_error, learn};
 use crate::measured::{Clock, Expected, Measured, links};
 use crate::preview::{check_joint_limits, lead_s};
@@ -23,6 +23,8 @@ pub struct CommandedPath {
     pub recording: Recording,
     /// The corrected joints that its table contains, rad or m, a list per joint; none where it contains none.
     pub commanded: Option<Vec<Vec<f64>>>,
+    /// The rows of the table.
+    pub source: Source,
 }
 
 impl CommandedPath {
@@ -40,10 +42,9 @@ impl CommandedPath {
         let lead_s = if commanded.is_some() { 0.0 } else { lead_s(plants, settings) };
         let extended = grid::extended(recording, kinds, lead_s)?;
         if commanded.is_some() && extended.is_resampled {
-            let file = recording.file.display().to_string();
-            return Err(FeedforwardError::UnevenTable { file });
+            return Err(FeedforwardError::UnevenTable);
         }
-        Ok(Self { recording: extended.recording, commanded })
+        Ok(Self { recording: extended.recording, commanded, source: extended.source })
     }
 }
 
@@ -80,7 +81,7 @@ pub struct Commands {
 ///     let commands = Commands { sent: path.commanded.unwrap_or_else(|| wanted.clone()), wanted };
 ///     let mut learning = Learning::of(model, &plants, &path.recording, commands, &settings)?;
 ///     learning.add(run, Clock::Offset(0.0))?;
-///     let (next, report) = learning.next("next.csv".to_owned())?;
+///     let (next, report) = learning.next("next.csv".to_owned(), &path.source)?;
 ///     println!("{}", report.text());
 ///     Ok(next.commanded)
 /// }
@@ -148,16 +149,20 @@ impl<'a> Learning<'a> {
         Ok(())
     }
 
-    /// The commands of the next run, and what was learned; `corrections`: where the commands go.
+    /// The commands of the next run, and what was learned; `corrections`: where the commands go; `source`: the rows of the path.
     ///
     /// # Errors
     /// As [`learn()`]; a command beyond the joint limits.
-    pub fn next(&self, corrections: String) -> Result<(Next, LearnReport), FeedforwardError> {
+    pub fn next(
+        &self,
+        corrections: String,
+        source: &Source,
+    ) -> Result<(Next, LearnReport), FeedforwardError> {
         let Commands { wanted, sent } = &self.commands;
         let runs = Runs { step_s: self.step_s, wanted, commanded: sent, measured: &self.runs };
         let next = learn(self.plants, &runs, self.settings)?;
         let arm = &self.model.physics.arm;
-        check_joint_limits(arm, &next.commanded)?;
+        check_joint_limits(arm, &next.commanded, self.times_s, source)?;
         let report = LearnReport::of(arm, &runs, &next, corrections);
         Ok((next, report))
     }
@@ -168,7 +173,6 @@ fn commanded(
     recording: &Recording,
     kinds: &[JointKind],
 ) -> Result<Option<Vec<Vec<f64>>>, FeedforwardError> {
-    let file = || recording.file.display().to_string();
     let mut all = Vec::new();
     for (joint, kind) in kinds.iter().enumerate() {
         let unit = if *kind == JointKind::Revolute { "deg" } else { "mm" };
@@ -182,15 +186,14 @@ fn commanded(
         };
         let column: Vec<Option<f64>> = texts.iter().map(si).collect();
         if let Some(row) = column.iter().position(Option::is_none) {
-            return Err(FeedforwardError::NoNumber { file: file(), row: row + 1, column: name });
+            let at = PathRow { row: row + 1, t_s: recording.t_s[row] };
+            return Err(FeedforwardError::NoNumber { at, column: name });
         }
         all.push(column.into_iter().flatten().collect());
     }
     match all.len() {
         0 => Ok(None),
         found if found == kinds.len() => Ok(Some(all)),
-        found => {
-            Err(FeedforwardError::JointsLacking { file: file(), found, expected: kinds.len() })
-        }
+        found => Err(FeedforwardError::JointsLacking { found, expected: kinds.len() }),
     }
 }

@@ -13,7 +13,7 @@ use crate::tool::points;
 use diagnosis::from_recording::{self, Unusable};
 use diagnosis::rigid::rigid;
 use glam::{DMat3, DVec3};
-use physics::{Arm, Chain, Inputs, Joints, Model};
+use physics::{Arm, Chain, Inputs, JointKind, Joints, Model};
 use recording::series::{Channel, Recording};
 use world::dynamics::Dynamics;
 use world::forward::{self, positions_at};
@@ -21,6 +21,12 @@ use world::forward::{self, positions_at};
 /// Damping of the step from a point to joints, m per rad: directions in which the tool moves less
 /// than this are hardly used.
 const DAMPING_M: f64 = 0.02;
+/// Units are compared where a joint moves by more than this, rad or m, root mean square; smaller motion may be lost in noise.
+const MOVES: f64 = 1e-3;
+/// Least squared correlation of the measured with the commanded motion for which their ratio is that of units.
+const ALIKE: f64 = 0.8;
+/// The ratio of two motions is that of two units within this share.
+const UNIT_WITHIN: f64 = 0.2;
 /// Largest clock offset of the search, s, and its steps, s.
 const OFFSET_MOST_S: f64 = 1.0;
 const OFFSET_STEP_S: f64 = 1e-3;
@@ -145,6 +151,7 @@ impl Measured {
         };
         run.check_covered(clock_offset_s)?;
         let joints = run.errors(clock_offset_s);
+        run.check_units(&joints)?;
         for (joint, (_, errors)) in
             joints.iter().enumerate().filter_map(|(i, e)| Some((i, e.as_ref()?)))
         {
@@ -242,6 +249,29 @@ impl<'a> Run<'a> {
         nearest(fine_s, OFFSET_STEP_S / 20.0, 20)
     }
 
+    /// Checks that no joint was measured in degrees and read as radians, or the other way round.
+    fn check_units(&self, joints: &[Option<(Seen, Vec<f64>)>]) -> Result<(), FeedforwardError> {
+        let Expected { motors, links, arm, .. } = self.expected;
+        for (at, joint) in arm.joints().iter().enumerate() {
+            let (wanted, errors) = match joints.get(at) {
+                Some(Some((Seen::Link, errors))) => (&links[at], errors),
+                Some(Some((Seen::Motor, errors))) => (&motors[at], errors),
+                _ => continue,
+            };
+            let factor = scale(wanted, errors).unwrap_or(1.0);
+            let is = |expected: f64| (factor / expected - 1.0).abs() < UNIT_WITHIN;
+            let mistaken = match joint.kind {
+                JointKind::Revolute if is(1f64.to_radians()) => "radians in a column of degrees",
+                JointKind::Revolute if is(1f64.to_degrees()) => "degrees in a column of radians",
+                JointKind::Prismatic if is(1e-3) => "metres in a column of millimetres",
+                JointKind::Prismatic if is(1e3) => "millimetres in a column of metres",
+                _ => continue,
+            };
+            return Err(FeedforwardError::OtherUnit { joint: at + 1, factor, mistaken });
+        }
+        Ok(())
+    }
+
     /// Checks that the measurement lasts as long as the path moves.
     fn check_covered(&self, offset_s: f64) -> Result<(), FeedforwardError> {
         let Expected { times_s, motors, .. } = self.expected;
@@ -262,6 +292,21 @@ impl<'a> Run<'a> {
         }
         Err(FeedforwardError::Uncovered { from_s, to_s, moves_from_s, moves_to_s })
     }
+}
+
+/// Measured over wanted motion about their means, where the joint moves and both have one shape; `errors`: wanted minus measured.
+fn scale(wanted: &[f64], errors: &[f64]) -> Option<f64> {
+    let rows = wanted.len() as f64;
+    let measured: Vec<f64> = wanted.iter().zip(errors).map(|(w, error)| w - error).collect();
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / rows;
+    let (w, m) = (mean(wanted), mean(&measured));
+    let (mut ww, mut wm, mut mm) = (0.0, 0.0, 0.0);
+    for (wanted, measured) in wanted.iter().zip(&measured) {
+        let (wanted, measured) = (wanted - w, measured - m);
+        (ww, wm, mm) = (ww + wanted * wanted, wm + wanted * measured, mm + measured * measured);
+    }
+    let moves = ww > rows * MOVES * MOVES;
+    (moves && wm * wm > ALIKE * ww * mm).then(|| wm / ww)
 }
 
 /// The step of the joints that moves the tool by `by` at `q`.

@@ -4,6 +4,7 @@
 
 use crate::FeedforwardError;
 use crate::fourier::Transform;
+use crate::grid::Source;
 use crate::settings::Settings;
 use crate::step::{Joint, Known, Stepped};
 use joint_dynamics::plant::{Plant, Plants};
@@ -70,22 +71,22 @@ pub fn preview(
     Ok(preview)
 }
 
-/// Checks that commands stay within the limits of the joints.
+/// Checks that commands at `times_s` stay within the limits of the joints; `source`: the rows of the file.
 ///
 /// # Errors
 /// The first command beyond a limit.
-pub fn check_joint_limits(arm: &Arm, commanded: &[Vec<f64>]) -> Result<(), FeedforwardError> {
+pub fn check_joint_limits(
+    arm: &Arm,
+    commanded: &[Vec<f64>],
+    times_s: &[f64],
+    source: &Source,
+) -> Result<(), FeedforwardError> {
     for (at, (joint, commanded)) in arm.joints().iter().zip(commanded).enumerate() {
         let (lower, upper) = joint.limits;
         if let Some(row) = commanded.iter().position(|q| !(lower..=upper).contains(q)) {
             let (joint, position) = (at + 1, commanded[row]);
-            return Err(FeedforwardError::JointLimit {
-                row: row + 1,
-                joint,
-                position,
-                lower,
-                upper,
-            });
+            let at = source.at(times_s.get(row).copied().unwrap_or(f64::NAN));
+            return Err(FeedforwardError::JointLimit { at, joint, position, lower, upper });
         }
     }
     Ok(())

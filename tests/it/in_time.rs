@@ -453,6 +453,22 @@ fn a_model_off_by_thirty_percent_makes_no_path_worse_in_time_and_learning_contin
 }
 
 #[test]
+fn a_file_given_twice_is_no_measurement_of_two_runs() {
+    let place = Place::new();
+    let table = "t_s,q1_deg,ql1_deg\n0,1,1\n0.01,2,2\n";
+    for name in ["a.csv", "b.csv"] {
+        place.file(name, table);
+    }
+    for (files, why) in [
+        (["a.csv", "./a.csv", "b.csv"], "as path and as measurement"),
+        (["a.csv", "b.csv", "b.csv"], "given twice"),
+    ] {
+        let done = place.run(&[&["learn", "--model", "irb120"][..], &files].concat());
+        assert!(done.code == Some(2) && done.err.contains(why), "{done:#?}");
+    }
+}
+
+#[test]
 fn the_document_leads_from_a_model_to_what_was_learned_of_two_runs() {
     let document = fs::read_to_string(root().join("docs/dynamic.md")).unwrap();
     let script = blocks(&document, "sh");

@@ -267,24 +267,32 @@ impl Figures {
         }
     }
 
-    /// A summary for the user.
-    pub(crate) fn told(&self) -> String {
+    /// A summary for the user. `rest_rows` of the rows were added by a compensation in time; `row_in_file` gives the
+    /// row of the user's file for each.
+    pub(crate) fn told(&self, rest_rows: usize, row_in_file: impl Fn(usize) -> usize) -> String {
         let mut table = TextTable::new(["status", "rows", "share"]);
         for (status, rows) in &self.statuses {
             let share = 100.0 * *rows as f64 / self.rows.max(1) as f64;
             table = table.row([status.clone(), rows.to_string(), format!("{share:.1} %")]);
         }
+        let rest = match rest_rows {
+            0 => String::new(),
+            rows => format!(", {rows} of them added at standstill; rows are those of the file"),
+        };
         let mut text =
-            format!("{}, {} rows\n\n{}\n", self.model.name, self.rows, on_stdout(&table));
+            format!("{}, {} rows{rest}\n\n{}\n", self.model.name, self.rows, on_stdout(&table));
         for Because { status, reason, rows, first_row } in &self.reasons {
+            let first_row = row_in_file(*first_row);
             text += &format!("{status} for {reason}: {rows} rows, the first is row {first_row}\n");
         }
         for Largest { value, unit, joint, row } in &self.largest_correction {
+            let row = row_in_file(*row);
             text += &format!("largest correction  {value:.4} {unit} (joint {joint}, row {row})\n");
         }
         let Some(Left { mm, mm_row, mrad, mrad_row }) = self.largest_left else {
             return text + "largest error left  unknown for all rows";
         };
+        let [mm_row, mrad_row] = [mm_row, mrad_row].map(row_in_file);
         text += &format!("largest error left  {mm:.6} mm (row {mm_row}), ");
         text += &format!("{mrad:.6} mrad (row {mrad_row}), by the model");
         if self.unknown_rows > 0 {

@@ -1,12 +1,17 @@
 //! Options of a compensation in time.
 
 use clap::Args;
+use feedforward::grid::Source;
 use feedforward::{FeedforwardError, Settings};
 use joint_dynamics::plant::Plants;
 
 use crate::corrections::Corrections;
 use crate::exit::Failure;
-use crate::input::Input;
+use crate::input::{Input, in_file};
+
+/// The options of [`InTime`].
+pub(crate) const IN_TIME: [&str; 5] =
+    ["bandwidth_hz", "robust_to", "max_mrad", "max_rate_mrad_s", "max_jerk_mrad_s3"];
 
 /// Bandwidth, robustness and limits of dynamic compensation.
 #[derive(Debug, Clone, Args)]
@@ -51,15 +56,19 @@ pub(crate) fn plants(input: &Input, settings: &Settings) -> Result<Plants, Failu
     Ok(plants)
 }
 
-/// The joint positions with the static correction.
-pub(crate) fn settled(corrections: &Corrections) -> Result<Vec<Vec<f64>>, Failure> {
+/// The joint positions with the static correction for the path of `input`; `source`: the rows of its file.
+pub(crate) fn settled(
+    corrections: &Corrections,
+    Input { recording, .. }: &Input,
+    source: &Source,
+) -> Result<Vec<Vec<f64>>, Failure> {
     let joints = corrections.joints();
     let lacking = joints.iter().find_map(|joint| joint.iter().position(|q| !q.is_finite()));
     match lacking {
         None => Ok(joints.to_vec()),
-        Some(row) => Err(Failure::input(format!(
-            "row {}: the corrector rejected it, so there is no joint command for it; run `trued correct` without --dynamic to see why",
-            row + 1
+        Some(row) => Err(in_file(&recording.file)(format!(
+            "{}: the corrector rejected it, so there is no joint command for it; run `trued correct` without --dynamic to see why",
+            source.at(recording.t_s[row])
         ))),
     }
 }

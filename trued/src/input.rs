@@ -3,6 +3,7 @@
 //! Nothing with an error is used; all errors of a file are reported at once. The robot is never
 //! guessed.
 
+use std::fmt::Display;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -199,6 +200,11 @@ pub(crate) fn unusable_model(name: &Path, error: FileError) -> Failure {
         }
         error => unusable(error),
     }
+}
+
+/// For `map_err`: what is wrong with the content of the file `path`, whose message does not name it.
+pub(crate) fn in_file<E: Display>(path: &Path) -> impl Fn(E) -> Failure + '_ {
+    move |error| Failure::input(format!("{}: {error}", path.display()))
 }
 
 /// A file that cannot be used is bad input, whatever the reason.

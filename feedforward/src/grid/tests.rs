@@ -43,8 +43,8 @@ fn a_gap_is_refused_with_its_row_and_no_motion_is_invented() {
     times_s[150..].iter_mut().for_each(|t_s| *t_s += 60.0);
     let path = recording(&times_s, |t_s| (3.0 * t_s).sin());
     let refused = extended(&path, &[JointKind::Revolute], 0.0).expect_err("a gap");
-    let FeedforwardError::Gap { row, gap_s, .. } = refused else { panic!("{refused}") };
-    assert_eq!(row, 151);
+    let FeedforwardError::Gap { at, gap_s, .. } = refused else { panic!("{refused}") };
+    assert_eq!(at.row, 151);
     assert!((gap_s - 60.004).abs() < 1e-9, "{gap_s}");
     // A last time stamp far away must not take memory.
     times_s.iter_mut().for_each(|t_s| *t_s = t_s.min(1.0));
@@ -63,8 +63,24 @@ fn anything_but_a_single_path_is_refused() {
     poses.about.kind = Kind::Poses;
     assert_eq!(extended(&poses, &kinds, 0.1), Err(FeedforwardError::Poses));
     let gap = recording(&times_s, |t_s| if t_s == 0.04 { f64::NAN } else { t_s });
-    let missing = FeedforwardError::NoCommand { row: 11, joint: 1 };
-    assert_eq!(extended(&gap, &kinds, 0.1), Err(missing));
+    let missing = extended(&gap, &kinds, 0.1).expect_err("a sample is missing");
+    let FeedforwardError::NoCommand { at, joint: 1 } = missing else { panic!("{missing}") };
+    assert_eq!((at.row, at.t_s), (11, 0.04));
     let short = recording(&times_s[..5], |t_s| t_s);
     assert_eq!(extended(&short, &kinds, 0.1), Err(FeedforwardError::TooShort(5)));
+}
+
+#[test]
+fn rows_are_those_of_the_file_in_spite_of_rest_and_of_other_times() {
+    let even: Vec<f64> = (0..50).map(|k| f64::from(k) * 4e-3).collect();
+    let uneven: Vec<f64> = even.iter().map(|t_s| t_s + 1.5e-3 * (700.0 * t_s).sin()).collect();
+    for times_s in [even, uneven] {
+        let path = extended(&recording(&times_s, |t_s| t_s), &[JointKind::Revolute], 0.1).unwrap();
+        let at = |t_s: f64| path.source.at(t_s);
+        assert!(path.lead_rows > 20);
+        assert_eq!((at(path.recording.t_s[0]).row, at(9e9).row), (1, 50));
+        for row in 0..50 {
+            assert_eq!(at(times_s[row]).row, row + 1);
+        }
+    }
 }

@@ -111,3 +111,26 @@ fn a_measurement_of_another_path_or_of_a_part_of_it_is_refused() {
     let nothing = Recording::new(times_s.clone());
     assert_eq!(of(&nothing), Err(FeedforwardError::NothingMeasured));
 }
+
+#[test]
+fn a_joint_in_the_unit_of_another_column_is_refused_with_the_factor() {
+    let (arm, times_s, wanted) = (arm(), times_s(), path(0.0));
+    let none = vec![vec![0.0; ROWS]; 6];
+    let of = |factor: f64, channel: fn(usize) -> Channel| {
+        let mut recording = Recording::new(times_s.clone());
+        let measured = wanted[1].iter().map(|q| factor * q).collect();
+        recording.set(channel(1), measured);
+        let expected = expected(&arm, &times_s, &wanted, &none);
+        Measured::of(&recording, expected, Clock::Offset(0.0), &settings())
+    };
+    for channel in [Channel::Link, Channel::Motor] {
+        for scale in [1f64.to_radians(), 1f64.to_degrees()] {
+            let refused = of(scale, channel).expect_err("another unit");
+            let FeedforwardError::OtherUnit { joint: 2, factor, .. } = refused else {
+                panic!("{refused}")
+            };
+            assert!((factor / scale - 1.0).abs() < 0.01, "{factor}");
+        }
+        assert!(of(1.001, channel).is_ok());
+    }
+}

@@ -19,7 +19,7 @@ use shm_schema::UnknownCode;
 
 use crate::corrections::{Corrections, Figures, Tolerance};
 use crate::exit::{Answer, Failure, Outcome};
-use crate::in_time::InTime;
+use crate::in_time::{IN_TIME, InTime};
 use crate::input::{Input, Reading, unusable};
 use crate::lockstep::{self, Cycle};
 use crate::options::tolerance_mm;
@@ -37,6 +37,7 @@ use dynamic::Dynamic;
 /// With --dynamic, delay, lags and flexible modes of the joints are compensated too: commands are advanced in time and do not excite the modes. The path is resampled
 /// to even time steps and gets rows at standstill at both ends.
 #[derive(Debug, Args)]
+#[command(mut_args(|arg| if IN_TIME.contains(&arg.get_id().as_str()) { arg.requires("dynamic") } else { arg }))]
 pub(crate) struct Correct {
     #[command(flatten)]
     reading: Reading,
@@ -94,20 +95,27 @@ impl Correct {
         let cycle = cycle(self.config.as_deref(), cell, &input)?;
         let free_tool_axis = cycle.frees_tool_axis();
         let mut corrections = correct(&input, cycle)?;
-        let dynamic = dynamic.map(|dynamic| dynamic.compensate(&input, &mut corrections));
-        let dynamic = dynamic.transpose()?;
+        let preview = dynamic.as_ref().map(|dynamic| dynamic.compensate(&input, &mut corrections));
+        let preview = preview.transpose()?;
         let few_joints = input.model.physics.arm.count() < 6 && !free_tool_axis;
         let csv = corrections.csv(input.recording);
         let figures = corrections.figures(&csv);
         let corrections_file = out.display().to_string();
         outputs.put(&out, csv.as_slice());
-        let deviation_mm = dynamic.as_ref().map_or(0.0, PreviewReport::path_deviation_mm);
+        let deviation_mm = preview.as_ref().map_or(0.0, PreviewReport::path_deviation_mm);
         let tolerance =
             self.tolerance_mm.map(|allowed_mm| corrections.within(allowed_mm).and(deviation_mm));
-        let report =
-            Report { figures: &figures, corrections: corrections_file, tolerance, dynamic };
+        let report = Report {
+            figures: &figures,
+            corrections: corrections_file,
+            tolerance,
+            dynamic: preview,
+        };
         console.write(outputs, "trued.correct/1", &report)?;
-        console.say(figures.told())?;
+        console.say(match &dynamic {
+            Some(dynamic) => figures.told(dynamic.rest_rows(), |row| dynamic.row_in_file(row)),
+            None => figures.told(0, |row| row),
+        })?;
         if let Some(dynamic) = &report.dynamic {
             console.say(dynamic.text())?;
         }
@@ -118,7 +126,7 @@ impl Correct {
         let left = corrections.not_exact_rows();
         if left > 0 {
             console.say(format!(
-                "not fully corrected: {left} rows; see the columns `left_mm`, `left_mrad`, `limited_by`"
+                "not fully corrected: {left} rows; see in the corrected path the columns `left_mm`, `left_mrad`, `limited_by`"
             ))?;
         }
         let limited = report.dynamic.as_ref().map_or(0, PreviewReport::limited_rows);

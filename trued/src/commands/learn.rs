@@ -16,7 +16,7 @@ use tracing::warn;
 use super::correct::{correct, cycle};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::in_time::{InTime, plants, settled};
-use crate::input::{Reading, unusable};
+use crate::input::{Reading, in_file, unusable};
 use crate::output::Console;
 
 /// Improve the commands of a repeated path from measured runs (iterative learning control)
@@ -53,6 +53,7 @@ impl Learn {
         let mut outputs = console.outputs().file(&out);
         let inputs = [&self.path].into_iter().chain(&self.measured);
         outputs.check(inputs.chain(self.reading.files()).chain(&self.config))?;
+        self.check_distinct()?;
         let settings = self.in_time.settings()?;
         // The path is trued's own table; the mapping belongs to the measurements.
         let ours = Reading { mapping: None, ..self.reading.clone() };
@@ -61,18 +62,18 @@ impl Learn {
         let mut input = ours.read(&self.path, fallback)?;
         let plants = plants(&input, &settings)?;
         let path = CommandedPath::of(&input.recording, &input.joint_kinds, &plants, &settings);
-        let CommandedPath { recording, commanded } = path.map_err(Failure::input)?;
+        let CommandedPath { recording, commanded, source } = path.map_err(in_file(&self.path))?;
         input.recording = recording;
         let mut corrections = correct(&input, cycle(self.config.as_deref(), cell, &input)?)?;
-        let wanted = settled(&corrections)?;
+        let wanted = settled(&corrections, &input, &source)?;
         let commands = Commands { sent: commanded.unwrap_or_else(|| wanted.clone()), wanted };
         let learning = Learning::of(&input.model, &plants, &input.recording, commands, &settings);
         let mut learning = learning.map_err(Failure::input)?;
         for path in &self.measured {
             self.add(&mut learning, path)?;
         }
-        let learned = learning.next(out.display().to_string());
-        let (next, report) = learned.map_err(Failure::input)?;
+        let learned = learning.next(out.display().to_string(), &source);
+        let (next, report) = learned.map_err(in_file(&self.path))?;
         corrections.put_joints(next.commanded);
         outputs.put(&out, corrections.csv(input.recording).as_slice());
         console.write(outputs, "trued.learn/1", &report)?;
@@ -81,13 +82,36 @@ impl Learn {
         Ok(if report.is_limited() { Answer::No } else { Answer::Done })
     }
 
+    /// Checks that no file is given twice: the path is no measurement of itself, and a run counts once.
+    fn check_distinct(&self) -> Result<(), Failure> {
+        let place = |path: &PathBuf| path.canonicalize().unwrap_or_else(|_| path.clone());
+        let files: Vec<&PathBuf> = [&self.path].into_iter().chain(&self.measured).collect();
+        for (at, file) in files.iter().enumerate() {
+            let shown = file.display();
+            match files.iter().position(|other| place(other) == place(file)) {
+                Some(first) if first < at && first == 0 => {
+                    return Err(Failure::input(format!(
+                        "{shown} is given as path and as measurement of it, expected two files: the commanded path, and the recording of a run"
+                    )));
+                }
+                Some(first) if first < at => {
+                    return Err(Failure::input(format!(
+                        "{shown} is given twice, expected a file for each run: one run counted twice would look free of random errors"
+                    )));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
     /// Adds a measured run.
     fn add(&self, learning: &mut Learning<'_>, path: &Path) -> Result<(), Failure> {
         let mapping = self.reading.mapping.as_deref();
         let recording = series::read(path, mapping, Need::Samples).map_err(unusable)?;
         recording.notes.iter().for_each(|note| warn!("{}: {note}", path.display()));
         let added = learning.add(&recording, self.clock_offset_ms);
-        added.map_err(|error| Failure::input(format!("{}: {error}", path.display())))
+        added.map_err(in_file(path))
     }
 }
 

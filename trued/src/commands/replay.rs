@@ -153,7 +153,7 @@ impl Replay {
                 latency_ns: *latency,
             },
         )?;
-        console.say(figures.told())?;
+        console.say(figures.told(0, |row| row))?;
         let us = |ns: u64| format!("{:.1}", ns as f64 * 1e-3);
         let table = TextTable::new(["command to answer, µs", "median", "99 %", "99.9 %", "worst"])
             .row([

@@ -9,7 +9,7 @@ use joint_dynamics::plant::Plants;
 use crate::corrections::Corrections;
 use crate::exit::Failure;
 use crate::in_time::{plants, settled};
-use crate::input::Input;
+use crate::input::{Input, in_file};
 
 /// A path with even time stamps and standstill at both ends, and the dynamics of its robot's
 /// joints.
@@ -25,9 +25,20 @@ impl Dynamic {
         let plants = plants(input, &settings)?;
         let lead_s = lead_s(&plants, &settings);
         let extended = grid::extended(&input.recording, &input.joint_kinds, lead_s);
-        let path = extended.map_err(Failure::input)?;
+        let path = extended.map_err(in_file(&input.recording.file))?;
         input.recording = path.recording.clone();
         Ok(Self { settings, plants, path })
+    }
+
+    /// The row of the user's file for a row of the path, both from 1.
+    pub(super) fn row_in_file(&self, row: usize) -> usize {
+        let t_s = self.path.recording.t_s.get(row.saturating_sub(1)).copied();
+        self.path.source.at(t_s.unwrap_or(f64::NAN)).row
+    }
+
+    /// Number of rows at standstill that were added to the path.
+    pub(super) fn rest_rows(&self) -> usize {
+        2 * self.path.lead_rows
     }
 
     /// Replaces the static commands by dynamically compensated ones.
@@ -37,10 +48,12 @@ impl Dynamic {
         corrections: &mut Corrections,
     ) -> Result<PreviewReport, Failure> {
         let Self { settings, plants, path } = self;
-        let wanted = settled(corrections)?;
-        let preview = preview(plants, path.step_s, &wanted, settings).map_err(Failure::input)?;
+        let wanted = settled(corrections, input, &path.source)?;
+        let preview = preview(plants, path.step_s, &wanted, settings);
+        let preview = preview.map_err(in_file(&input.recording.file))?;
         let arm = &input.model.physics.arm;
-        check_joint_limits(arm, &preview.commanded).map_err(Failure::input)?;
+        let limits = check_joint_limits(arm, &preview.commanded, &path.recording.t_s, &path.source);
+        limits.map_err(in_file(&input.recording.file))?;
         let report = PreviewReport::of(arm, plants, path, &wanted, &preview);
         corrections.put_joints(preview.commanded);
         Ok(report)
