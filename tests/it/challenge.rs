@@ -324,3 +324,18 @@ fn a_solver_that_knows_the_truth_scores_all_and_its_model_is_worth_the_oracles()
     assert!((gain("gain_vs_oracle_median") - 1.0).abs() < 0.02, "{said:#}");
     assert!(gain("gain_vs_oracle_p10") > 0.9, "{said:#}");
 }
+
+#[test]
+fn a_solver_that_cannot_be_started_leaves_nothing_that_bars_the_next_run() {
+    let place = Place::new();
+    let run = ["challenge", "--cases", "2", "--seed", "1", "--out", "c", "--solver", "./none"];
+    for _ in 0..2 {
+        let done = place.run(&run);
+        assert!(done.code == Some(3) && done.err.contains("cannot start ./none"), "{done:#?}");
+        assert!(!place.path("c").exists());
+    }
+    std::fs::create_dir(place.path("c")).unwrap();
+    place.file("c/mine.txt", "kept");
+    assert_eq!(place.run(&run).code, Some(2));
+    assert_eq!(place.read("c/mine.txt"), "kept");
+}

@@ -10,6 +10,7 @@ mod solver;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
 
 use challenge::case::Tier;
 use challenge_report::{Case, Scored, SealedTruth, case_name};
@@ -31,9 +32,13 @@ use crate::{interrupt, progress, wrap};
 /// answers, reveals the truth and scores: correct effects and joints, false findings, wrong effects, recognition of unknown and undetermined cases, coverage of intervals, and the gain
 /// on a motion that was not recorded.
 #[derive(Debug, Args)]
+#[command(mut_args(|arg| match arg.get_id().as_str() {
+    "model" | "mapping" => arg.requires("inject"),
+    _ => arg,
+}))]
 pub(crate) struct Challenge {
     /// Number of cases
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 100, conflicts_with = "inject", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     cases: u32,
     #[command(flatten)]
     seed: Seed,
@@ -41,7 +46,7 @@ pub(crate) struct Challenge {
     #[arg(long, value_name = "DIR", default_value = "challenge")]
     out: PathBuf,
     /// Domain of the measurements
-    #[arg(long, value_name = "DOMAIN", value_enum, default_value_t = Domain::Position)]
+    #[arg(long, value_name = "DOMAIN", value_enum, default_value_t = Domain::Position, conflicts_with = "inject")]
     domain: Domain,
     /// Instead of generated cases: torque effects added to these real recordings of the robot of --model
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
@@ -49,14 +54,14 @@ pub(crate) struct Challenge {
     #[command(flatten)]
     reading: Reading,
     /// Kind of the cases; by default a mixture
-    #[arg(long, value_name = "TIER", value_enum)]
+    #[arg(long, value_name = "TIER", value_enum, conflicts_with = "inject")]
     tier: Option<TierOption>,
     /// Command of another solver; by default `trued diagnose`
     #[arg(long, value_name = "CMD")]
     solver: Option<String>,
-    /// Time limit of the solver for a case, s
-    #[arg(long, value_name = "SECONDS", default_value_t = 120.0)]
-    limit: f64,
+    /// Time limit of the solver for a case, s, above 0
+    #[arg(long, value_name = "SECONDS", default_value = "120", value_parser = limit)]
+    limit: Duration,
     #[command(flatten)]
     threads: Threads,
 }
@@ -112,16 +117,53 @@ impl From<TierOption> for Tier {
     }
 }
 
-/// Folders of a challenge.
-struct Folder(PathBuf);
+/// Parses `--limit`: without time no solver answers, and every case would count as unanswered.
+fn limit(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    seconds
+        .filter(|limit| !limit.is_zero())
+        .ok_or_else(|| "expected a number of seconds above 0".to_owned())
+}
+
+/// Folders of a challenge. What it wrote is removed when dropped, unless it is kept: a challenge without all answers
+/// cannot be continued, and its folder would bar the next one.
+struct Folder {
+    path: PathBuf,
+    /// Whether it was not there before.
+    is_made: bool,
+    is_kept: bool,
+}
 
 impl Folder {
+    fn make(path: &Path) -> Result<Self, Failure> {
+        let is_made = !path.exists();
+        std::fs::create_dir_all(path)
+            .map_err(|error| Failure::input(format!("cannot make {}: {error}", path.display())))?;
+        Ok(Self { path: path.to_owned(), is_made, is_kept: false })
+    }
+
     fn case(&self, index: usize) -> PathBuf {
-        self.0.join("cases").join(case_name(index))
+        self.path.join("cases").join(case_name(index))
     }
 
     fn answer(&self, index: usize) -> PathBuf {
-        self.0.join("answers").join(case_name(index))
+        self.path.join("answers").join(case_name(index))
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        if self.is_kept {
+            return;
+        }
+        // Nothing more can be done here: the error that led here is reported to the user.
+        for name in ["cases", "answers"] {
+            let _ = std::fs::remove_dir_all(self.path.join(name));
+        }
+        let _ = std::fs::remove_file(self.path.join("commitment.json"));
+        if self.is_made {
+            let _ = std::fs::remove_dir(&self.path);
+        }
     }
 }
 
@@ -131,22 +173,18 @@ impl Challenge {
         // Hours may pass before there is anything to write.
         let inputs = self.inject.iter().chain(self.reading.files());
         console.outputs().in_folder(&self.out).check(inputs)?;
-        let folder = self.folder()?;
         let solver = Solver::of(self.solver.as_deref(), self.limit)?;
+        let mut folder = self.folder()?;
         let stop = interrupt::flag()?;
         let count = self.cases as usize;
         let work = Work { threads: self.threads.settle().get(), stop: &stop };
-        if self.inject.is_empty()
-            && (self.reading.model.is_some() || self.reading.mapping.is_some())
-        {
-            return Err(Failure::input(
-                "--model and --mapping are of the recordings of --inject: give these too",
-            ));
-        }
         if !self.inject.is_empty() {
             let (reading, recordings) = (&self.reading, self.inject.as_slice());
-            let (out, solver) = (folder.0.as_path(), &solver);
-            return Injection { reading, recordings, out, seed, solver }.run(console, &work);
+            let (out, solver) = (folder.path.as_path(), &solver);
+            let answer =
+                Injection { reading, recordings, out, seed, solver }.run(console, &work)?;
+            folder.is_kept = true;
+            return Ok(answer);
         }
         let domain = self.domain.into();
         let cases = work.each(console, count, "drawing cases", |index| {
@@ -157,23 +195,24 @@ impl Challenge {
         })?;
         let truth = SealedTruth::of(&cases);
         let commitment = truth.commitment().map_err(Failure::system)?;
-        write([(folder.0.join("commitment.json"), commitment)])?;
+        write([(folder.path.join("commitment.json"), commitment)])?;
         console.say(format!("{count} cases of seed {seed}, sealed      {}", truth.sha256))?;
         let answers = work.each(console, count, "solving", |index| {
             solver.answer(&folder.case(index), &folder.answer(index), &stop)
         })?;
+        folder.is_kept = true;
         let answers_sha256 = challenge_report::answers_sha256(&answers);
         console.say(format!("answers                      {answers_sha256}"))?;
         let text = truth.open().map_err(Failure::system)?.to_owned();
-        write([(folder.0.join("truth.json"), text)])?;
+        write([(folder.path.join("truth.json"), text)])?;
         let errors = work.each(console, count, "proving", |index| {
             Ok(cases[index].errors(answers[index].model.as_deref()))
         })?;
         let scored = Scored::of(seed, domain, truth, &answers, errors);
         let outcomes = scored.outcomes_json().map_err(Failure::system)?;
-        let page = folder.0.join("report.html");
+        let page = folder.path.join("report.html");
         let mut outputs = console.outputs();
-        outputs.put(&folder.0.join("outcomes.json"), outcomes);
+        outputs.put(&folder.path.join("outcomes.json"), outcomes);
         outputs.put_page(&page, scored.page());
         console.write(outputs, "trued.challenge/1", &scored.figures)?;
         console.say(scored.text(wrap::columns_of_stdout()))?;
@@ -189,10 +228,7 @@ impl Challenge {
                 "{out} holds something already: give --out another folder"
             )));
         }
-        std::fs::create_dir_all(&self.out).map_err(|error| {
-            Failure::input(format!("cannot make {}: {error}", self.out.display()))
-        })?;
-        Ok(Folder(self.out.clone()))
+        Folder::make(&self.out)
     }
 }
 

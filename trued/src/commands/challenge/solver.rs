@@ -30,15 +30,12 @@ pub(super) struct Solver {
 }
 
 impl Solver {
-    pub(super) fn of(command: Option<&str>, limit_s: f64) -> Result<Self, Failure> {
+    pub(super) fn of(command: Option<&str>, limit: Duration) -> Result<Self, Failure> {
         let words =
             command.map(|text| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
         if words.as_ref().is_some_and(Vec::is_empty) {
             return Err(Failure::input("--solver names no program"));
         }
-        let limit = Duration::try_from_secs_f64(limit_s).map_err(|_| {
-            Failure::input("--limit is expected to be a number of seconds, 0 or above")
-        })?;
         Ok(Self { words, limit })
     }
 
