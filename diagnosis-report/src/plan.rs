@@ -107,9 +107,14 @@ impl Settings {
             Some(zone) => zone.positions(&robot.model.physics.arm, &task.reach, TOOL_POSES, chance),
         };
         if task.asked.is_empty() {
-            return Err(Error::input(
-                "the arm reaches nothing of the zone in these directions: check --zone (mm, base frame), --direction, and what bars it",
-            ));
+            return Err(Error::input(match self.zone {
+                Some(_) => {
+                    "the arm reaches nothing of the zone in these directions: check --zone (mm, base frame), --direction, and what bars it"
+                }
+                None => {
+                    "the arm is free in no pose within its joint limits: check what bars it (--keep-out, --floor-mm, --margin-deg, --link-radius-mm, --base-radius-mm)"
+                }
+            }));
         }
         Ok(start)
     }
@@ -138,10 +143,12 @@ impl Settings {
 
     /// Constraints that were not checked, one sentence each.
     fn not_checked(&self, sees: &Sees) -> Vec<&'static str> {
-        let mut open = vec![
-            "the way between two poses: try the program slowly first",
-            "fixtures, cables and the tool's body, unless boxes (--keep-out) stand for them",
-        ];
+        let bodies = if self.setup.keep_out.is_empty() {
+            "fixtures, cables and the tool's body: describe them as boxes with --keep-out"
+        } else {
+            "fixtures, cables and the tool's body outside the boxes"
+        };
+        let mut open = vec!["the way between two poses: try the program slowly first", bodies];
         if matches!(sees, Sees::Points { .. }) && self.setup.instrument_base_m.is_none() {
             open.push(
                 "whether the instrument sees the target: say where it stands with --instrument",

@@ -86,18 +86,21 @@ pub struct Plan {
 pub enum NoPlan {
     /// Too few poses satisfy the constraints.
     #[error(
-        "of {drawn} poses drawn {free} are free of base, floor and boxes, and {seen} of these are seen: {wanted} are needed; \
-         move the instrument, or relax what bars a pose"
+        "of {drawn} poses {origin} {free} are free of base, floor and boxes, and {seen} of these can be measured: {wanted} are needed; {remedy}"
     )]
     Barred {
-        /// Number of random poses.
+        /// Number of random poses, or of given ones.
         drawn: usize,
+        /// Which of the two.
+        origin: &'static str,
         /// Number accepted by [`reach::Reach`].
         free: usize,
         /// Number of these that are visible too.
         seen: usize,
         /// Number required.
         wanted: usize,
+        /// What to change, of what was stated.
+        remedy: &'static str,
     },
     /// The measurements do not depend on any parameter.
     #[error(

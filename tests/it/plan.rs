@@ -313,7 +313,8 @@ fn an_impossible_plan_is_refused_with_a_remedy() {
     assert!(refused(&["--model", NOMINAL, "--zone", "9000,0,0,9100,10,10"]).contains("--zone"));
     assert!(refused(&["--model", NOMINAL, "--zone", "1,2,3"]).contains("expected 6 numbers"));
     assert!(
-        refused(&["--model", NOMINAL, "--instrument", "90000,0,0"]).contains("0 of these are seen")
+        refused(&["--model", NOMINAL, "--instrument", "90000,0,0"])
+            .contains("0 of these can be measured")
     );
     assert!(refused(&["--model", NOMINAL, "--margin-deg", "200"]).contains("--margin-deg"));
     assert!(refused(&["--model", NOMINAL, "--check", "--next"]).contains("--check"));

@@ -43,7 +43,8 @@ pub enum Color {
     Never,
 }
 
-/// For commands where chance plays a part.
+/// For commands where chance plays a part. A seed is never refused, also where nothing is drawn: scripts give it to
+/// every call.
 #[derive(Debug, Clone, Args)]
 pub struct Seed {
     /// Seed of the random numbers; if not given, a random one is used and reported

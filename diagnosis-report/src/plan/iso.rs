@@ -83,7 +83,10 @@ pub fn iso_poses<'a>(
         }
     };
     let found = found.ok_or_else(|| {
-        Error::input("the arm cannot reach all five poses with the tool in this direction: state another cube (--zone) or --direction")
+        Error::input(match &settings.zone {
+            Some(_) => "the arm cannot reach all five poses of this cube with the tool in this direction: state another cube (--zone), none for the largest, or another --direction",
+            None => "the arm reaches the five poses of no cube with the tool in this direction: state another --direction, or relax what bars a pose",
+        })
     })?;
     Ok(IsoPlan { robot, settings, start, cycles, found })
 }

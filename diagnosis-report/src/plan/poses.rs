@@ -193,7 +193,8 @@ impl PosesPlan<'_> {
         lines.extend(open.map(|open| TextLine::from(format!("stays open: {open}"))));
         if found.undetermined.len() > OPEN {
             let more = found.undetermined.len() - OPEN;
-            lines.push(format!("stays open: {more} more, in --json").into());
+            lines
+                .push(format!("stays open: {more} more; all are in the JSON (--json FILE)").into());
         }
         lines.extend(settings.closing(&settings.not_checked(&start.task.sees)));
         lines

@@ -126,7 +126,7 @@ impl Task {
             let free = self.among.iter().filter(|q| self.reach.allows(self.arm(), q)).count();
             let found: Vec<Candidate> =
                 self.among.iter().filter_map(|q| self.candidate(q)).collect();
-            return enough(self.among.len(), free, found, least);
+            return self.enough(self.among.len(), free, found, least);
         }
         let (mut drawn, mut free, mut found) = (0, 0, Vec::new());
         while found.len() < wanted && drawn < PATIENCE * wanted.max(100) {
@@ -136,7 +136,30 @@ impl Task {
             free += usize::from(self.reach.allows(self.arm(), &q));
             found.extend(self.candidate(&q));
         }
-        enough(drawn, free, found, least)
+        self.enough(drawn, free, found, least)
+    }
+
+    /// The poses found, if these are as many as are wanted.
+    fn enough(
+        &self,
+        drawn: usize,
+        free: usize,
+        found: Vec<Candidate>,
+        least: usize,
+    ) -> Result<Vec<Candidate>, NoPlan> {
+        let (seen, wanted) = (found.len(), least.max(1));
+        if seen >= wanted {
+            return Ok(found);
+        }
+        let (origin, remedy) = match (self.among.is_empty(), &self.sight) {
+            (false, None) => ("given", "give more poses, or relax what bars a pose"),
+            (false, Some(_)) => {
+                ("given", "give more poses, move the instrument, or relax what bars a pose")
+            }
+            (true, None) => ("drawn", "relax what bars a pose"),
+            (true, Some(_)) => ("drawn", "move the instrument, or relax what bars a pose"),
+        };
+        Err(NoPlan::Barred { drawn, origin, free, seen, wanted, remedy })
     }
 
     /// Random poses near `q` that satisfy the constraints.
@@ -348,15 +371,4 @@ pub(crate) fn campaign(poses: Vec<Pose>, surroundings: &Surroundings) -> Campaig
         instruments: vec![Instrument { name, noise_is_known: true, ..Instrument::default() }],
         recordings: vec![Source::of_poses("planned")],
     }
-}
-
-/// The poses found, or an error if they are too few.
-fn enough(
-    drawn: usize,
-    free: usize,
-    found: Vec<Candidate>,
-    least: usize,
-) -> Result<Vec<Candidate>, NoPlan> {
-    let (seen, wanted) = (found.len(), least.max(1));
-    if seen < wanted { Err(NoPlan::Barred { drawn, free, seen, wanted }) } else { Ok(found) }
 }

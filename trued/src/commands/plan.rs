@@ -6,6 +6,7 @@
 
 mod setup;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -39,6 +40,8 @@ use crate::wrap;
 const CALIBRATION_POSES: usize = 30;
 /// The same of a check.
 const CHECK_POSES: usize = 10;
+/// Joint positions that round to the same multiple of this are one, rad or m: less than the resolution of any encoder.
+const SAME_POSE: f64 = 1e-6;
 /// Probability with which a check detects the minimum damage that it states.
 const CHECK_POWER: f64 = 0.9;
 
@@ -50,6 +53,11 @@ const CHECK_POWER: f64 = 0.9;
 /// with a recording of them, it judges whether the model still holds (exit 1 if it does not). `--iso9283` plans or evaluates the test of accuracy and repeatability.
 /// Not considered: fixtures and cables that are not described, and the motion between poses.
 #[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("somewhere").args(["zone", "iso9283"]).multiple(true)))]
+#[command(mut_args(|arg| match arg.get_id().as_str() {
+    "asked_by" | "out" | "seed" | "json" | "overwrite" | "quiet" | "verbose" | "color" => arg,
+    _ => arg.conflicts_with("asked_by"),
+}))]
 pub(crate) struct Plan {
     #[command(flatten)]
     reading: Reading,
@@ -64,31 +72,37 @@ pub(crate) struct Plan {
     iso9283: bool,
     /// Write the experiment that a diagnosis proposes, as a path to be recorded: experiment.csv and experiment.toml. `DIR` is the output folder of `trued diagnose`;
     /// the files are written there, or to `--out`
-    #[arg(long = "for", value_name = "DIR", conflicts_with_all = ["next", "check", "iso9283", "count", "criterion", "recordings"])]
+    #[arg(long = "for", value_name = "DIR")]
     asked_by: Option<PathBuf>,
     /// Number of poses, by default 30, for a check 10; with `--iso9283` the number of cycles, by default 30
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=500))]
     count: Option<u16>,
     /// Optimality criterion: d: all parameters together; o1: information per reading; zone: the tool's error in `--zone` (by default in the workspace); random: random poses, for validation
-    #[arg(long, value_name = "d|o1|zone|random", value_enum)]
+    #[arg(long, value_name = "d|o1|zone|random", value_enum, conflicts_with = "iso9283")]
     criterion: Option<Best>,
     /// Zone in which the tool's error is minimised, two corners of a box, base frame, mm; with `--iso9283` the cube
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", allow_hyphen_values = true)]
     zone: Option<Tuple<6>>,
     /// Direction of the tool's z axis in the zone, base frame; may be repeated
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, default_value = "0,0,-1")]
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        allow_hyphen_values = true,
+        default_value = "0,0,-1",
+        requires = "somewhere"
+    )]
     direction: Vec<Tuple<3>>,
     /// Minimum reduction of the tool's expected error by ten more poses for which measuring is still recommended, mm
     #[arg(long, value_name = "MM", default_value_t = 0.003, requires = "next")]
     worth_mm: f64,
     /// False alarm rate: the share of undamaged robots that a check calls damaged, above 0 and below 0.5
-    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share, requires = "check")]
     alarm: f64,
     /// Select from the poses of this recording, which are known to be free of collisions, instead of random candidates
-    #[arg(long, value_name = "RECORDING")]
+    #[arg(long, value_name = "RECORDING", conflicts_with = "iso9283")]
     among: Option<PathBuf>,
     /// Number of random candidate poses
-    #[arg(long, value_name = "N", default_value_t = 600, value_parser = clap::value_parser!(u16).range(20..=5000))]
+    #[arg(long, value_name = "N", default_value_t = 600, conflicts_with_all = ["among", "iso9283"], value_parser = clap::value_parser!(u16).range(20..=5000))]
     candidates: u16,
     #[command(flatten)]
     setup: Setup,
@@ -109,16 +123,22 @@ struct Files {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Approach to each pose: direct, or both: twice, with all joints from below and from above, to reveal lost motion
-    #[arg(long, value_name = "direct|both", value_enum, default_value = "both")]
+    #[arg(
+        long,
+        value_name = "direct|both",
+        value_enum,
+        default_value = "both",
+        conflicts_with = "iso9283"
+    )]
     approach: Coming,
     /// Distance at which a joint begins its approach, degrees (mm for a linear joint)
-    #[arg(long, value_name = "DEG", default_value_t = 3.0)]
+    #[arg(long, value_name = "DEG", default_value_t = 3.0, requires = "out")]
     approach_deg: f64,
     /// Pause at each pose, s
-    #[arg(long, value_name = "S", default_value_t = 3.0)]
+    #[arg(long, value_name = "S", default_value_t = 3.0, requires = "out")]
     pause_s: f64,
     /// Controller axis of each joint, if the order differs: E1,A1,A2,A3,A4,A5,A6
-    #[arg(long, value_name = "A,…", value_delimiter = ',')]
+    #[arg(long, value_name = "A,…", value_delimiter = ',', requires = "out")]
     axes: Vec<Axis>,
 }
 
@@ -157,10 +177,8 @@ impl Plan {
             return self.experiment(diagnosed, console);
         }
         let is_judged = (self.check || self.iso9283) && !self.recordings.is_empty();
-        if is_judged && (self.files.out.is_some() || self.count.is_some()) {
-            return Err(Failure::input(
-                "a recording is judged, no poses are planned: leave out --out and --count, or the recording",
-            ));
+        if is_judged {
+            self.check_judged()?;
         }
         let mut outputs = if is_judged { console.outputs() } else { self.files.outputs(console) };
         outputs.check(self.recordings.iter().chain(&self.among).chain(self.reading.files()))?;
@@ -174,6 +192,26 @@ impl Plan {
             };
         }
         self.plan(robot, console, outputs)
+    }
+
+    /// Where a recording is judged no poses are planned: options of planning would do nothing.
+    fn check_judged(&self) -> Result<(), Failure> {
+        let given = [
+            ("--out", self.files.out.is_some()),
+            ("--count", self.count.is_some()),
+            ("--criterion", self.criterion.is_some()),
+            ("--zone", self.zone.is_some()),
+            ("--among", self.among.is_some()),
+        ];
+        let idle: Vec<&str> =
+            given.into_iter().filter_map(|(name, is_given)| is_given.then_some(name)).collect();
+        if idle.is_empty() {
+            return Ok(());
+        }
+        Err(Failure::input(format!(
+            "a recording is judged, no poses are planned: leave out {}, or the recording",
+            idle.join(", ")
+        )))
     }
 
     fn input(&self) -> Result<Input, Failure> {
@@ -340,8 +378,15 @@ impl Plan {
             joints.clone().for_each(|joint| q[joint] = position(row, joint));
             q
         });
-        Ok(poses.filter(|q| q.iter().all(|q| q.is_finite())).collect())
+        Ok(distinct(poses.filter(|q| q.iter().all(|q| q.is_finite()))))
     }
+}
+
+/// Each pose once, in order: one that is approached from both sides is in two rows of a recording.
+fn distinct(poses: impl Iterator<Item = Joints>) -> Vec<Joints> {
+    let mut known = BTreeSet::new();
+    let place = |q: &Joints| q.map(|q| (q / SAME_POSE).round() as i64);
+    poses.filter(|q| known.insert(place(q))).collect()
 }
 
 /// What a plan gives at once.
@@ -389,4 +434,20 @@ pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
         ResultSchema::of::<NextReport<'_>>("plan-next", "trued.plan/1"),
         ResultSchema::of::<ExperimentReport<'_>>("plan-experiment", "trued.plan/1"),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_that_is_approached_from_both_sides_is_one_pose_to_choose() {
+        let pose = |first: f64| {
+            let mut q = Joints::default();
+            q[0] = first;
+            q
+        };
+        let rows = [0.1, 0.1, 0.2, 0.2 + 1e-9, 0.1, 0.3].map(pose);
+        assert_eq!(distinct(rows.into_iter()), [0.1, 0.2, 0.3].map(pose));
+    }
 }
