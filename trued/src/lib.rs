@@ -29,7 +29,8 @@ mod wrap;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::{CommandFactory, FromArgMatches};
+use clap::error::ErrorKind;
+use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use recording::program;
 
 use crate::cli::Cli;
@@ -67,8 +68,38 @@ pub fn command() -> clap::Command {
 }
 
 fn parse(args: Vec<OsString>) -> Result<Cli, clap::Error> {
-    let mut matches = command().try_get_matches_from(args)?;
+    let mut command = command();
+    let mut matches = command.try_get_matches_from_mut(args)?;
+    if let Some(why) = refused(&matches) {
+        return Err(command.error(ErrorKind::ValueValidation, why));
+    }
     Cli::from_arg_matches_mut(&mut matches)
+}
+
+/// Options that name files of results, besides `--json`.
+const FILES: [&str; 5] = ["out", "report", "corrections", "textfile", "urdf"];
+/// Commands that run until they are ended, or print something else, and have no result as JSON.
+const WITHOUT_JSON: [&str; 5] = ["bridge", "completions", "live", "run", "top"];
+
+/// Why options of every command do not fit this one.
+fn refused(matches: &ArgMatches) -> Option<String> {
+    let (name, mut inner) = matches.subcommand()?;
+    if WITHOUT_JSON.contains(&name) && matches!(inner.try_get_raw("json"), Ok(Some(_))) {
+        let instead = "the state of a running cell as JSON: `trued status --json -`";
+        return Some(format!("`trued {name}` has no result as JSON: leave out --json ({instead})"));
+    }
+    loop {
+        let is_dash = |id: &&&str| {
+            let mut values = inner.try_get_raw(id).ok().flatten().into_iter().flatten();
+            values.any(|value| value == "-")
+        };
+        if let Some(option) = FILES.iter().find(is_dash) {
+            return Some(format!(
+                "--{option} names a file, and `-` is none: only JSON goes to standard output (`--json -`); for a file of that name give `./-`"
+            ));
+        }
+        inner = inner.subcommand()?.1;
+    }
 }
 
 /// Help and version are results; everything else is a usage error.
@@ -79,4 +110,86 @@ fn tell(told: &clap::Error) -> ExitCode {
         _ => Ok(Answer::Done),
     };
     exit::code(&outcome)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::parse;
+
+    fn refused(line: &str) -> String {
+        let args = ["trued"].into_iter().chain(line.split(' ')).map(Into::into).collect();
+        parse(args).map(|_| ()).expect_err(line).to_string()
+    }
+
+    fn is_accepted(line: &str) {
+        let args = ["trued"].into_iter().chain(line.split(' ')).map(Into::into).collect();
+        parse(args).unwrap_or_else(|error| panic!("{line}: {error}"));
+    }
+
+    #[test]
+    fn a_dash_is_no_output_file_of_any_command() {
+        for line in [
+            "correct --out - a.csv",
+            "learn --out - a.csv b.csv",
+            "simulate --out - a.csv",
+            "convert --out - a.mcap",
+            "calibrate --out - a.csv",
+            "surface --report - a.csv",
+            "replay --corrections - a.mcap",
+            "model export a.toml --urdf -",
+            "model import a.urdf --out -",
+            "plan --model m --out -",
+            "live --textfile -",
+        ] {
+            assert!(refused(line).contains("names a file"), "{line}: {}", refused(line));
+        }
+        is_accepted("correct --out ./- --json - a.csv");
+    }
+
+    #[test]
+    fn an_option_that_would_do_nothing_is_refused() {
+        for line in [
+            "live --json -",
+            "top --json a.json",
+            "run --config a.toml --json a.json",
+            "completions bash --json -",
+            "correct --bandwidth-hz 20 a.csv",
+            "correct --max-mrad 20 a.csv",
+            "surface --teeth 0 --spindle-rpm 1 --feed-mm-s 1 a.csv",
+            "surface --teeth 2 a.csv",
+            "spectrum --teeth 0 a.csv",
+            "gears --spacing-um 1 a.csv",
+            "gears --tolerance 1 a.csv",
+            "gears --model m --from 1 --cut 1,0,0 --mapping a.toml",
+            "tap --frf --response-kind velocity --windows none a.csv",
+            "challenge --limit 0",
+            "challenge --limit -1",
+            "challenge --model a.toml",
+            "challenge --inject a.csv --tier null",
+            "plan --for d --count 3",
+            "plan --for d --instrument 1,2,3",
+            "plan --model m --direction 1,0,0",
+            "plan --model m --alarm 0.1",
+            "plan --model m --among a.csv --candidates 30",
+            "plan --model m --pause-s 1",
+            "plan --model m --iso9283 --criterion d",
+            "plan --model m --accept-deg 20",
+            "plan --model m --least-targets 0 --target 1,2,3",
+            "plan --model m --targets-known",
+        ] {
+            refused(line);
+        }
+        for line in [
+            "correct --dynamic --bandwidth-hz 20 a.csv",
+            "surface --teeth 2 --spindle-rpm 1 --feed-mm-s 1 a.csv",
+            "gears --spacing-um 1 --profile p.csv a.csv",
+            "challenge --limit 0.5",
+            "plan --for d --out e --json a.json",
+            "plan --model m --iso9283 --direction 1,0,0",
+            "plan --model m --out d --pause-s 1",
+            "status --json -",
+        ] {
+            is_accepted(line);
+        }
+    }
 }

@@ -54,6 +54,9 @@ pub fn read(path: impl AsRef<Path>, format: &Format) -> Result<Profile, Error> {
         columns: format.column.iter().cloned().collect(),
         ..Options::default()
     };
+    if format.spacing_um.is_some() {
+        refuse_second_spacing(path, &options)?;
+    }
     let waves = waves::read(path, &options)?;
     let unfit = |what: String| Error::input(Unfit { file: path.to_owned(), what });
     let record = match waves.records.as_slice() {
@@ -80,6 +83,18 @@ pub fn read(path: impl AsRef<Path>, format: &Format) -> Result<Profile, Error> {
     })
 }
 
+/// A spacing is for heights alone: beside a column of positions one of the two would not count.
+fn refuse_second_spacing(path: &Path, options: &Options) -> Result<(), Error> {
+    let of_file = waves::read(path, &Options { step_mm: None, ..options.clone() });
+    let grid = of_file.ok().and_then(|waves| Some(waves.records.first()?.grid));
+    let Some(Grid::Length { step_mm, .. }) = grid else { return Ok(()) };
+    let what = format!(
+        "a column states the positions, {} µm apart: leave out --spacing-um, or remove the column",
+        report::significant(1e3 * step_mm, 4)
+    );
+    Err(Error::input(Unfit { file: path.to_owned(), what }))
+}
+
 fn heights(format: &Format, record: &Record) -> Result<(String, Vec<f64>), String> {
     let names = || record.channels.iter().map(|wave| wave.name.as_str()).collect::<Vec<_>>();
     let [wave] = record.channels.as_slice() else {
@@ -90,7 +105,11 @@ fn heights(format: &Format, record: &Record) -> Result<(String, Vec<f64>), Strin
     };
     let name = &wave.name;
     let um = match (wave.quantity(), format.unit_um) {
-        (Some((Quantity::Length, si)), _) => 1e6 * si,
+        (Some((Quantity::Length, _)), Some(_)) => {
+            let unit = &wave.unit;
+            return Err(format!("column `{name}` states its unit, {unit}: leave out --unit"));
+        }
+        (Some((Quantity::Length, si)), None) => 1e6 * si,
         // Among heights `nm` is no moment.
         (Some((Quantity::Moment, _)), None) if wave.unit == "nm" => 1e-3,
         (_, Some(unit_um)) if wave.unit == "1" => unit_um,

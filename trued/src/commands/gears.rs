@@ -23,6 +23,12 @@ use crate::wrap;
 /// from stylus profiles, from the columns of a recording over its path, or from `--lines`. An eccentric shaft causes as many
 /// cycles per mm as it has revolutions per mm, a mesh as many as teeth mesh; what the reference thesis calls cycles per mm are degrees per mm.
 #[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("measured").args(["profile", "force", "lines"]).multiple(true)))]
+#[command(mut_args(|arg| match arg.get_id().as_str() {
+    "column" | "spacing_um" | "unit" => arg.requires("profile"),
+    "mapping" => arg.conflicts_with("from"),
+    _ => arg,
+}))]
 pub(crate) struct Gears {
     #[command(flatten)]
     reading: Reading,
@@ -55,7 +61,7 @@ pub(crate) struct Gears {
     #[arg(long, value_name = "L,…", value_delimiter = ',')]
     lines: Vec<f64>,
     /// Tolerance of a match, percent of the line, in addition to the uncertainty of the line itself
-    #[arg(long, value_name = "PERCENT", default_value_t = 2.0)]
+    #[arg(long, value_name = "PERCENT", default_value_t = 2.0, requires = "measured")]
     tolerance: f64,
     /// Write an HTML page with tables and a plot
     #[arg(long, value_name = "FILE.html")]

@@ -62,6 +62,10 @@ impl Model {
         match &self.what {
             What::Presets => list(console),
             What::Show { model, toml: true } => {
+                if console.common().json.is_some() {
+                    let why = "--toml prints the model file itself: leave out --json, or --toml";
+                    return Err(Failure::input(why));
+                }
                 // Read as a model first, so that an invalid file is not printed.
                 input::model(model)?;
                 let text = match (read_text(model), presets::at(model)) {

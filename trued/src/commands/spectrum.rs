@@ -29,7 +29,7 @@ pub(crate) struct Spectrum {
     #[arg(long, value_name = "N")]
     spindle_rpm: Option<f64>,
     /// Number of teeth of the cutter; by default from `[cut]` in the accompanying TOML
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     teeth: Option<u32>,
     /// Feed along the path, mm/s; by default from the columns `feed_mm_s`, `x_mm` … or `q1_deg` …
     #[arg(long, value_name = "N")]

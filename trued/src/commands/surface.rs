@@ -45,14 +45,8 @@ pub(crate) struct Surface {
     #[arg(long, value_name = "RPM", requires = "feed_mm_s")]
     spindle_rpm: Option<f64>,
     /// Number of teeth of the tool
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 0,
-        hide_default_value = true,
-        requires = "spindle_rpm"
-    )]
-    teeth: u32,
+    #[arg(long, value_name = "N", requires = "spindle_rpm", value_parser = clap::value_parser!(u32).range(1..))]
+    teeth: Option<u32>,
     /// Model of the robot: identifies lines at its natural frequencies; needs --feed-mm-s
     #[arg(long, value_name = "MODEL", requires = "feed_mm_s")]
     model: Option<PathBuf>,
@@ -188,7 +182,7 @@ impl Surface {
             machining: Machining {
                 feed_mm_s: self.feed_mm_s,
                 spindle_rpm: self.spindle_rpm,
-                teeth: self.teeth,
+                teeth: self.teeth.unwrap_or(0),
                 modes: modes.map(|mode| Mode::at_hz(mode.frequency_hz)).collect(),
                 wheels: self.wheel.iter().map(|wheel| wheel.0).collect(),
             },

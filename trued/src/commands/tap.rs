@@ -43,7 +43,7 @@ pub(crate) struct Tap {
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
     /// Files are tables of a frequency response function: frequency in Hz, real part, imaginary part
-    #[arg(long, requires = "response_kind", conflicts_with_all = ["force", "rate", "block_s"])]
+    #[arg(long, requires = "response_kind", conflicts_with_all = ["force", "rate", "block_s", "windows", "estimator", "coherence_least"])]
     frf: bool,
     /// Estimator of the response function. h1: unbiased by noise of the response; h2: by noise of the force
     #[arg(long, value_name = "h1|h2", value_enum, default_value_t, hide_possible_values = true)]

@@ -1,5 +1,6 @@
 //! Options for instruments, their positions, and constraints on poses: mm and degrees here, SI in [`MeasuringSetup`].
 
+use std::num::NonZeroUsize;
 use std::str::FromStr;
 
 use clap::Args;
@@ -60,31 +61,31 @@ impl FromStr for Target {
 #[command(next_help_heading = "What measures, and what bars a pose")]
 pub(super) struct Setup {
     /// Position of the instrument, base frame, mm; without it, the line of sight is not checked
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, conflicts_with_all = ["anchor", "plane", "sphere"])]
     instrument: Option<Tuple<3>>,
     /// Position of a target on the tool, tool frame, mm, optionally with the direction that it faces (a reflector); may be repeated. By default the TCP is measured
     #[arg(long, value_name = "X,Y,Z[,A,B,C]", allow_hyphen_values = true)]
     target: Vec<Target>,
     /// Minimum number of targets visible at a pose
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    least_targets: usize,
+    #[arg(long, value_name = "N", default_value = "1", requires = "target")]
+    least_targets: NonZeroUsize,
     /// The positions of the targets are known; by default they are estimated along
-    #[arg(long)]
+    #[arg(long, requires = "target")]
     targets_known: bool,
     /// The measuring frame is the robot's base frame; by default it is estimated along
     #[arg(long)]
     frame_known: bool,
     /// Largest angle between a reflector's direction and the beam, degrees
-    #[arg(long, value_name = "DEG", default_value_t = 25.0)]
+    #[arg(long, value_name = "DEG", default_value_t = 25.0, requires = "instrument")]
     accept_deg: f64,
     /// Smallest and largest distance that the instrument can measure, mm
-    #[arg(long, value_name = "MIN,MAX", default_value = "300,30000")]
+    #[arg(long, value_name = "MIN,MAX", default_value = "300,30000", requires = "instrument")]
     range_mm: Tuple<2>,
     /// Standard uncertainty of a measured length, mm; by default that of the recordings, else 0.05
     #[arg(long, value_name = "MM")]
     sigma_mm: Option<f64>,
     /// Standard uncertainty of the measured tool orientation, mrad; by default the orientation is not measured
-    #[arg(long, value_name = "MRAD")]
+    #[arg(long, value_name = "MRAD", conflicts_with_all = ["anchor", "plane", "sphere"])]
     orientation_sigma_mrad: Option<f64>,
     /// Approximate position of the fixed end of a ballbar or cable, base frame, mm
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, requires = "length_mm")]
@@ -164,6 +165,12 @@ impl Setup {
                 "{name}: expected the smaller number first, neither below 0"
             )));
         }
+        let (least, targets) = (self.least_targets.get(), self.target.len().max(1));
+        if least > targets {
+            return Err(Failure::input(format!(
+                "--least-targets is {least}, but {targets} are given with --target"
+            )));
+        }
         if !(0.0..=90.0).contains(&self.margin_deg) {
             return Err(Failure::input("--margin-deg: expected 0 to 90"));
         }
@@ -195,7 +202,7 @@ impl Setup {
             range_m: self.range_mm.0.map(m),
             acceptance_rad: self.accept_deg.to_radians(),
             targets: self.target.iter().map(target).collect(),
-            targets_seen_least: self.least_targets,
+            targets_seen_least: self.least_targets.get(),
             targets_known: self.targets_known,
             frame_known: self.frame_known,
             length_sigma_m: self.sigma_mm.map(m),
