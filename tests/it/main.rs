@@ -67,6 +67,7 @@ mod tap;
 mod top;
 mod trim;
 mod waves;
+mod width;
 
 use tests::pair::Programs;
 
