@@ -93,6 +93,7 @@ impl Findings {
 #[cfg(test)]
 mod tests {
     use crate::check::{Findings, file};
+    use crate::faults::Faults;
 
     fn findings(name: &str, content: &[u8]) -> Findings {
         let folder =
@@ -153,7 +154,7 @@ mod tests {
         ] {
             let found = findings(name, content);
             assert_eq!(found.kind, kind, "{name}");
-            let said = found.faults.iter().map(|faults| faults.plain()).collect::<String>();
+            let said = found.faults.iter().map(Faults::plain).collect::<String>();
             assert!(!said.is_empty() && !said.contains("t_s"), "{name}: {said}");
         }
     }
