@@ -1,13 +1,14 @@
 //! Reads files, and writes them atomically.
 //!
-//! A file under its final name is never partially written, whatever fails.
+//! A file under its final name is never partially written, whatever fails. Several files at once, all
+//! or none: [`crate::outputs`].
 
-use std::fs::{self, File};
-use std::hash::{BuildHasher, Hasher, RandomState};
-use std::io::{self, Write};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::faults::{Fault, Faults, Place};
+use crate::part::Part;
 
 /// Why a file could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -76,22 +77,11 @@ pub fn text_of(name: &str, bytes: Vec<u8>) -> Result<String, Faults> {
 /// # Errors
 /// The system refused; then `path` is unchanged.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
-    let error = FileError::io("write", path);
-    let name = path.file_name().ok_or_else(|| error(io::ErrorKind::InvalidFilename.into()))?;
-    let mut hidden = std::ffi::OsString::from(".");
-    hidden.push(name);
-    // Processes of several machines or containers may share the folder, with equal process numbers.
-    let chance = RandomState::new().build_hasher().finish();
-    hidden.push(format!(".{}-{chance:016x}.part", std::process::id()));
-    let part = path.with_file_name(hidden);
-    let written = File::create_new(&part)
-        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-        .and_then(|()| fs::rename(&part, path));
-    written.map_err(|source| {
-        // The first error is reported; a temporary file that remains is harmless.
-        let _ = fs::remove_file(&part);
-        error(source)
-    })
+    let written = Part::create(path).and_then(|mut part| {
+        part.write(bytes)?;
+        part.finish()
+    });
+    written.map_err(FileError::io("write", path))
 }
 
 /// A hash of content (FNV-1a, 64 bit): distinguishes versions, but does not prove authenticity.

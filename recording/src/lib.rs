@@ -15,6 +15,8 @@ pub mod files;
 pub mod manifest;
 pub mod mapping;
 pub mod model;
+pub mod outputs;
+mod part;
 pub mod program;
 pub mod programs;
 pub mod ros2;

@@ -4,6 +4,9 @@ use std::sync::OnceLock;
 
 use serde::Serialize;
 
+/// What the first lines of a page or a drawing of trued contain; `report::MADE_BY` is the same.
+pub const MADE_BY: &str = "<!-- made by trued -->";
+
 /// As `trued 0.2.0`, or `trued 0.2.0 (0123456789ab)` with the commit that it was built from, where the build stated it (environment variable `TRUED_COMMIT`).
 #[must_use]
 pub fn version() -> &'static str {

@@ -10,7 +10,10 @@
 //! | 130 | interrupted |
 
 use std::error::Error;
+use std::io::ErrorKind;
 use std::process::ExitCode;
+
+use recording::outputs::WriteError;
 
 /// The answer of a command that was done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,6 +62,18 @@ impl From<spectrum_report::Error> for Failure {
     }
 }
 
+impl From<WriteError> for Failure {
+    fn from(error: WriteError) -> Self {
+        let misnamed = [ErrorKind::NotFound, ErrorKind::NotADirectory, ErrorKind::IsADirectory];
+        match &error {
+            WriteError::Io { source, .. } if !misnamed.contains(&source.kind()) => {
+                Self::system(error)
+            }
+            _ => Self::input(error),
+        }
+    }
+}
+
 /// How a command ends.
 pub type Outcome = Result<Answer, Failure>;
 
@@ -93,6 +108,15 @@ fn number(outcome: &Outcome) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_wrong_name_is_bad_input_and_a_full_disk_is_not() {
+        let at = |kind: ErrorKind| WriteError::Io { path: "a".into(), source: kind.into() };
+        for bad in [WriteError::Exists("a".into()), at(ErrorKind::NotFound)] {
+            assert!(matches!(Failure::from(bad), Failure::Input(_)));
+        }
+        assert!(matches!(Failure::from(at(ErrorKind::StorageFull)), Failure::System(_)));
+    }
 
     #[test]
     fn exit_codes_are_those_of_the_contract() {

@@ -4,7 +4,6 @@
 //! files complete or not at all) are implemented here once for every command. Logic that belongs to
 //! a library of this project does not belong here.
 
-pub mod atomic;
 mod child;
 mod cli;
 mod commands;
@@ -18,6 +17,7 @@ mod lockstep;
 mod logs;
 pub mod options;
 pub mod output;
+pub mod pages;
 pub mod progress;
 pub mod provenance;
 #[cfg(feature = "schema")]

@@ -16,10 +16,10 @@ use report::{TextLine, Tone};
 use serde::Serialize;
 use terminal_size::{Width, terminal_size_of};
 
-use crate::atomic::Outputs;
 use crate::exit::Failure;
 use crate::logs;
 use crate::options::{Color, Common};
+use crate::pages::Outputs;
 use crate::provenance::Invocation;
 use crate::wrap::wrapped;
 

@@ -13,11 +13,11 @@ use harness::{BenchError, page, tables};
 use report::TextTable;
 use tracing::info;
 
-use crate::atomic::Outputs;
 use crate::child::Guarded;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 use crate::output::{Console, Paint};
+use crate::pages::Outputs;
 use crate::progress;
 use crate::table::on_stdout;
 

@@ -18,11 +18,11 @@ use clap::{Args, ValueEnum};
 
 use self::inject::Injection;
 use self::solver::Solver;
-use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::Reading;
 use crate::options::{Seed, Threads};
 use crate::output::Console;
+use crate::pages::Outputs;
 use crate::{interrupt, progress, wrap};
 
 /// Blind test of a diagnosis: sealed cases, a solver, a score

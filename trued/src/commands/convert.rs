@@ -15,9 +15,9 @@ use report::count;
 use serde::Serialize;
 use tracing::warn;
 
-use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
+use crate::pages::Outputs;
 
 /// Convert a recording (MCAP, CSV, Parquet) to a table (CSV, Parquet) or to ROS 2 messages (MCAP)
 ///

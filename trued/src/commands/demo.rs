@@ -23,12 +23,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::Args;
 use indicatif::ProgressBar;
 
-use crate::atomic::Outputs;
 use crate::child::Guarded;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 use crate::options::Seed;
 use crate::output::Console;
+use crate::pages::Outputs;
 use crate::progress;
 use crate::provenance::Invocation;
 

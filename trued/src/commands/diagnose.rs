@@ -17,11 +17,11 @@ use diagnosis_report::{Diagnosed, MODEL, Settings, Stage, Whole, diagnose, lead,
 use recording::model::RobotModel;
 use recording::series::Recording;
 
-use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Looked, Reading};
 use crate::options::{Seed, Threads, tolerance_mm};
 use crate::output::{Console, Paint};
+use crate::pages::Outputs;
 use crate::progress;
 
 /// Identify the physical effects that a robot's model lacks, with validation on held-out data

@@ -29,11 +29,11 @@ use serde::Serialize;
 use tracing::warn;
 
 use self::setup::{Setup, Tuple, corners_m};
-use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{self, Reading};
 use crate::options::Seed;
 use crate::output::Console;
+use crate::pages::Outputs;
 use crate::wrap;
 
 /// Number of poses of a calibration where none is given.

@@ -16,12 +16,12 @@ use serde::Serialize;
 use shm_schema::Corrected;
 
 use self::daemon::OwnDaemon;
-use crate::atomic::Outputs;
 use crate::corrections::{Corrections, Figures};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Input, Reading};
 use crate::lockstep::Cycle;
 use crate::output::Console;
+use crate::pages::Outputs;
 use crate::setpoints::{Setpoints, Timed};
 use crate::table::on_stdout;
 use crate::{interrupt, progress};

@@ -25,9 +25,9 @@ use super::outcome::{Again, Report, Swap, Told};
 use super::page;
 use super::scene::{Scene, TICK_S};
 use super::standing::Standing;
-use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
+use crate::pages::Outputs;
 use crate::provenance::Invocation;
 
 /// How long the cell waits for the daemon at the start.

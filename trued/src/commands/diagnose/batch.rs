@@ -18,10 +18,10 @@ use tracing::subscriber::{NoSubscriber, with_default};
 
 use super::Read;
 use super::rows::{Temperatures, of_reports};
-use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Faulty, Reading, unusable};
 use crate::output::{Console, Paint};
+use crate::pages::Outputs;
 use crate::progress;
 
 /// Most recordings listed in the text; their results contain the reason.

@@ -1,28 +1,40 @@
-//! Writes all output files of a command or none, and never overwrites a user's file.
+//! Writes all output files of a program run or none, and never overwrites a user's file.
 //!
 //! A file that exists and is not empty is refused, unless it is a result that trued can reproduce
-//! (see [`is_result`]) or `--overwrite` is given. Each file is written under a hidden name in the
+//! (see [`is_result`]) or replacing was allowed. Each file is written under a hidden name in the
 //! target directory and synced; once all are complete they are renamed. After a failure (a full
 //! disk, say) everything created is removed, directories included. A crash may leave hidden
 //! `.NAME.PID-N.part` files, but never an incomplete file under its final name. Special files (a
 //! pipe, `/dev/null`) are written directly.
+//!
+//! ```
+//! use recording::outputs::Outputs;
+//!
+//! # fn main() -> Result<(), recording::outputs::WriteError> {
+//! let folder = std::env::temp_dir().join(format!("outputs-{}", std::process::id()));
+//! let model = folder.join("model.toml");
+//! let mut outputs = Outputs::new(false).in_folder(&folder).file(&model);
+//! outputs.check([])?;
+//! // Here the long computation.
+//! outputs.put(&model, "name = \"arm\"\n");
+//! outputs.write()?;
+//! assert!(model.is_file());
+//! # std::fs::remove_dir_all(&folder).ok();
+//! # Ok(())
+//! # }
+//! ```
 
 use std::collections::BTreeSet;
-use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use recording::files::named_model;
-use recording::mapping::mapping_path;
-use recording::series::about_path;
-use report::InputFile;
-use rustix::fs::{CWD, RenameFlags, renameat_with};
-use rustix::io::Errno;
-
-use crate::exit::Failure;
-use crate::provenance::{self, Invocation};
+use crate::files::named_model;
+use crate::mapping::mapping_path;
+use crate::part::Part;
+use crate::program::MADE_BY;
+use crate::series::about_path;
 
 /// Files of one command have modification times within this span; a file changed later was edited.
 const WRITTEN_TOGETHER: Duration = Duration::from_secs(2);
@@ -51,55 +63,32 @@ pub enum WriteError {
     Twice(PathBuf),
 }
 
-impl From<WriteError> for Failure {
-    fn from(error: WriteError) -> Self {
-        let misnamed = [ErrorKind::NotFound, ErrorKind::NotADirectory, ErrorKind::IsADirectory];
-        match &error {
-            WriteError::Io { source, .. } if !misnamed.contains(&source.kind()) => {
-                Self::system(error)
-            }
-            _ => Self::input(error),
-        }
-    }
-}
-
 fn failed(path: &Path) -> impl Fn(io::Error) -> WriteError {
     move |source| WriteError::Io { path: path.to_owned(), source }
 }
 
-/// The files of one command.
+/// The output files of one run.
 #[derive(Debug, Default)]
 pub struct Outputs {
     may_replace: bool,
     folder: Option<PathBuf>,
     files: Vec<Output>,
-    /// Paths of the command's inputs.
+    /// Paths of the run's inputs.
     inputs: BTreeSet<PathBuf>,
-    /// The program run that is stated on the pages.
-    invocation: Invocation,
-    /// What was read, as its pages name it.
-    read: Vec<InputFile>,
 }
 
 #[derive(Debug, Default)]
 struct Output {
     path: PathBuf,
     is_result: bool,
-    is_page: bool,
     bytes: Option<Vec<u8>>,
 }
 
 impl Outputs {
-    /// No file yet; `may_replace` is `--overwrite`.
+    /// No file yet; with `may_replace` (`--overwrite`) every file may be replaced, except inputs.
     #[must_use]
     pub fn new(may_replace: bool) -> Self {
         Self { may_replace, ..Self::default() }
-    }
-
-    /// Sets the program run that is stated on the pages among the outputs.
-    #[must_use]
-    pub fn of(self, invocation: Invocation) -> Self {
-        Self { invocation, ..self }
     }
 
     /// Sets the directory of the files, which is created if it is missing.
@@ -122,36 +111,9 @@ impl Outputs {
         self.with(Output { path: path.into(), is_result: true, ..Output::default() })
     }
 
-    /// Announces a page, which is a result; the files that are read are then hashed by [`Outputs::check`], before anything is computed of them.
-    #[must_use]
-    pub fn page(self, path: impl Into<PathBuf>) -> Self {
-        self.with(Output { path: path.into(), is_result: true, is_page: true, bytes: None })
-    }
-
-    /// Announces optional results.
-    #[must_use]
-    pub fn pages<'a>(self, paths: impl IntoIterator<Item = &'a PathBuf>) -> Self {
-        paths.into_iter().fold(self, Self::page)
-    }
-
     fn with(mut self, output: Output) -> Self {
         self.files.push(output);
         self
-    }
-
-    /// Sets the content of a page, including the section that states how it was made.
-    pub fn put_page(&mut self, path: &Path, page: report::Page) {
-        let made = self.invocation.provenance(self.read.clone());
-        self.put(path, page.provenance(made).render());
-        if let Some(file) = self.files.iter_mut().find(|file| file.path == path) {
-            file.is_page = true;
-        }
-    }
-
-    /// Pages that have their content.
-    pub(crate) fn written_pages(&self) -> impl Iterator<Item = PathBuf> + '_ {
-        let pages = self.files.iter().filter(|file| file.is_page && file.bytes.is_some());
-        pages.map(|file| file.path.clone())
     }
 
     /// Sets the content of a file. A file without content is not written; an unannounced file is an
@@ -166,19 +128,17 @@ impl Outputs {
 
     /// Checks, before a long computation, that all outputs can be written and that none is an
     /// input: one of `inputs`, the TOML or mapping beside it, or the model that such a TOML names.
-    /// Leaves no files behind.
+    /// Leaves no files behind. Returns the paths of the inputs that were not checked before,
+    /// including those that belong to them.
     ///
     /// # Errors
     /// As [`Outputs::write`].
     pub fn check<'a>(
         &mut self,
         inputs: impl IntoIterator<Item = &'a PathBuf>,
-    ) -> Result<(), WriteError> {
+    ) -> Result<Vec<PathBuf>, WriteError> {
         let named = inputs.into_iter().flat_map(|input| with_companions(input));
         let new: Vec<PathBuf> = named.filter(|input| self.inputs.insert(input.clone())).collect();
-        if self.files.iter().any(|file| file.is_page) {
-            self.read.extend(new.iter().filter_map(|input| provenance::hashed(input)));
-        }
         let mut places = BTreeSet::new();
         for output in &self.files {
             let path = &output.path;
@@ -190,7 +150,7 @@ impl Outputs {
             }
             Part::create(&self.probe(path)).map_err(failed(path))?;
         }
-        Ok(())
+        Ok(new)
     }
 
     /// The existing file at an output's path, if the output may replace it.
@@ -235,7 +195,7 @@ impl Outputs {
                 State::Stream => streams.push((path, bytes)),
                 there => {
                     let is_new = there == State::Missing;
-                    parts.push(Part::written(path, bytes, is_new).map_err(failed(path))?);
+                    parts.push(written_part(path, bytes, is_new).map_err(failed(path))?);
                 }
             }
         }
@@ -249,11 +209,22 @@ impl Outputs {
     }
 }
 
+/// The whole file under its hidden name, with the permissions of the file that it replaces.
+fn written_part(path: &Path, bytes: &[u8], is_new: bool) -> io::Result<Part> {
+    let mut part = Part::create(&place(path))?;
+    part.is_new = is_new;
+    if let Ok(before) = fs::metadata(path) {
+        part.set_permissions(before.permissions())?;
+    }
+    part.write(bytes)?;
+    Ok(part)
+}
+
 /// Renames all temporary files; if one fails, newly created ones are removed again.
 fn finish(parts: Vec<Part>) -> Result<(), WriteError> {
     let (mut made, mut folders) = (Vec::new(), BTreeSet::new());
     for part in parts {
-        let (place, is_new) = (part.place.clone(), part.is_new);
+        let (place, is_new) = (part.place().to_owned(), part.is_new);
         if let Err(source) = part.finish() {
             for path in made {
                 // The error that led here is the one to report.
@@ -332,7 +303,7 @@ pub fn is_result(path: &Path) -> bool {
     let head = String::from_utf8_lossy(&head);
     let json = head.trim_start().strip_prefix('{').map(str::trim_start);
     let is_json = json.is_some_and(|json| json.starts_with("\"schema\": \"trued."));
-    read.is_ok() && (is_json || head.contains(report::MADE_BY))
+    read.is_ok() && (is_json || head.contains(MADE_BY))
 }
 
 /// Whether a file was not changed after another that was written with it.
@@ -340,77 +311,6 @@ fn is_as_old(path: &Path, beside: &Path) -> bool {
     let changed = |path| fs::metadata(path).and_then(|there| there.modified()).ok();
     let later = changed(path).zip(changed(beside));
     later.is_some_and(|(path, beside)| path <= beside + WRITTEN_TOGETHER)
-}
-
-/// A file in the making; removed when dropped unfinished.
-struct Part {
-    file: File,
-    path: Option<PathBuf>,
-    place: PathBuf,
-    /// Nothing is there that it replaces.
-    is_new: bool,
-}
-
-impl Part {
-    fn create(place: &Path) -> io::Result<Self> {
-        let name = place.file_name().ok_or(ErrorKind::IsADirectory)?;
-        for attempt in 0.. {
-            let mut hidden = OsString::from(".");
-            hidden.push(name);
-            hidden.push(format!(".{}-{attempt}.part", std::process::id()));
-            let path = place.with_file_name(hidden);
-            match File::create_new(&path) {
-                Ok(file) => {
-                    let place = place.to_owned();
-                    return Ok(Self { file, path: Some(path), place, is_new: true });
-                }
-                Err(error) if error.kind() == ErrorKind::AlreadyExists && attempt < 100 => {}
-                Err(error) => return Err(error),
-            }
-        }
-        Err(ErrorKind::AlreadyExists.into())
-    }
-
-    /// Writes and syncs the whole file, with the permissions of the file that it replaces.
-    fn written(path: &Path, bytes: &[u8], is_new: bool) -> io::Result<Self> {
-        let mut part = Self::create(&place(path))?;
-        part.is_new = is_new;
-        if let Ok(before) = fs::metadata(path) {
-            part.file.set_permissions(before.permissions())?;
-        }
-        part.file.write_all(bytes)?;
-        part.file.sync_all()?;
-        Ok(part)
-    }
-
-    fn finish(mut self) -> io::Result<()> {
-        if let Some(path) = &self.path {
-            rename(path, &self.place, self.is_new)?;
-        }
-        self.path = None;
-        Ok(())
-    }
-}
-
-/// Renames; a new file replaces no file that was created in the meantime, as far as the file system
-/// can guarantee it.
-fn rename(from: &Path, to: &Path, is_new: bool) -> io::Result<()> {
-    if is_new {
-        match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
-            Err(Errno::INVAL | Errno::NOSYS | Errno::NOTSUP) => {}
-            renamed => return Ok(renamed?),
-        }
-    }
-    fs::rename(from, to)
-}
-
-impl Drop for Part {
-    fn drop(&mut self) {
-        if let Some(path) = &self.path {
-            // Nothing more can be done here: the error that led here is reported to the user.
-            let _ = fs::remove_file(path);
-        }
-    }
 }
 
 /// A folder and those above it that were missing; they go again when dropped, unless they are kept.
