@@ -45,6 +45,12 @@ mod result;
 pub mod simulation;
 mod tolerance;
 
+/// File name of a diagnosis as JSON.
+pub const JSON: &str = "diagnosis.json";
+
+/// File name of its page.
+pub const PAGE: &str = "report.html";
+
 /// File name of the resulting model, next to `diagnosis.json`.
 pub const MODEL: &str = "model.toml";
 

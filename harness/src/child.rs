@@ -1,6 +1,7 @@
-//! A child process of the bench: stopped when dropped, killed if it does not end.
+//! A child process that is ended together with its handle: asked when dropped, killed if it does not end.
 
-use std::process::{Child, Command, Stdio};
+use std::io::Write;
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
@@ -10,12 +11,62 @@ const WITHIN: Duration = Duration::from_secs(2);
 
 /// A child process.
 #[derive(Debug)]
-pub(crate) struct Guarded(pub(crate) Child);
+pub struct Guarded(pub(crate) Child);
 
 impl Guarded {
+    /// Starts it with the streams of `command`.
+    ///
+    /// # Errors
+    /// The system cannot start the program.
+    pub fn spawn(command: &mut Command) -> std::io::Result<Self> {
+        command.spawn().map(Self)
+    }
+
     /// Starts it; standard input and output are pipes to the bench, standard error is the bench's.
-    pub(crate) fn spawn(mut command: Command) -> std::io::Result<Self> {
-        command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().map(Self)
+    pub(crate) fn spawn_piped(mut command: Command) -> std::io::Result<Self> {
+        Self::spawn(command.stdin(Stdio::piped()).stdout(Stdio::piped()))
+    }
+
+    /// Writes a line to its standard input, which must be a pipe.
+    ///
+    /// # Errors
+    /// The standard input is no pipe, or is closed.
+    pub fn tell(&mut self, line: &str) -> std::io::Result<()> {
+        let input = self.0.stdin.as_mut();
+        let input = input
+            .ok_or_else(|| std::io::Error::other("the child process has no standard input"))?;
+        writeln!(input, "{line}").and_then(|()| input.flush())
+    }
+
+    /// Its standard output, if it is piped; can be taken once.
+    pub fn stdout(&mut self) -> Option<ChildStdout> {
+        self.0.stdout.take()
+    }
+
+    /// How it ended, if it has.
+    pub fn ended(&mut self) -> Option<ExitStatus> {
+        self.0.try_wait().ok().flatten()
+    }
+
+    /// Waits until it ends by itself.
+    ///
+    /// # Errors
+    /// The system cannot wait for it.
+    pub fn wait(&mut self) -> std::io::Result<ExitStatus> {
+        self.0.wait()
+    }
+
+    /// Asks it to end, and waits for a while.
+    pub fn end(&mut self) {
+        if self.ended().is_some() {
+            return;
+        }
+        self.signal(Signal::TERM);
+        self.signal(Signal::CONT);
+        let since = Instant::now();
+        while self.ended().is_none() && since.elapsed() < WITHIN {
+            std::thread::sleep(Duration::from_millis(2));
+        }
     }
 
     pub(crate) fn signal(&self, signal: Signal) {
@@ -51,20 +102,11 @@ impl Guarded {
             tasks.all(|task| task.is_ok_and(|task| stat(task.path()).is_ok_and(stands)))
         })
     }
-
-    pub(crate) fn ended(&mut self) -> Option<std::process::ExitStatus> {
-        self.0.try_wait().ok().flatten()
-    }
 }
 
 impl Drop for Guarded {
     fn drop(&mut self) {
-        self.signal(Signal::TERM);
-        self.signal(Signal::CONT);
-        let since = Instant::now();
-        while self.ended().is_none() && since.elapsed() < WITHIN {
-            std::thread::sleep(Duration::from_millis(2));
-        }
+        self.end();
         if self.ended().is_none() {
             let _ = self.0.kill();
             let _ = self.0.wait();

@@ -9,7 +9,7 @@
 //! (results).
 
 mod arms;
-mod child;
+pub mod child;
 mod chunks;
 pub mod cost;
 mod cyclictest;

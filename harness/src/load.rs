@@ -40,7 +40,7 @@ pub(crate) fn start(
     let names: Vec<_> = loads.iter().map(|load| load.name()).collect();
     let words = ["load", &plan.scratch.to_string_lossy(), &names.join(",")].join(BETWEEN_WORDS);
     let failed = |e: std::io::Error| BenchError::part("load", e.to_string());
-    Ok(Some(Guarded::spawn(programs.part(&words).map_err(failed)?).map_err(failed)?))
+    Ok(Some(Guarded::spawn_piped(programs.part(&words).map_err(failed)?).map_err(failed)?))
 }
 
 /// Checks that a load is still running.

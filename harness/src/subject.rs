@@ -139,7 +139,7 @@ pub(crate) fn launch(
     let failed = |e| BenchError::io("start the daemon for", &model, e);
     let mut command = programs.daemon(&configs).map_err(failed)?;
     command.stderr(Stdio::piped());
-    Guarded::spawn(command).map_err(failed)
+    Guarded::spawn_piped(command).map_err(failed)
 }
 
 /// Waits until a daemon is ready.

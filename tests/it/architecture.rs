@@ -48,6 +48,21 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("challenge", &[]),
     // Of `daemon` only the real-time settings of a thread, so that everything compared has the same ones.
     ("harness", &["client", "shm-schema", "daemon", "report"]),
+    // Of `harness` only child processes that end with their handle.
+    (
+        "demo-report",
+        &[
+            "diagnosis-report",
+            "diagnosis",
+            "world",
+            "client",
+            "shm-schema",
+            "harness",
+            "recording",
+            "report",
+            "physics",
+        ],
+    ),
     ("xtask", &["report", "trued"]),
 ];
 

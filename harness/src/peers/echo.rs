@@ -54,7 +54,7 @@ impl Echo {
         let (core, priority) = (core.to_string(), priority.to_string());
         let words = ["echo", &dir, &core, policy.name(), &priority].join(BETWEEN_WORDS);
         let command = programs.part(&words).map_err(failed)?;
-        let mut process = Guarded::spawn(command).map_err(failed)?;
+        let mut process = Guarded::spawn_piped(command).map_err(failed)?;
         let pipes = Pipes::of(&mut process).map_err(failed)?;
         let mut words = BufReader::new(accept(&listener, &mut process)?);
         let unix = datagram::Unix::new(place.dir(), "here").map_err(failed)?;

@@ -13,7 +13,7 @@ use harness::{BenchError, page, tables};
 use report::TextTable;
 use tracing::info;
 
-use crate::child::Guarded;
+use crate::child::myself;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 use crate::output::{Console, Paint};
@@ -129,10 +129,6 @@ impl Programs for Myself {
         command.args(["bench", "--part", words]);
         Ok(command)
     }
-}
-
-fn myself() -> std::io::Result<Command> {
-    Guarded::myself().map_err(std::io::Error::other)
 }
 
 fn failure(error: BenchError) -> Failure {

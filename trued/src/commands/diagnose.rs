@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use diagnosis::force::has_force;
-use diagnosis_report::{Diagnosed, MODEL, Settings, Stage, Whole, diagnose, lead, lines};
+use diagnosis_report::{
+    Diagnosed, JSON, MODEL, PAGE, Settings, Stage, Whole, diagnose, lead, lines,
+};
 use recording::model::RobotModel;
 use recording::series::Recording;
 
@@ -150,9 +152,6 @@ impl Diagnose {
         self.recordings.iter().chain(self.reading.files())
     }
 }
-
-const JSON: &str = "diagnosis.json";
-const PAGE: &str = "report.html";
 
 /// With the files that a diagnosis is written to, in `dir`.
 pub(super) fn outputs(outputs: Outputs, dir: &Path) -> Outputs {

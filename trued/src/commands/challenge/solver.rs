@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use challenge_report::SolverAnswer;
 
-use crate::child::Guarded;
+use crate::child::{myself, spawned};
 use crate::exit::Failure;
 use crate::interrupt;
 
@@ -47,7 +47,7 @@ impl Solver {
                 Ok(command)
             }
             _ => {
-                let mut command = Guarded::myself()?;
+                let mut command = myself().map_err(Failure::system)?;
                 command.args(["diagnose", "--quiet"]);
                 Ok(command)
             }
@@ -73,7 +73,7 @@ impl Solver {
         command.arg(case.join("recording.csv"));
         command.stdout(Stdio::null()).stderr(log);
         let start = Instant::now();
-        let mut child = Guarded::spawn(&mut command)?;
+        let mut child = spawned(&mut command)?;
         let ended = loop {
             if let Some(status) = child.ended() {
                 break Some(status);

@@ -1,10 +1,10 @@
 //! `trued diagnose` of forces (or accelerations) without joints: the same three files as for a robot, together or not at all.
 
-use diagnosis_report::{DiagnosedForces, MODEL, Whole, lines};
+use diagnosis_report::{DiagnosedForces, JSON, MODEL, PAGE, Whole, lines};
 use recording::model::RobotModel;
 use recording::series::Recording;
 
-use super::{Diagnose, JSON, PAGE, outputs};
+use super::{Diagnose, outputs};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::{Console, Paint};
 

@@ -11,11 +11,12 @@ use std::process::Stdio;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
+use harness::child::Guarded;
 use recording::series::Recording;
 use shm_schema::{Cell, Corrected, RUNTIME_DIR_ENV};
 use trued_client::{Client, ConnectError, NotSent};
 
-use crate::child::Guarded;
+use crate::child::{myself, spawned};
 use crate::exit::Failure;
 use crate::input::Input;
 use crate::interrupt;
@@ -51,10 +52,10 @@ impl OwnDaemon {
         let place = Place::make()?;
         let config = place.fill(&input.model.file.to_toml(), &input.recording)?;
         let log = File::create(place.log()).map_err(Failure::system)?;
-        let mut command = Guarded::myself()?;
+        let mut command = myself().map_err(Failure::system)?;
         command.args(["run", "--with-parent"]).arg("--lockstep").arg("--config").arg(config);
         command.env(RUNTIME_DIR_ENV, &place.dir).stdout(Stdio::null()).stderr(log);
-        let mut child = Guarded::spawn(&mut command)?;
+        let mut child = spawned(&mut command)?;
         let client = join(&place, &mut child, stop)?;
         Ok(Self { client, child, place })
     }

@@ -6,27 +6,32 @@ use serde::{Deserialize, Serialize};
 /// All measurements and reports.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Report {
+pub struct Report {
     #[serde(flatten)]
-    pub(super) milled: Milled,
+    /// Milling with the model as calibrated.
+    pub milled: Milled,
     #[serde(flatten)]
-    pub(super) told: Told,
+    /// The diagnosis, and the truth.
+    pub told: Told,
     /// The error of the same path with the findings in the daemon's model; `None` if the model was
     /// not replaced.
-    pub(super) tool_error_after_diagnosis_mm: Option<Spread>,
-    pub(super) swap: Option<Swap>,
+    pub tool_error_after_diagnosis_mm: Option<Spread>,
+    /// How the model was replaced; `None` if it was not.
+    pub swap: Option<Swap>,
 }
 
 /// What the loop counted over a stretch of cycles.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Counts {
-    pub(super) cycles: u64,
-    pub(super) missed_cycles: u64,
+pub struct Counts {
+    /// Cycles at 1 kHz.
+    pub cycles: u64,
+    /// Cycles without an answer in time.
+    pub missed_cycles: u64,
     /// Since the daemon started.
-    pub(super) rejected_commands: u64,
+    pub rejected_commands: u64,
     /// Published targets that were not finite, outside the limits, further from the command than the envelope, or faster.
-    pub(super) invariants_broken: u64,
+    pub invariants_broken: u64,
 }
 
 impl Counts {
@@ -44,72 +49,87 @@ impl Counts {
 /// Result of milling with the model as calibrated.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Milled {
-    pub(super) seed: u64,
-    pub(super) quick: bool,
-    pub(super) robot: String,
-    pub(super) tool_error_mm: Errors,
+pub struct Milled {
+    /// The seed of all chance.
+    pub seed: u64,
+    /// Whether it was the short form.
+    pub quick: bool,
+    /// Name of the robot.
+    pub robot: String,
+    /// Tool error along the path.
+    pub tool_error_mm: Errors,
     #[serde(flatten)]
-    pub(super) counts: Counts,
-    pub(super) vibration: Vec<Event>,
-    pub(super) ringing: Ringing,
-    pub(super) latency_ns: Latency,
+    /// What was counted on the way.
+    pub counts: Counts,
+    /// Messages of the vibration monitor.
+    pub vibration: Vec<Event>,
+    /// The simulated chatter.
+    pub ringing: Ringing,
+    /// Round trip between two processes.
+    pub latency_ns: Latency,
 }
 
 /// An effect by its name in the contract; joints from 1, none for the whole robot.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Named {
-    pub(super) effect: String,
-    pub(super) joint: Option<usize>,
+pub struct Named {
+    /// Name of the effect.
+    pub effect: String,
+    /// Its joint.
+    pub joint: Option<usize>,
 }
 
 /// The diagnosis of the measuring program, and the truth.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Told {
-    pub(super) hidden_effect: Named,
+pub struct Told {
+    /// The effect that the model lacked.
+    pub hidden_effect: Named,
     /// `None` if nothing was claimed.
-    pub(super) said: Option<Named>,
+    pub said: Option<Named>,
     /// Whether the effect is the right one by name and joint, or is indistinguishable from it in
     /// this recording.
-    pub(super) named_right: bool,
+    pub named_right: bool,
     /// Root mean square displacement of the tool on the work by the hidden effect.
-    pub(super) hidden_effect_mm: f64,
-    pub(super) verdict: String,
+    pub hidden_effect_mm: f64,
+    /// The verdict of the diagnosis.
+    pub verdict: String,
     /// The diagnosis in words, line by line.
-    pub(super) says: Vec<String>,
+    pub says: Vec<String>,
     /// The hidden effect in words.
-    pub(super) truth: String,
+    pub truth: String,
     /// How long the diagnosis took, s.
-    pub(super) diagnosis_s: f64,
+    pub diagnosis_s: f64,
 }
 
 /// The change of model as the robot's side saw it.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Swap {
+pub struct Swap {
     /// Cycles while robot and daemon waited for the diagnosis, including the model's replacement.
-    pub(super) cycles: u64,
+    pub cycles: u64,
     /// Of these, cycles without an answer in time.
-    pub(super) missed: u64,
+    pub missed: u64,
     /// The same in the second about the change.
-    pub(super) missed_about: u64,
+    pub missed_about: u64,
 }
 
 /// Result of milling the same path again.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Again {
-    pub(super) error_mm: Spread,
+pub struct Again {
+    /// Tool error.
+    pub error_mm: Spread,
     #[serde(flatten)]
-    pub(super) counts: Counts,
-    pub(super) swap: Swap,
+    /// What was counted on the way.
+    pub counts: Counts,
+    /// How the model was replaced.
+    pub swap: Swap,
 }
 
 impl Report {
     /// The complete report; `again`: `None` if the model was not replaced.
-    pub(super) fn new(mut milled: Milled, told: Told, again: Option<Again>) -> Self {
+    pub fn new(mut milled: Milled, told: Told, again: Option<Again>) -> Self {
         if let Some(again) = &again {
             milled.counts = milled.counts.and(again.counts);
         }
@@ -121,23 +141,28 @@ impl Report {
 /// Tool error without and with correction.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Errors {
-    pub(super) without: Spread,
-    pub(super) with: Spread,
+pub struct Errors {
+    /// Without correction.
+    pub without: Spread,
+    /// With correction.
+    pub with: Spread,
 }
 
 /// Mean, 95 % and largest.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Spread {
-    pub(super) mean: f64,
-    pub(super) p95: f64,
-    pub(super) max: f64,
+pub struct Spread {
+    /// Mean.
+    pub mean: f64,
+    /// 95 % of the values are not above it.
+    pub p95: f64,
+    /// The largest.
+    pub max: f64,
 }
 
 impl Spread {
     /// Of these values; zeros where there is none.
-    pub(super) fn of(values: impl Iterator<Item = f64>) -> Self {
+    pub fn of(values: impl Iterator<Item = f64>) -> Self {
         let mut sorted: Vec<f64> = values.collect();
         sorted.sort_by(f64::total_cmp);
         let Some(max) = sorted.last().copied() else {
@@ -152,35 +177,49 @@ impl Spread {
 /// A change of state of a line of the force spectrum.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Event {
-    pub(super) t_s: f64,
-    pub(super) state: String,
-    pub(super) frequency_Hz: f64,
-    pub(super) amplitude_N: f64,
-    pub(super) axis: String,
-    pub(super) class: String,
-    pub(super) suspect_alias: bool,
+pub struct Event {
+    /// Time since the first tick, s.
+    pub t_s: f64,
+    /// `over`, `warn`, `alarm` or `confirmed`.
+    pub state: String,
+    /// Frequency of the line.
+    pub frequency_Hz: f64,
+    /// Amplitude of the force.
+    pub amplitude_N: f64,
+    /// Axis of the sensor.
+    pub axis: String,
+    /// Kind of the vibration.
+    pub class: String,
+    /// Whether the frequency may be an alias.
+    pub suspect_alias: bool,
     /// The summary as a sentence, with a recommendation.
-    pub(super) says: String,
+    pub says: String,
     /// Since the robot began to ring; none before.
-    pub(super) after_onset_ms: Option<f64>,
+    pub after_onset_ms: Option<f64>,
 }
 
 /// The truth about the ringing.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Ringing {
-    pub(super) frequency_Hz: f64,
-    pub(super) from_s: f64,
-    pub(super) words: String,
+pub struct Ringing {
+    /// Frequency of the chatter.
+    pub frequency_Hz: f64,
+    /// Time from which the robot vibrates, s.
+    pub from_s: f64,
+    /// The same in words.
+    pub words: String,
 }
 
 /// Quantiles of the round trip, ns.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Latency {
-    pub(super) p50: u64,
-    pub(super) p99: u64,
-    pub(super) p999: u64,
-    pub(super) max: u64,
+pub struct Latency {
+    /// Median.
+    pub p50: u64,
+    /// 99 %.
+    pub p99: u64,
+    /// 99.9 %.
+    pub p999: u64,
+    /// The longest.
+    pub max: u64,
 }

@@ -8,10 +8,10 @@ use recording::series::{About, Channel, FileUnits, Frame, Recording};
 use world::random::{Purpose, normals};
 use world::survey::{REFLECTORS_TOOL, tool};
 
-use super::scene::{Scene, TRACKER_M};
+use crate::scene::{Scene, TRACKER_M};
 
 /// The recording of the measuring program.
-pub(super) fn measured(scene: &Scene) -> Recording {
+pub(crate) fn measured(scene: &Scene) -> Recording {
     let rows = &scene.survey;
     let places = tool(&scene.truth.model, rows);
     let mut recording = Recording::new(rows.iter().map(|row| row.time_s).collect());

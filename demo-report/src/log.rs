@@ -6,36 +6,36 @@ use recording::series::{About, Channel, FileUnits, Recording};
 use trued_client::Verdict;
 use world::cell::Tick;
 
-use super::outcome::{Counts, Errors, Event, Latency, Milled, Ringing, Spread};
-use super::scene::Scene;
+use crate::outcome::{Counts, Errors, Event, Latency, Milled, Ringing, Spread};
+use crate::scene::Scene;
 
 /// Amplitude from which the robot counts as vibrating, N: below it the force sensor's noise
 /// dominates.
 const RINGS_FROM_N: f64 = 0.2;
 
 /// One tick.
-pub(super) struct Row {
-    pub(super) t_s: f64,
-    pub(super) without_mm: f64,
-    pub(super) with_mm: f64,
-    pub(super) published: Joints,
-    pub(super) correction: Joints,
-    pub(super) tcp_base: [f64; 3],
-    pub(super) force_tool: [f64; 3],
+pub(crate) struct Row {
+    pub(crate) t_s: f64,
+    pub(crate) without_mm: f64,
+    pub(crate) with_mm: f64,
+    pub(crate) published: Joints,
+    pub(crate) correction: Joints,
+    pub(crate) tcp_base: [f64; 3],
+    pub(crate) force_tool: [f64; 3],
 }
 
 /// Everything that was seen.
-pub(super) struct Log {
-    pub(super) rows: Vec<Row>,
-    pub(super) events: Vec<Event>,
-    pub(super) latency: Histogram<u64>,
-    pub(super) missed: u64,
-    pub(super) broken: u64,
-    pub(super) ringing_from_s: Option<f64>,
+pub(crate) struct Log {
+    pub(crate) rows: Vec<Row>,
+    pub(crate) events: Vec<Event>,
+    pub(crate) latency: Histogram<u64>,
+    pub(crate) missed: u64,
+    pub(crate) broken: u64,
+    pub(crate) ringing_from_s: Option<f64>,
 }
 
 impl Log {
-    pub(super) fn new(ticks: usize) -> Result<Self, hdrhistogram::CreationError> {
+    pub(crate) fn new(ticks: usize) -> Result<Self, hdrhistogram::CreationError> {
         Ok(Self {
             rows: Vec::with_capacity(ticks),
             events: Vec::new(),
@@ -47,7 +47,7 @@ impl Log {
     }
 
     /// Logs a tick with the target published for it.
-    pub(super) fn tick(&mut self, tick: &Tick, published: &Joints) {
+    pub(crate) fn tick(&mut self, tick: &Tick, published: &Joints) {
         let (without, with) = tick.errors_m();
         if tick.chatter_n > RINGS_FROM_N && self.ringing_from_s.is_none() {
             self.ringing_from_s = Some(tick.t_s);
@@ -69,7 +69,7 @@ impl Log {
     }
 
     /// Logs a verdict of the vibration monitor; `start_ns` is the time of the first tick.
-    pub(super) fn verdict(&mut self, verdict: &Verdict, start_ns: u64) {
+    pub(crate) fn verdict(&mut self, verdict: &Verdict, start_ns: u64) {
         let t_s = (verdict.t_ns as f64 - start_ns as f64) * 1e-9;
         let name = |code: Result<String, _>| {
             code.unwrap_or_else(|_: shm_schema::UnknownCode| "unknown".to_owned())
@@ -88,7 +88,7 @@ impl Log {
     }
 
     /// The evaluation, from the moment the robot started moving.
-    pub(super) fn milled(&self, scene: &Scene, rejected: u64) -> Milled {
+    pub(crate) fn milled(&self, scene: &Scene, rejected: u64) -> Milled {
         let rows = self.rows.get(scene.dwell..).unwrap_or(&[]);
         let at = |quantile| self.latency.value_at_quantile(quantile);
         Milled {
@@ -112,7 +112,7 @@ impl Log {
     }
 
     /// The counters so far; the daemon has rejected `rejected_commands`.
-    pub(super) fn counts(&self, rejected_commands: u64) -> Counts {
+    pub(crate) fn counts(&self, rejected_commands: u64) -> Counts {
         Counts {
             cycles: self.rows.len() as u64,
             missed_cycles: self.missed,
@@ -122,7 +122,7 @@ impl Log {
     }
 
     /// Tool error with correction, from row `from` on.
-    pub(super) fn error_mm(&self, from: usize) -> Spread {
+    pub(crate) fn error_mm(&self, from: usize) -> Spread {
         Spread::of(self.rows.iter().skip(from).map(|row| row.with_mm))
     }
 
@@ -135,7 +135,7 @@ impl Log {
     }
 
     /// The run as a recording: commands, tool positions, forces.
-    pub(super) fn recording(&self, scene: &Scene) -> Recording {
+    pub(crate) fn recording(&self, scene: &Scene) -> Recording {
         let column = |of: &dyn Fn(&Row) -> f64| self.rows.iter().map(of).collect::<Vec<_>>();
         let mut recording = Recording::new(column(&|row| row.t_s));
         recording.units = FileUnits::WORKSHOP;
@@ -159,7 +159,7 @@ impl Log {
 
 /// Whether a published target satisfies the invariants: finite, within the limits, near the
 /// command, and its correction no further from the previous one than `elapsed_s` allows.
-pub(super) fn keeps_invariants(
+pub(crate) fn keeps_invariants(
     arm: &Arm,
     bounds: &shm_schema::JointBounds,
     command: &Joints,

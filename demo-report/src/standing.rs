@@ -5,15 +5,15 @@
 
 use std::sync::mpsc::{Receiver, TryRecvError};
 
-use super::outcome::{Swap, Told};
-use crate::exit::Failure;
+use crate::error::Error;
+use crate::outcome::{Swap, Told};
 
 /// Ticks before and after a change of model that count as about it.
 const ABOUT_TICKS: u64 = 500;
 
 /// Observations so far.
 #[derive(Default)]
-pub(super) struct Standing {
+pub(crate) struct Standing {
     ticks: u64,
     missed: Vec<u64>,
     epoch: Option<u64>,
@@ -24,7 +24,7 @@ pub(super) struct Standing {
 impl Standing {
     /// Counts a tick: the model with which the newest answer was made, and whether an answer was
     /// late.
-    pub(super) fn tick(&mut self, epoch: Option<u64>, missed: bool) {
+    pub(crate) fn tick(&mut self, epoch: Option<u64>, missed: bool) {
         self.ticks += 1;
         if missed {
             self.missed.push(self.ticks);
@@ -41,14 +41,14 @@ impl Standing {
     ///
     /// # Errors
     /// The parent is gone, or sent something outside this protocol.
-    pub(super) fn hear(
+    pub(crate) fn hear(
         &mut self,
         heard: &Receiver<String>,
-    ) -> Result<Option<(Told, Option<Swap>)>, Failure> {
+    ) -> Result<Option<(Told, Option<Swap>)>, Error> {
         match heard.try_recv() {
             Ok(line) => self.told = Some(parse(&line)?),
             Err(TryRecvError::Empty) => {}
-            Err(TryRecvError::Disconnected) => return Err(Failure::Interrupted),
+            Err(TryRecvError::Disconnected) => return Err(Error::Interrupted),
         }
         Ok(match (&self.told, self.changed_at) {
             (Some((false, told)), _) => Some((told.clone(), None)),
@@ -66,19 +66,19 @@ impl Standing {
     }
 }
 
-fn parse(line: &str) -> Result<(bool, Told), Failure> {
+fn parse(line: &str) -> Result<(bool, Told), Error> {
     let (again, told) = match (line.strip_prefix("again "), line.strip_prefix("end ")) {
         (Some(told), _) => (true, told),
         (None, Some(told)) => (false, told),
-        _ => return Err(Failure::system("the demo's cell received an unknown instruction")),
+        _ => return Err(Error::system("the demo's cell received an unknown instruction")),
     };
-    Ok((again, serde_json::from_str(told).map_err(Failure::system)?))
+    Ok((again, serde_json::from_str(told).map_err(Error::system)?))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::outcome::Named;
     use super::*;
+    use crate::outcome::Named;
     use std::sync::mpsc::channel;
 
     fn told() -> Told {

@@ -1,6 +1,6 @@
 //! Scene of the demo: calibrated model, true robot and its hidden effect, path, the cut with vibration, measuring program. All by seed.
 //!
-//! The hidden effect is not reported here; see [`super::act`].
+//! The hidden effect is not reported here; see [`crate::diagnosis`].
 
 use physics::Inputs;
 use recording::model::RobotModel;
@@ -16,50 +16,67 @@ use world::slots::Slots;
 use world::survey::survey;
 use world::workplace::workplace;
 
+use crate::error::Error;
+
 /// The daemon's model.
 const PRESET: &str = "irb1600-6-145-thesis";
 /// Standstill before the robot starts moving, in which the correction ramps in and the monitor
 /// learns its noise floor, s.
 const DWELL_S: f64 = 1.5;
 /// Time between commands, s.
-pub(super) const TICK_S: f64 = 1e-3;
+pub(crate) const TICK_S: f64 = 1e-3;
 /// Interval, in ticks, at which the hidden effect's influence is evaluated.
 const WEIGHED_EVERY: usize = 100;
 /// Standard uncertainty of a coordinate that the tracker measures, m.
-pub(super) const TRACKER_M: f64 = 2e-5;
+pub(crate) const TRACKER_M: f64 = 2e-5;
 /// Stiffness of the cut against a slow change of depth, N/µm: about 3 N over 0.25 mm (thesis 4.7 at 10 mm/s).
 const PROCESS_STIFFNESS_N_PER_UM: f64 = 0.02;
 
 /// What is played.
-pub(super) struct Scene {
+#[derive(Debug)]
+pub struct Scene {
     /// The seed of all chance.
-    pub(super) seed: u64,
+    pub(crate) seed: u64,
     /// The short form.
-    pub(super) quick: bool,
+    pub(crate) quick: bool,
     /// The daemon's model.
-    pub(super) model: RobotModel,
+    pub(crate) model: RobotModel,
     /// Its text as the daemon reads it.
-    pub(super) model_text: String,
+    pub(crate) model_text: String,
     /// The robot as it really is.
-    pub(super) truth: TrueRobot,
+    pub(crate) truth: TrueRobot,
     /// What the daemon's model lacks of it.
-    pub(super) hidden: Hidden,
+    pub(crate) hidden: Hidden,
     /// The measuring program.
-    pub(super) survey: Vec<Inputs>,
+    pub(crate) survey: Vec<Inputs>,
     /// The commands, beginning with the standstill.
-    pub(super) path: JointPath,
+    pub(crate) path: JointPath,
     /// The same without standstill.
-    pub(super) work: JointPath,
+    pub(crate) work: JointPath,
     /// Samples before the robot sets off.
-    pub(super) dwell: usize,
+    pub(crate) dwell: usize,
     /// Cutting forces that ring.
-    pub(super) chatter: Chatter,
+    pub(crate) chatter: Chatter,
 }
 
 type Fault = Box<dyn std::error::Error + Send + Sync>;
 
 impl Scene {
-    pub(super) fn new(seed: u64, quick: bool) -> Result<Self, Fault> {
+    /// The scene of a seed; `quick`: one slot instead of four.
+    ///
+    /// # Errors
+    /// The robot cannot mill it: a fault of this program.
+    pub fn new(seed: u64, quick: bool) -> Result<Self, Error> {
+        Self::drawn(seed, quick).map_err(Error::Input)
+    }
+
+    /// The seed of all chance.
+    #[must_use]
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    fn drawn(seed: u64, quick: bool) -> Result<Self, Fault> {
         let known = preset(PRESET).ok_or("the demo's preset is missing from this build")?;
         let model = known.model()?;
         let arm = &model.physics.arm;
@@ -99,7 +116,7 @@ impl Scene {
     }
 
     /// What is milled, in words.
-    pub(super) fn what(&self) -> &'static str {
+    pub(crate) fn what(&self) -> &'static str {
         if self.quick {
             "one U-shaped slot at 10 mm/s"
         } else {
@@ -108,7 +125,7 @@ impl Scene {
     }
 
     /// The path's first command, held for a second.
-    pub(super) fn standing(&self) -> JointPath {
+    pub(crate) fn standing(&self) -> JointPath {
         let dt_s = self.work.dt_s;
         let ticks = (1.0 / dt_s).round() as usize;
         let first = self.work.samples.iter().take(1).cycle().take(ticks).enumerate();
@@ -117,7 +134,7 @@ impl Scene {
     }
 
     /// The cell's configuration.
-    pub(super) fn cell_toml(&self, name: &str) -> String {
+    pub(crate) fn cell_toml(&self, name: &str) -> String {
         format!(
             r#"# The demo's cell; docs/reference/cell.md says what each key means.
 schema = "trued.cell/1"

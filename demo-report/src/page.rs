@@ -4,12 +4,12 @@ use report::{
     Axis, Column, Histogram, Multiples, Number, Page, Plot, Role, Series, Table, Tone, significant,
 };
 
-use super::log::{Log, Row};
-use super::outcome::{Milled, Report};
-use super::scene::Scene;
+use crate::log::{Log, Row};
+use crate::outcome::{Milled, Report};
+use crate::scene::Scene;
 
 /// The whole page; `again`: the same path with the findings, if the model was replaced.
-pub(super) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&Log>) -> Page {
+pub(crate) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&Log>) -> Page {
     let milled = &report.milled;
     let rows = log.rows.get(scene.dwell..).unwrap_or(&[]);
     Page::new("Accuracy with and without correction")
@@ -172,7 +172,7 @@ fn force(scene: &Scene, log: &Log) -> Plot {
 }
 
 fn errors(report: &Report) -> Table {
-    let row = |name: &str, spread: &super::outcome::Spread| {
+    let row = |name: &str, spread: &crate::outcome::Spread| {
         [name.into(), spread.mean.into(), spread.p95.into(), spread.max.into()]
     };
     let number = |head: &str| Column::new(head).digits(3);

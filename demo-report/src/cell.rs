@@ -6,29 +6,30 @@
 //! the diagnosis. The loop is that of `client/examples/robot_loop.rs` with measurements added.
 
 use std::io::BufRead;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use physics::{JOINTS_MAX, Joints};
+use recording::outputs::Outputs;
 use recording::series::{Recording, about_path};
+use report::Provenance;
 use trued_client::{
     Client, ForceSamples, ForceSource, Samples, Setpoint, WrenchFrame, monotonic_ns,
 };
 use world::cell::{Cell, FORCES_PER_TICK, Setup, Tick};
 use world::joint_path::JointPath;
 
-use super::log::{Log, keeps_invariants};
-use super::measure::measured;
-use super::outcome::{Again, Report, Swap, Told};
-use super::page;
-use super::scene::{Scene, TICK_S};
-use super::standing::Standing;
-use crate::exit::{Answer, Failure, Outcome};
-use crate::interrupt;
-use crate::pages::Outputs;
-use crate::provenance::Invocation;
+use crate::PAGE;
+use crate::error::Error;
+use crate::log::{Log, keeps_invariants};
+use crate::measure::measured;
+use crate::outcome::{Again, Report, Swap, Told};
+use crate::page;
+use crate::run::check;
+use crate::scene::{Scene, TICK_S};
+use crate::standing::Standing;
 
 /// How long the cell waits for the daemon at the start.
 const JOIN_WITHIN: Duration = Duration::from_secs(5);
@@ -42,13 +43,20 @@ const SPIN_BEFORE_NS: u64 = 120_000;
 const TELL_EVERY: usize = 100;
 const TICK_NS: u64 = (TICK_S * 1e9) as u64;
 
-/// Runs the cell `name` and reports its measurements; `invocation`: of the demo that the cell
-/// belongs to.
-pub(super) fn run(name: &str, scene: &Scene, out: &Path, invocation: Invocation) -> Outcome {
-    let stop = interrupt::flag()?;
+/// Runs the cell `name` as the child process of [`crate::Demo::run`], with its standard streams; the page states `provenance`.
+///
+/// # Errors
+/// No daemon; files that cannot be written; the parent is gone; `stop` was set.
+pub fn run_cell(
+    name: &str,
+    scene: &Scene,
+    out: &Path,
+    provenance: Provenance,
+    stop: &AtomicBool,
+) -> Result<(), Error> {
     let heard = listen();
     let mut loop_ = Loop::join(name, scene)?;
-    loop_.play(scene, &scene.path, &stop)?;
+    loop_.play(scene, &scene.path, stop)?;
     loop_.hear_out();
     let rejected = loop_.rejected();
     let milled = loop_.log.milled(scene, rejected);
@@ -58,11 +66,11 @@ pub(super) fn run(name: &str, scene: &Scene, out: &Path, invocation: Invocation)
     tell("measured")?;
     let first = loop_.renew_log(scene)?;
     loop_.client.start_anew();
-    let (told, swap) = loop_.stand(scene, &heard, &stop)?;
+    let (told, swap) = loop_.stand(scene, &heard, stop)?;
     let (mut again, mut second) = (None, None);
     if let Some(swap) = swap {
         let stood = loop_.renew_log(scene)?;
-        loop_.play(scene, &scene.work, &stop)?;
+        loop_.play(scene, &scene.work, stop)?;
         let rejected = loop_.rejected();
         let mut counts = loop_.log.counts(rejected);
         counts.invariants_broken += stood.broken;
@@ -71,20 +79,17 @@ pub(super) fn run(name: &str, scene: &Scene, out: &Path, invocation: Invocation)
     }
     let report = Report::new(milled, told, again);
     let page = page::render(scene, &report, &first, second.as_ref());
-    let mut outputs = Outputs::new(true).of(invocation);
-    outputs.put_page(&out.join("report.html"), page);
-    outputs.write()?;
-    tell(&format!("again {}", json(&again)?))?;
-    Ok(Answer::Done)
+    write([(out.join(PAGE), page.provenance(provenance).render().into_bytes())])?;
+    tell(&format!("again {}", json(&again)?))
 }
 
-fn put(csv: &Path, recording: &Recording) -> Result<(), Failure> {
+fn put(csv: &Path, recording: &Recording) -> Result<(), Error> {
     let about = (about_path(csv), recording.about_toml().into_bytes());
     write([about, (csv.to_owned(), recording.to_csv())])
 }
 
 /// Writes files whose paths the demo has checked before it began.
-fn write(files: impl IntoIterator<Item = (PathBuf, Vec<u8>)>) -> Result<(), Failure> {
+fn write(files: impl IntoIterator<Item = (std::path::PathBuf, Vec<u8>)>) -> Result<(), Error> {
     let mut outputs = Outputs::new(true);
     files.into_iter().for_each(|(path, bytes)| outputs.put(&path, bytes));
     Ok(outputs.write()?)
@@ -100,8 +105,8 @@ fn listen() -> Receiver<String> {
     heard
 }
 
-fn json(value: &impl serde::Serialize) -> Result<String, Failure> {
-    serde_json::to_string(value).map_err(Failure::system)
+fn json(value: &impl serde::Serialize) -> Result<String, Error> {
+    serde_json::to_string(value).map_err(Error::system)
 }
 
 struct Loop {
@@ -114,12 +119,12 @@ struct Loop {
 }
 
 impl Loop {
-    fn join(name: &str, scene: &Scene) -> Result<Self, Failure> {
-        let mut client = Client::connect(name, JOIN_WITHIN).map_err(Failure::system)?;
+    fn join(name: &str, scene: &Scene) -> Result<Self, Error> {
+        let mut client = Client::connect(name, JOIN_WITHIN).map_err(Error::system)?;
         client.set_fresh(FRESH);
-        let force = ForceSource::connect(name, JOIN_WITHIN).map_err(Failure::system)?;
+        let force = ForceSource::connect(name, JOIN_WITHIN).map_err(Error::system)?;
         let cell = Cell::new(&scene.truth, Setup::quiet(scene.standing(), scene.seed));
-        let log = Log::new(scene.path.samples.len()).map_err(Failure::system)?;
+        let log = Log::new(scene.path.samples.len()).map_err(Error::system)?;
         Ok(Self { client, force, cell, log, start_ns: 0, before: None })
     }
 
@@ -128,7 +133,7 @@ impl Loop {
     }
 
     /// Mills along `path`.
-    fn play(&mut self, scene: &Scene, path: &JointPath, stop: &AtomicBool) -> Result<(), Failure> {
+    fn play(&mut self, scene: &Scene, path: &JointPath, stop: &AtomicBool) -> Result<(), Error> {
         let setup =
             Setup { chatter: Some(scene.chatter), ..Setup::quiet(path.clone(), scene.seed) };
         self.cell = Cell::new(&scene.truth, setup);
@@ -136,9 +141,7 @@ impl Loop {
         for k in 0..self.cell.ticks() {
             self.tick_at(scene, k);
             if k % TELL_EVERY == 0 {
-                if super::is_set(stop) {
-                    return Err(Failure::Interrupted);
-                }
+                check(stop)?;
                 tell(&format!("tick {k}"))?;
             }
         }
@@ -146,8 +149,8 @@ impl Loop {
     }
 
     /// Starts a new log and returns the old one.
-    fn renew_log(&mut self, scene: &Scene) -> Result<Log, Failure> {
-        let next = Log::new(scene.work.samples.len()).map_err(Failure::system)?;
+    fn renew_log(&mut self, scene: &Scene) -> Result<Log, Error> {
+        let next = Log::new(scene.work.samples.len()).map_err(Error::system)?;
         Ok(std::mem::replace(&mut self.log, next))
     }
 
@@ -158,7 +161,7 @@ impl Loop {
         scene: &Scene,
         heard: &Receiver<String>,
         stop: &AtomicBool,
-    ) -> Result<(Told, Option<Swap>), Failure> {
+    ) -> Result<(Told, Option<Swap>), Error> {
         let mut standing = Standing::default();
         loop {
             let setup = Setup::quiet(scene.standing(), scene.seed);
@@ -173,9 +176,7 @@ impl Loop {
                     return Ok(done);
                 }
             }
-            if super::is_set(stop) {
-                return Err(Failure::Interrupted);
-            }
+            check(stop)?;
             // Log entries during standstill are not needed later.
             self.log.rows.clear();
         }
@@ -269,8 +270,8 @@ fn wait_until(due_ns: u64) {
     }
 }
 
-fn tell(line: &str) -> Result<(), Failure> {
+fn tell(line: &str) -> Result<(), Error> {
     use std::io::Write;
     let mut out = std::io::stdout().lock();
-    writeln!(out, "{line}").and_then(|()| out.flush()).map_err(Failure::system)
+    writeln!(out, "{line}").and_then(|()| out.flush()).map_err(Error::system)
 }

@@ -1,0 +1,178 @@
+//! The demonstration from the caller's side: starts daemon and cell, diagnoses, and reports.
+
+use std::io::{self, BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use harness::child::Guarded;
+use recording::outputs::Outputs;
+use report::{Provenance, TextLine};
+use serde::de::DeserializeOwned;
+
+use crate::diagnosis;
+use crate::error::Error;
+use crate::outcome::{Again, Milled, Report};
+use crate::scene::Scene;
+use crate::text;
+
+/// Starts the two other processes: this library knows no command line.
+pub trait Programs {
+    /// The daemon for this configuration; it must end with its parent.
+    ///
+    /// # Errors
+    /// The program cannot be found.
+    fn daemon(&self, config: &Path) -> io::Result<Command>;
+
+    /// The cell of this name: a program that calls [`crate::run_cell`] with the same scene and the folder `out`.
+    ///
+    /// # Errors
+    /// The program cannot be found.
+    fn cell(&self, name: &str, out: &Path) -> io::Result<Command>;
+}
+
+/// What a demonstration reports while it runs.
+#[derive(Debug, Clone)]
+pub enum Event {
+    /// Lines of the result, in order.
+    Text(Vec<TextLine>),
+    /// Work with a known number of steps begins.
+    Begins {
+        /// What is done.
+        what: &'static str,
+        /// Steps until its end.
+        steps: u64,
+    },
+    /// Steps of that work that were done.
+    Done(u64),
+    /// That work has ended.
+    Ended,
+}
+
+/// Receives what is reported; an error ends the demonstration.
+pub(crate) type Tell<'t> = dyn FnMut(Event) -> Result<(), Error> + 't;
+
+/// A demonstration.
+#[derive(Debug, Clone)]
+pub struct Demo<'s> {
+    /// What is played.
+    pub scene: &'s Scene,
+    /// The folder of all files, which is created if it is missing.
+    pub out: PathBuf,
+    /// Whether files there are replaced.
+    pub may_replace: bool,
+    /// What the page of the diagnosis states about its origin.
+    pub provenance: Provenance,
+    /// Width of the text in characters; `None`: not limited.
+    pub width: Option<usize>,
+}
+
+impl<'s> Demo<'s> {
+    /// With files in `out`, none of which is replaced, and text of any width.
+    #[must_use]
+    pub fn new(scene: &'s Scene, out: PathBuf) -> Self {
+        let provenance = Provenance::default();
+        Self { scene, out, may_replace: false, provenance, width: None }
+    }
+
+    /// Runs it to its end, reporting to `tell`; ends early once `stop` is set.
+    ///
+    /// # Errors
+    /// Files that cannot be written; a process that fails; `stop` was set; an error of `tell`.
+    pub fn run(
+        &self,
+        programs: &dyn Programs,
+        stop: &AtomicBool,
+        tell: &mut Tell<'_>,
+    ) -> Result<Report, Error> {
+        let Self { scene, out, width, .. } = self;
+        tell(Event::Text(text::introduction(scene)))?;
+        let name = format!("demo-{}", std::process::id());
+        let config = self.put_cell(&name)?;
+        let mut daemon = started(&mut programs.daemon(&config).map_err(Error::system)?)?;
+        let mut command = programs.cell(&name, out).map_err(Error::system)?;
+        let cell = Guarded::spawn(command.stdin(Stdio::piped()).stdout(Stdio::piped()));
+        let mut cell = cell.map_err(Error::system)?;
+        let lines = cell.stdout().map(BufReader::new).into_iter().flat_map(BufRead::lines);
+        let mut lines = Lines { lines: Box::new(lines), stop, daemon: &mut daemon };
+
+        let steps = scene.path.samples.len() as u64;
+        tell(Event::Begins { what: "milling", steps })?;
+        let milled: Milled = from_json(&lines.until("milled ", tell)?)?;
+        tell(Event::Ended)?;
+        tell(Event::Text(text::milled(&milled, *width)))?;
+        tell(Event::Text(text::measures(scene)))?;
+        lines.until("measured", &mut |_| Ok(()))?;
+        let (told, swapped) = diagnosis::play(self, &name, tell)?;
+        let go_on = if swapped { "again" } else { "end" };
+        let told_json = serde_json::to_string(&told).map_err(Error::system)?;
+        cell.tell(&format!("{go_on} {told_json}")).map_err(Error::system)?;
+        let steps = scene.work.samples.len() as u64;
+        tell(Event::Begins { what: "milling again", steps })?;
+        let again: Option<Again> = from_json(&lines.until("again ", tell)?)?;
+        tell(Event::Ended)?;
+        finish(&mut cell, "the cell")?;
+        daemon.end();
+        check(stop)?;
+        let report = Report::new(milled, told, again);
+        tell(Event::Text(text::end(&report, out, *width)))?;
+        Ok(report)
+    }
+
+    /// Writes the daemon's files; returns its configuration.
+    fn put_cell(&self, name: &str) -> Result<PathBuf, Error> {
+        let config = self.out.join("cell.toml");
+        let mut outputs = Outputs::new(self.may_replace).in_folder(&self.out);
+        outputs.put(&config, self.scene.cell_toml(name));
+        outputs.put(&self.out.join(diagnosis_report::MODEL), self.scene.model_text.as_str());
+        outputs.write()?;
+        Ok(config)
+    }
+}
+
+/// Starts the daemon, without standard streams except that of its messages.
+fn started(command: &mut Command) -> Result<Guarded, Error> {
+    let started = Guarded::spawn(command.stdin(Stdio::null()).stdout(Stdio::null()));
+    let program = command.get_program().display();
+    started.map_err(|why| Error::system(format!("cannot start {program}: {why}")))
+}
+
+/// The cell's output, line by line.
+struct Lines<'a> {
+    lines: Box<dyn Iterator<Item = io::Result<String>>>,
+    stop: &'a AtomicBool,
+    daemon: &'a mut Guarded,
+}
+
+impl Lines<'_> {
+    /// The rest of the next line that begins with `head`; until then progress is reported.
+    fn until(&mut self, head: &str, tell: &mut Tell<'_>) -> Result<String, Error> {
+        for line in self.lines.by_ref() {
+            let line = line.map_err(Error::system)?;
+            check(self.stop)?;
+            if let Some(step) = line.strip_prefix("tick ").and_then(|k| k.parse().ok()) {
+                tell(Event::Done(step))?;
+            } else if let Some(rest) = line.strip_prefix(head) {
+                return Ok(rest.to_owned());
+            }
+        }
+        Err(Error::system(match self.daemon.ended() {
+            Some(status) => format!("the daemon ended early ({status}); see its messages above"),
+            None => "the cell ended without a result; see its messages above".to_owned(),
+        }))
+    }
+}
+
+fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Error> {
+    serde_json::from_str(text).map_err(Error::system)
+}
+
+fn finish(child: &mut Guarded, who: &str) -> Result<(), Error> {
+    let status = child.wait().map_err(Error::system)?;
+    if status.success() { Ok(()) } else { Err(Error::system(format!("{who} ended with {status}"))) }
+}
+
+/// An error once `stop` is set.
+pub(crate) fn check(stop: &AtomicBool) -> Result<(), Error> {
+    if stop.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
+}
