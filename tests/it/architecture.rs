@@ -63,6 +63,22 @@ const ARROWS: &[(&str, &[&str])] = &[
             "physics",
         ],
     ),
+    // Of `harness` only child processes that end with their handle.
+    (
+        "correction-report",
+        &[
+            "feedforward",
+            "joint-dynamics",
+            "corrector",
+            "daemon",
+            "client",
+            "shm-schema",
+            "harness",
+            "recording",
+            "report",
+            "physics",
+        ],
+    ),
     ("xtask", &["report", "trued"]),
 ];
 

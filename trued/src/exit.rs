@@ -62,6 +62,17 @@ impl From<spectrum_report::Error> for Failure {
     }
 }
 
+impl From<correction_report::Error> for Failure {
+    fn from(error: correction_report::Error) -> Self {
+        match error {
+            correction_report::Error::File(error) => crate::input::unusable(error),
+            correction_report::Error::Input(error) => Self::Input(error),
+            correction_report::Error::System(error) => Self::System(error),
+            correction_report::Error::Interrupted => Self::Interrupted,
+        }
+    }
+}
+
 impl From<WriteError> for Failure {
     fn from(error: WriteError) -> Self {
         let misnamed = [ErrorKind::NotFound, ErrorKind::NotADirectory, ErrorKind::IsADirectory];

@@ -1,13 +1,9 @@
 //! Options of a compensation in time.
 
 use clap::Args;
-use feedforward::grid::Source;
-use feedforward::{FeedforwardError, Settings};
-use joint_dynamics::plant::Plants;
+use feedforward::Settings;
 
-use crate::corrections::Corrections;
 use crate::exit::Failure;
-use crate::input::{Input, in_file};
 
 /// The options of [`InTime`].
 pub(crate) const IN_TIME: [&str; 5] =
@@ -44,31 +40,5 @@ impl InTime {
         let settings = Settings { bandwidth_hz, robust_to, ..limited };
         settings.check().map_err(Failure::input)?;
         Ok(settings)
-    }
-}
-
-/// The dynamics of a model's joints; reports what is not compensated.
-pub(crate) fn plants(input: &Input, settings: &Settings) -> Result<Plants, Failure> {
-    let plants = Plants::of(&input.model, settings.unstated);
-    if plants.is_empty() {
-        return Err(Failure::input(FeedforwardError::NothingInTime));
-    }
-    Ok(plants)
-}
-
-/// The joint positions with the static correction for the path of `input`; `source`: the rows of its file.
-pub(crate) fn settled(
-    corrections: &Corrections,
-    Input { recording, .. }: &Input,
-    source: &Source,
-) -> Result<Vec<Vec<f64>>, Failure> {
-    let joints = corrections.joints();
-    let lacking = joints.iter().find_map(|joint| joint.iter().position(|q| !q.is_finite()));
-    match lacking {
-        None => Ok(joints.to_vec()),
-        Some(row) => Err(in_file(&recording.file)(format!(
-            "{}: the corrector rejected it, so there is no joint command for it; run `trued correct` without --dynamic to see why",
-            source.at(recording.t_s[row])
-        ))),
     }
 }

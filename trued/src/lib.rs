@@ -7,13 +7,11 @@
 mod child;
 mod cli;
 mod commands;
-mod corrections;
 pub mod exit;
 mod help;
 mod in_time;
 mod input;
 pub mod interrupt;
-mod lockstep;
 mod logs;
 pub mod options;
 pub mod output;
@@ -22,7 +20,6 @@ pub mod progress;
 pub mod provenance;
 #[cfg(feature = "schema")]
 pub mod schemas;
-mod setpoints;
 pub mod table;
 mod wrap;
 

@@ -7,15 +7,16 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use correction_report::in_time::{plants, settled};
+use correction_report::path::statically;
 use feedforward::learning::{CommandedPath, Commands, Learning};
 use feedforward::measured::Clock;
-use recording::cell::CellConfig;
 use recording::series::{self, Need};
 use tracing::warn;
 
-use super::correct::{correct, cycle};
+use super::correct::cell;
 use crate::exit::{Answer, Failure, Outcome};
-use crate::in_time::{InTime, plants, settled};
+use crate::in_time::InTime;
 use crate::input::{Reading, in_file, unusable};
 use crate::output::Console;
 
@@ -57,15 +58,15 @@ impl Learn {
         let settings = self.in_time.settings()?;
         // The path is trued's own table; the mapping belongs to the measurements.
         let ours = Reading { mapping: None, ..self.reading.clone() };
-        let cell = self.config.as_deref().map(CellConfig::read).transpose().map_err(unusable)?;
-        let fallback = cell.as_ref().map(|cell| cell.model.as_path());
+        let cell = self.config.as_deref().map(cell).transpose()?;
+        let fallback = cell.as_ref().map(|(_, cell)| cell.model.as_path());
         let mut input = ours.read(&self.path, fallback)?;
-        let plants = plants(&input, &settings)?;
+        let plants = plants(&input.model, &settings)?;
         let path = CommandedPath::of(&input.recording, &input.joint_kinds, &plants, &settings);
         let CommandedPath { recording, commanded, source } = path.map_err(in_file(&self.path))?;
         input.recording = recording;
-        let mut corrections = correct(&input, cycle(self.config.as_deref(), cell, &input)?)?;
-        let wanted = settled(&corrections, &input, &source)?;
+        let (mut corrections, _) = statically(&input.model, &input.recording, cell)?;
+        let wanted = settled(&corrections, &input.recording, &source)?;
         let commands = Commands { sent: commanded.unwrap_or_else(|| wanted.clone()), wanted };
         let learning = Learning::of(&input.model, &plants, &input.recording, commands, &settings);
         let mut learning = learning.map_err(Failure::input)?;

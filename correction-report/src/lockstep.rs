@@ -13,7 +13,7 @@ use recording::model::RobotModel;
 use recording::series::Recording;
 use shm_schema::{Corrected, CorrectionStatus};
 
-use crate::exit::Failure;
+use crate::error::Error;
 use crate::setpoints::{Timed, has_wrench};
 
 /// Its name: short, since the transport limits the length of paths.
@@ -56,11 +56,10 @@ impl<'m> Cycle<'m> {
     }
 
     /// In the cell of [`cell_toml`].
-    pub(crate) fn of_cell(model: &'m RobotModel, recording: &Recording) -> Result<Self, Failure> {
+    pub(crate) fn of_cell(model: &'m RobotModel, recording: &Recording) -> Result<Self, Error> {
         let text = cell_toml(Path::new("model.toml"), recording);
-        let config = CellConfig::parse(CELL, &text).map_err(Failure::system)?;
-        let settings =
-            setup::settings(&config, &model.physics.arm, true).map_err(Failure::input)?;
+        let config = CellConfig::parse(CELL, &text).map_err(Error::system)?;
+        let settings = setup::settings(&config, &model.physics.arm, true).map_err(Error::input)?;
         Ok(Self::new(model, settings, SensorInputs::new(setup::wrench_source(&config))))
     }
 
@@ -70,13 +69,13 @@ impl<'m> Cycle<'m> {
     }
 
     /// The daemon's answer to the next row.
-    pub(crate) fn answer(&mut self, row: &Timed) -> Result<Corrected, Failure> {
+    pub(crate) fn answer(&mut self, row: &Timed) -> Result<Corrected, Error> {
         let Self { corrector, sensor_inputs, exchange, .. } = self;
         let model = &self.model.physics;
         self.seq += 1;
         self.session += u64::from(row.anew);
         let command =
-            row.setpoint.command(self.seq, self.session, row.t_ns).map_err(Failure::input)?;
+            row.setpoint.command(self.seq, self.session, row.t_ns).map_err(Error::input)?;
         let world = sensor_inputs.world(exchange, None, &command, row.t_ns);
         let claim = translate::command(&command, row.t_ns, true);
         let wanted = corrector.correct(model, &claim, &world, row.t_ns);

@@ -12,15 +12,14 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use harness::child::Guarded;
+use recording::model::RobotModel;
 use recording::series::Recording;
 use shm_schema::{Cell, Corrected, RUNTIME_DIR_ENV};
 use trued_client::{Client, ConnectError, NotSent};
 
-use crate::child::{myself, spawned};
-use crate::exit::Failure;
-use crate::input::Input;
-use crate::interrupt;
+use crate::error::Error;
 use crate::lockstep::{CELL, cell_toml};
+use crate::replay::{Start, check};
 use crate::setpoints::Timed;
 
 /// How long the daemon may take to open, and to answer one row.
@@ -32,7 +31,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(250);
 const LINES_SHOWN: usize = 8;
 
 /// The daemon and the one connection to it. Dropped in this order.
-pub(super) struct OwnDaemon {
+pub(crate) struct OwnDaemon {
     client: Client,
     child: Guarded,
     place: Place,
@@ -48,20 +47,28 @@ struct DaemonFailed {
 
 impl OwnDaemon {
     /// Starts a daemon for the recording and joins it.
-    pub(super) fn start(input: &Input, stop: &AtomicBool) -> Result<Self, Failure> {
+    pub(crate) fn start(
+        model: &RobotModel,
+        recording: &Recording,
+        program: &Start<'_>,
+        stop: &AtomicBool,
+    ) -> Result<Self, Error> {
         let place = Place::make()?;
-        let config = place.fill(&input.model.file.to_toml(), &input.recording)?;
-        let log = File::create(place.log()).map_err(Failure::system)?;
-        let mut command = myself().map_err(Failure::system)?;
-        command.args(["run", "--with-parent"]).arg("--lockstep").arg("--config").arg(config);
-        command.env(RUNTIME_DIR_ENV, &place.dir).stdout(Stdio::null()).stderr(log);
-        let mut child = spawned(&mut command)?;
+        let config = place.fill(&model.file.to_toml(), recording)?;
+        let log = File::create(place.log()).map_err(Error::system)?;
+        let mut command = program(&config).map_err(Error::system)?;
+        command.env(RUNTIME_DIR_ENV, &place.dir);
+        let streams = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
+        let started = Guarded::spawn(streams);
+        let program = command.get_program().display();
+        let words = |why| Error::system(format!("cannot start {program}: {why}"));
+        let mut child = started.map_err(words)?;
         let client = join(&place, &mut child, stop)?;
         Ok(Self { client, child, place })
     }
 
     /// Sends one row and waits for its answer. A lost row is sent again.
-    pub(super) fn ask(&mut self, row: &Timed, stop: &AtomicBool) -> Result<Corrected, Failure> {
+    pub(crate) fn ask(&mut self, row: &Timed, stop: &AtomicBool) -> Result<Corrected, Error> {
         let since = Instant::now();
         if row.anew {
             self.client.start_anew();
@@ -74,13 +81,13 @@ impl OwnDaemon {
                         return Ok(answer);
                     }
                 }
-                Err(invalid @ NotSent::Invalid { .. }) => return Err(Failure::input(invalid)),
+                Err(invalid @ NotSent::Invalid { .. }) => return Err(Error::input(invalid)),
                 Err(_) => {
                     std::thread::sleep(Duration::from_millis(1));
                     sent = self.client.send(&row.setpoint);
                 }
             }
-            interrupt::check(stop)?;
+            check(stop)?;
             if let Some(status) = self.child.ended() {
                 return Err(self.place.failed(format!("ended early ({status})")));
             }
@@ -91,18 +98,18 @@ impl OwnDaemon {
     }
 }
 
-fn join(place: &Place, child: &mut Guarded, stop: &AtomicBool) -> Result<Client, Failure> {
+fn join(place: &Place, child: &mut Guarded, stop: &AtomicBool) -> Result<Client, Error> {
     let since = Instant::now();
     loop {
         match Client::connect_to(&place.cell, LOOK_EVERY) {
             Ok(client) => return Ok(client),
-            Err(ConnectError::Refused(why)) => return Err(Failure::system(why)),
+            Err(ConnectError::Refused(why)) => return Err(Error::system(why)),
             Err(why) if since.elapsed() > OPEN_WITHIN => {
                 return Err(place.failed(format!("did not open: {why}")));
             }
             Err(_) => {}
         }
-        interrupt::check(stop)?;
+        check(stop)?;
         if let Some(status) = child.ended() {
             return Err(place.failed(format!("did not start ({status})")));
         }
@@ -116,7 +123,7 @@ struct Place {
 }
 
 impl Place {
-    fn make() -> Result<Self, Failure> {
+    fn make() -> Result<Self, Error> {
         let root = std::env::var_os(RUNTIME_DIR_ENV).unwrap_or_else(|| "/dev/shm".into());
         for attempt in 0.. {
             let name = format!("replay-{}-{attempt}", std::process::id());
@@ -125,22 +132,22 @@ impl Place {
                 Err(error) if error.kind() == ErrorKind::AlreadyExists && attempt < 1000 => {}
                 Err(error) => {
                     let words = format!("{}: cannot create this folder: {error}", dir.display());
-                    return Err(Failure::system(words));
+                    return Err(Error::system(words));
                 }
                 Ok(()) => {
-                    let cell = Cell::at(&dir, CELL).map_err(Failure::system)?;
+                    let cell = Cell::at(&dir, CELL).map_err(Error::system)?;
                     return Ok(Self { dir, cell });
                 }
             }
         }
-        Err(Failure::system("cannot find an unused folder name for the daemon"))
+        Err(Error::system("cannot find an unused folder name for the daemon"))
     }
 
     /// Puts model and configuration there; the model as it was read, so that a file that changes meanwhile plays no part.
-    fn fill(&self, model: &str, recording: &Recording) -> Result<PathBuf, Failure> {
+    fn fill(&self, model: &str, recording: &Recording) -> Result<PathBuf, Error> {
         let (config, beside) = (self.dir.join("cell.toml"), self.dir.join("model.toml"));
-        fs::write(&beside, model).map_err(Failure::system)?;
-        fs::write(&config, cell_toml(&beside, recording)).map_err(Failure::system)?;
+        fs::write(&beside, model).map_err(Error::system)?;
+        fs::write(&config, cell_toml(&beside, recording)).map_err(Error::system)?;
         Ok(config)
     }
 
@@ -148,11 +155,11 @@ impl Place {
         self.dir.join("daemon.log")
     }
 
-    fn failed(&self, what: String) -> Failure {
+    fn failed(&self, what: String) -> Error {
         let log = fs::read_to_string(self.log()).unwrap_or_default();
         let lines: Vec<&str> = log.lines().collect();
         let said = lines[lines.len().saturating_sub(LINES_SHOWN)..].join("\n");
-        Failure::system(DaemonFailed { what, said })
+        Error::system(DaemonFailed { what, said })
     }
 }
 

@@ -15,11 +15,9 @@ use report::{TextTable, count};
 use serde::Serialize;
 use shm_schema::{Corrected, CorrectionStatus, Reason, UnknownCode};
 
-use crate::table::on_stdout;
-
 /// The answers to all rows.
 #[derive(Debug)]
-pub(crate) struct Corrections {
+pub struct Corrections {
     kinds: Vec<JointKind>,
     /// One list per joint; NaN in rows without a target.
     q: Vec<Vec<f64>>,
@@ -34,9 +32,9 @@ pub(crate) struct Corrections {
 /// Figures computed from the answers.
 #[derive(Debug, Clone, Default, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(crate) struct Figures {
+pub struct Figures {
     model: ModelName,
-    rows: usize,
+    pub(crate) rows: usize,
     /// Rows by status.
     statuses: BTreeMap<String, usize>,
     /// Why rows are not simply corrected.
@@ -100,15 +98,15 @@ struct Left {
 /// The tool errors left compared with the allowed error.
 #[derive(Debug, Clone, Copy, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(crate) struct Tolerance {
+pub struct Tolerance {
     /// What is allowed of the tool's position.
-    pub(crate) tolerance_mm: f64,
+    pub tolerance_mm: f64,
     /// The largest error left, if it is known in any row.
-    pub(crate) largest_mm: Option<f64>,
+    pub largest_mm: Option<f64>,
     /// Rows with a larger or unknown error.
-    pub(crate) rows_beyond: usize,
+    pub rows_beyond: usize,
     /// Whether there is no such row.
-    pub(crate) met: bool,
+    pub met: bool,
 }
 
 impl Corrections {
@@ -152,7 +150,8 @@ impl Corrections {
     }
 
     /// The recording's columns, the corrected joints (`c1_deg` …, `c1_mm` for prismatic) and the status, as CSV.
-    pub(crate) fn csv(&self, mut recording: Recording) -> Vec<u8> {
+    #[must_use]
+    pub fn csv(&self, mut recording: Recording) -> Vec<u8> {
         let mut columns = Vec::new();
         for (joint, (kind, q)) in self.kinds.iter().zip(&self.q).enumerate() {
             let unit = if *kind == JointKind::Revolute { "deg" } else { "mm" };
@@ -182,13 +181,8 @@ impl Corrections {
     }
 
     /// Puts other joints in their place: those that are commanded so that the arm is there in time.
-    pub(crate) fn put_joints(&mut self, q: Vec<Vec<f64>>) {
+    pub fn put_joints(&mut self, q: Vec<Vec<f64>>) {
         self.q = q;
-    }
-
-    /// How many rows were answered.
-    pub(crate) fn rows(&self) -> usize {
-        self.status.len()
     }
 
     /// Number of rows whose tool error is not fully corrected.
@@ -267,9 +261,20 @@ impl Figures {
         }
     }
 
-    /// A summary for the user. `rest_rows` of the rows were added by a compensation in time; `row_in_file` gives the
+    /// A summary for the user, its table at most `width` characters wide.
+    #[must_use]
+    pub fn text(&self, width: Option<usize>) -> String {
+        self.text_by_rows(width, 0, |row| row)
+    }
+
+    /// The same where `rest_rows` of the rows were added by a compensation in time; `row_in_file` gives the
     /// row of the user's file for each.
-    pub(crate) fn told(&self, rest_rows: usize, row_in_file: impl Fn(usize) -> usize) -> String {
+    pub(crate) fn text_by_rows(
+        &self,
+        width: Option<usize>,
+        rest_rows: usize,
+        row_in_file: impl Fn(usize) -> usize,
+    ) -> String {
         let mut table = TextTable::new(["status", "rows", "share"]);
         for (status, rows) in &self.statuses {
             let share = 100.0 * *rows as f64 / self.rows.max(1) as f64;
@@ -280,7 +285,7 @@ impl Figures {
             rows => format!(", {rows} of them added at standstill; rows are those of the file"),
         };
         let mut text =
-            format!("{}, {} rows{rest}\n\n{}\n", self.model.name, self.rows, on_stdout(&table));
+            format!("{}, {} rows{rest}\n\n{}\n", self.model.name, self.rows, table.render(width));
         for Because { status, reason, rows, first_row } in &self.reasons {
             let first_row = row_in_file(*first_row);
             text += &format!("{status} for {reason}: {rows} rows, the first is row {first_row}\n");
@@ -310,7 +315,8 @@ impl Tolerance {
     }
 
     /// The verdict.
-    pub(crate) fn told(&self) -> String {
+    #[must_use]
+    pub fn text(&self) -> String {
         let Self { tolerance_mm, rows_beyond, met, .. } = self;
         if *met {
             return format!("tolerance           {tolerance_mm} mm met in every row");

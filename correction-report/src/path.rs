@@ -1,0 +1,181 @@
+//! A path corrected without a daemon, with the keys of `trued.correct/1`.
+
+use std::path::Path;
+
+use daemon::sensor_inputs::SensorInputs;
+use daemon::setup;
+use feedforward::Settings;
+use feedforward::result::PreviewReport;
+use recording::cell::{CellConfig, Mode, WrenchSource};
+use recording::files::FileError;
+use recording::model::RobotModel;
+use recording::series::Recording;
+use serde::Serialize;
+
+use crate::corrections::{Corrections, Figures, Tolerance};
+use crate::error::Error;
+use crate::in_time::Dynamic;
+use crate::lockstep::{CELL, Cycle, cell_toml};
+use crate::setpoints::{Setpoints, has_wrench};
+
+/// What helps an arm that cannot serve all six freedoms.
+const FEWER_JOINTS: &str = "an arm with fewer than six joints cannot correct the complete position and orientation; if the tool may rotate about its own axis, \
+    set `task.free_tool_axis = true` in the cell's configuration";
+
+/// How a path is corrected.
+#[derive(Debug, Clone, Default)]
+pub struct Request {
+    /// The cell and the name of its file; its mode is ignored. `None`: every correction in full.
+    pub cell: Option<(String, CellConfig)>,
+    /// Settings of a dynamic compensation; `None`: the static correction alone.
+    pub dynamic: Option<Settings>,
+}
+
+/// A corrected path.
+#[derive(Debug)]
+pub struct CorrectedPath {
+    /// The columns of the recording and the corrected joints, as CSV.
+    pub csv: Vec<u8>,
+    /// Figures of the corrections.
+    pub figures: Figures,
+    /// What was compensated in time; `None` without dynamic compensation.
+    pub dynamic: Option<PreviewReport>,
+    corrections: Corrections,
+    few_joints: bool,
+    in_time: Option<Dynamic>,
+}
+
+/// The result as `trued.correct/1`.
+#[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Report<'a> {
+    #[serde(flatten)]
+    figures: &'a Figures,
+    corrections: String,
+    /// The error that is left compared with the tolerance; `None` without --tolerance-mm.
+    tolerance: Option<Tolerance>,
+    /// What was compensated in time; none without --dynamic.
+    dynamic: Option<&'a PreviewReport>,
+}
+
+impl CorrectedPath {
+    /// Corrects the commanded joints of `recording`, which must be those of the model.
+    ///
+    /// # Errors
+    /// A cell of another robot; a path or model that cannot be compensated in time.
+    pub fn of(
+        model: &RobotModel,
+        mut recording: Recording,
+        request: Request,
+    ) -> Result<Self, Error> {
+        let arm = &model.physics.arm;
+        let kinds = setup::joint_kinds(arm);
+        let extend = |settings| Dynamic::extend(model, &mut recording, &kinds, settings);
+        let in_time = request.dynamic.map(extend).transpose()?;
+        let (mut corrections, frees_tool_axis) = statically(model, &recording, request.cell)?;
+        let dynamic = in_time.as_ref().map(|in_time| in_time.compensate(model, &mut corrections));
+        let dynamic = dynamic.transpose()?;
+        let csv = corrections.csv(recording);
+        let figures = corrections.figures(&csv);
+        let few_joints = arm.count() < 6 && !frees_tool_axis;
+        Ok(Self { csv, figures, dynamic, corrections, few_joints, in_time })
+    }
+
+    /// The error left compared with an allowed one, mm.
+    #[must_use]
+    pub fn within(&self, tolerance_mm: f64) -> Tolerance {
+        let deviation_mm = self.dynamic.as_ref().map_or(0.0, PreviewReport::path_deviation_mm);
+        self.corrections.within(tolerance_mm).and(deviation_mm)
+    }
+
+    /// Rows in which a limit reduced the dynamic correction.
+    #[must_use]
+    pub fn limited_rows(&self) -> usize {
+        self.dynamic.as_ref().map_or(0, PreviewReport::limited_rows)
+    }
+
+    /// Whether no row keeps an error.
+    #[must_use]
+    pub fn is_exact(&self) -> bool {
+        self.corrections.not_exact_rows() + self.limited_rows() == 0
+    }
+
+    /// As JSON; the table is written to `file`.
+    #[must_use]
+    pub fn report(&self, file: &Path, tolerance: Option<Tolerance>) -> Report<'_> {
+        let corrections = file.display().to_string();
+        Report { figures: &self.figures, corrections, tolerance, dynamic: self.dynamic.as_ref() }
+    }
+
+    /// As text; the table is written to `file`.
+    #[must_use]
+    pub fn text(
+        &self,
+        file: &Path,
+        tolerance: Option<Tolerance>,
+        width: Option<usize>,
+    ) -> Vec<String> {
+        let figures = match &self.in_time {
+            Some(in_time) => self
+                .figures
+                .text_by_rows(width, in_time.rest_rows(), |row| in_time.row_in_file(row)),
+            None => self.figures.text(width),
+        };
+        let mut lines = vec![figures];
+        lines.extend(self.dynamic.as_ref().map(PreviewReport::text));
+        lines.push(format!("corrected path      {}", file.display()));
+        lines.extend(tolerance.map(|tolerance| tolerance.text()));
+        let left = self.corrections.not_exact_rows();
+        if left > 0 {
+            lines.push(format!(
+                "not fully corrected: {left} rows; see in the corrected path the columns `left_mm`, `left_mrad`, `limited_by`"
+            ));
+        }
+        if self.few_joints && !self.is_exact() {
+            lines.push(FEWER_JOINTS.to_owned());
+        }
+        lines
+    }
+}
+
+/// The static corrections of all rows in a cell (`None`: every correction in full), and whether the tool may turn about its own axis.
+///
+/// # Errors
+/// A cell of another robot.
+pub fn statically(
+    model: &RobotModel,
+    recording: &Recording,
+    cell: Option<(String, CellConfig)>,
+) -> Result<(Corrections, bool), Error> {
+    let mut cycle = cycle(model, recording, cell)?;
+    let mut corrections = Corrections::of(model);
+    for row in Setpoints::of(recording, model.physics.arm.count()) {
+        let answer = cycle.answer(&row)?;
+        let left = cycle.left_with(&answer);
+        corrections.take(row.setpoint.joints(), &answer, left).map_err(Error::system)?;
+    }
+    Ok((corrections, cycle.frees_tool_axis()))
+}
+
+/// The daemon's cycle in the given cell, or in that of [`cell_toml`].
+fn cycle<'m>(
+    model: &'m RobotModel,
+    recording: &Recording,
+    cell: Option<(String, CellConfig)>,
+) -> Result<Cycle<'m>, Error> {
+    let (name, mut config) = match cell {
+        Some(cell) => cell,
+        None => {
+            let text = cell_toml(Path::new("model.toml"), recording);
+            (CELL.to_owned(), CellConfig::parse(CELL, &text).map_err(Error::system)?)
+        }
+    };
+    let arm = &model.physics.arm;
+    config.check_against(&name, &setup::joint_kinds(arm)).map_err(FileError::Content)?;
+    config.mode = Mode::Full;
+    if has_wrench(recording) && config.wrench.source == WrenchSource::Force {
+        config.wrench.source = WrenchSource::Command;
+    }
+    let settings = setup::settings(&config, arm, true).map_err(Error::input)?;
+    Ok(Cycle::new(model, settings, SensorInputs::new(setup::wrench_source(&config))))
+}
