@@ -59,10 +59,7 @@ impl OwnDaemon {
         let mut command = program(&config).map_err(Error::system)?;
         command.env(RUNTIME_DIR_ENV, &place.dir);
         let streams = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
-        let started = Guarded::spawn(streams);
-        let program = command.get_program().display();
-        let words = |why| Error::system(format!("cannot start {program}: {why}"));
-        let mut child = started.map_err(words)?;
+        let mut child = Guarded::spawn(streams).map_err(Error::system)?;
         let client = join(&place, &mut child, stop)?;
         Ok(Self { client, child, place })
     }

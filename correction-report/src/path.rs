@@ -59,10 +59,10 @@ pub struct Report<'a> {
 }
 
 impl CorrectedPath {
-    /// Corrects the commanded joints of `recording`, which must be those of the model.
+    /// Corrects the commanded joints of `recording`.
     ///
     /// # Errors
-    /// A cell of another robot; a path or model that cannot be compensated in time.
+    /// A recording without the joints of the model; a cell of another robot; a path or model that cannot be compensated in time.
     pub fn of(
         model: &RobotModel,
         mut recording: Recording,
@@ -70,6 +70,7 @@ impl CorrectedPath {
     ) -> Result<Self, Error> {
         let arm = &model.physics.arm;
         let kinds = setup::joint_kinds(arm);
+        recording.check_joints(&kinds).map_err(FileError::Content)?;
         let extend = |settings| Dynamic::extend(model, &mut recording, &kinds, settings);
         let in_time = request.dynamic.map(extend).transpose()?;
         let (mut corrections, frees_tool_axis) = statically(model, &recording, request.cell)?;

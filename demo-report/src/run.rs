@@ -89,7 +89,9 @@ impl<'s> Demo<'s> {
         tell(Event::Text(text::introduction(scene)))?;
         let name = format!("demo-{}", std::process::id());
         let config = self.put_cell(&name)?;
-        let mut daemon = started(&mut programs.daemon(&config).map_err(Error::system)?)?;
+        let mut command = programs.daemon(&config).map_err(Error::system)?;
+        let daemon = Guarded::spawn(command.stdin(Stdio::null()).stdout(Stdio::null()));
+        let mut daemon = daemon.map_err(Error::system)?;
         let mut command = programs.cell(&name, out).map_err(Error::system)?;
         let cell = Guarded::spawn(command.stdin(Stdio::piped()).stdout(Stdio::piped()));
         let mut cell = cell.map_err(Error::system)?;
@@ -128,13 +130,6 @@ impl<'s> Demo<'s> {
         outputs.write()?;
         Ok(config)
     }
-}
-
-/// Starts the daemon, without standard streams except that of its messages.
-fn started(command: &mut Command) -> Result<Guarded, Error> {
-    let started = Guarded::spawn(command.stdin(Stdio::null()).stdout(Stdio::null()));
-    let program = command.get_program().display();
-    started.map_err(|why| Error::system(format!("cannot start {program}: {why}")))
 }
 
 /// The cell's output, line by line.

@@ -17,9 +17,13 @@ impl Guarded {
     /// Starts it with the streams of `command`.
     ///
     /// # Errors
-    /// The system cannot start the program.
+    /// The system cannot start the program; the error names it.
     pub fn spawn(command: &mut Command) -> std::io::Result<Self> {
-        command.spawn().map(Self)
+        let program = command.get_program().display().to_string();
+        let started = command.spawn();
+        started.map(Self).map_err(|why| {
+            std::io::Error::new(why.kind(), format!("cannot start {program}: {why}"))
+        })
     }
 
     /// Starts it; standard input and output are pipes to the bench, standard error is the bench's.

@@ -106,20 +106,33 @@ fn crates_name_only_whom_they_may() {
 
 #[test]
 fn the_harness_has_no_correction_of_its_own() {
-    let mut faults = Vec::new();
-    for path in sources().filter(|path| shown(path).starts_with("harness/")) {
-        let text = fs::read_to_string(&path).unwrap();
-        let named = text.split("daemon::").skip(1).filter(|rest| {
-            !["realtime", "pacer::sleep_until"].iter().any(|may| rest.starts_with(may))
-        });
-        let words = |rest: &str| rest.lines().next().unwrap_or_default().to_owned();
-        faults.extend(named.map(|rest| format!("{}: daemon::{}", shown(&path), words(rest))));
-    }
+    let faults = named_besides("harness/", "daemon::", &["realtime", "pacer::sleep_until"]);
     assert!(
         faults.is_empty(),
         "of the daemon, more than real-time settings:\n{}",
         faults.join("\n")
     );
+}
+
+#[test]
+fn reports_take_of_the_harness_its_child_processes_alone() {
+    let faults = ["demo-report/", "correction-report/"]
+        .map(|folder| named_besides(folder, "harness::", &["child"]))
+        .concat();
+    assert!(faults.is_empty(), "of the harness, more than child processes:\n{}", faults.join("\n"));
+}
+
+/// Names below `module` in the sources of `folder` that do not begin with one of `may`.
+fn named_besides(folder: &str, module: &str, may: &[&str]) -> Vec<String> {
+    let mut faults = Vec::new();
+    for path in sources().filter(|path| shown(path).starts_with(folder)) {
+        let text = fs::read_to_string(&path).unwrap();
+        let named = text.split(module).skip(1);
+        let named = named.filter(|rest| !may.iter().any(|may| rest.starts_with(may)));
+        let words = |rest: &str| rest.lines().next().unwrap_or_default().to_owned();
+        faults.extend(named.map(|rest| format!("{}: {module}{}", shown(&path), words(rest))));
+    }
+    faults
 }
 
 #[test]

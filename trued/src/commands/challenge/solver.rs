@@ -11,8 +11,9 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use challenge_report::SolverAnswer;
+use harness::child::Guarded;
 
-use crate::child::{myself, spawned};
+use crate::child::myself;
 use crate::exit::Failure;
 use crate::interrupt;
 
@@ -71,9 +72,9 @@ impl Solver {
             .arg(out)
             .args(["--seed", "1"]);
         command.arg(case.join("recording.csv"));
-        command.stdout(Stdio::null()).stderr(log);
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
         let start = Instant::now();
-        let mut child = spawned(&mut command)?;
+        let mut child = Guarded::spawn(&mut command).map_err(Failure::system)?;
         let ended = loop {
             if let Some(status) = child.ended() {
                 break Some(status);
