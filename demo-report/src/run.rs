@@ -151,6 +151,8 @@ impl Lines<'_> {
                 return Ok(rest.to_owned());
             }
         }
+        // Ctrl-C reaches the cell too: its output may end first.
+        check(self.stop)?;
         Err(Error::system(match self.daemon.ended() {
             Some(status) => format!("the daemon ended early ({status}); see its messages above"),
             None => "the cell ended without a result; see its messages above".to_owned(),
