@@ -62,8 +62,8 @@ pub use setpoint::{Setpoint, WrenchFrame};
 pub use shm_schema::{
     Advice, Answer, CHANNEL_NAMES, Corrected, CorrectionStatus, FeedReason, FeedState, ForceFault,
     Health, InCut, JOINTS_MAX, LeadState, Mode, Reason, RecorderAction, RecorderState, Response,
-    RobotState, SendOutcome, SensorFault, Status, TrimReason, TrimState, Verdict, VibrationClass,
-    VibrationState, WatchState, channel_name, monotonic_ns,
+    RobotState, SendOutcome, SensorFault, Spectrum, Status, TrimReason, TrimState, Verdict,
+    VibrationClass, VibrationState, WatchState, channel_name, monotonic_ns,
 };
 pub use target::{Source, Target};
 

@@ -1,11 +1,11 @@
-//! Monitoring and requests: status, vibration verdicts, requests. Several at once; never in the robot's loop.
+//! Monitoring and requests: status, vibration verdicts, spectra of the force, requests. Several at once; never in the robot's loop.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use shm_schema::{
-    Cell, Joined, Payload, PeerControl, PeerSubscriber, PortError, Request, Response, Role, Status,
-    Verdict, monotonic_ns, new_session,
+    Cell, Joined, Payload, PeerControl, PeerSubscriber, PortError, Request, Response, Role,
+    Spectrum, Status, Verdict, monotonic_ns, new_session,
 };
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
@@ -20,6 +20,9 @@ pub(crate) struct MonitorPorts {
     status: PeerSubscriber<Status>,
     vibration: PeerSubscriber<Verdict>,
     control: PeerControl,
+    /// Opened by the first reading: the daemon makes spectra only for those who read them.
+    spectrum: Option<PeerSubscriber<Spectrum>>,
+    joined: Joined,
 }
 
 impl Ports for MonitorPorts {
@@ -29,6 +32,8 @@ impl Ports for MonitorPorts {
             status: joined.subscriber()?,
             vibration: joined.subscriber()?,
             control: joined.control()?,
+            spectrum: None,
+            joined: joined.clone(),
         })
     }
 }
@@ -42,6 +47,14 @@ impl MonitorPorts {
     /// The next verdict.
     pub(crate) fn vibration(&mut self) -> Option<Verdict> {
         self.vibration.take_next().filter(|v| v.check().is_ok())
+    }
+
+    /// The next spectrum; none where all places of readers are taken.
+    fn spectrum(&mut self) -> Option<Spectrum> {
+        if self.spectrum.is_none() {
+            self.spectrum = self.joined.subscriber().ok();
+        }
+        self.spectrum.as_mut()?.take_next().filter(|s| s.check().is_ok())
     }
 
     fn ask(&mut self, request: &Request, limit: Duration) -> Result<Response, AskError> {
@@ -122,6 +135,13 @@ impl Monitor {
     /// The next vibration verdict not yet taken.
     pub fn vibration(&mut self) -> Option<Verdict> {
         self.link.ports().and_then(MonitorPorts::vibration)
+    }
+
+    /// The next spectrum of the force not yet taken: up to ten a second while force samples arrive, from the first call on. Each
+    /// costs the daemon a transform of about a fifth of a second of samples, outside its real-time cycle; with no reader it makes none. At most four
+    /// are kept: a reader that comes late misses the older ones, and delays nobody.
+    pub fn spectrum(&mut self) -> Option<Spectrum> {
+        self.link.ports().and_then(MonitorPorts::spectrum)
     }
 
     /// State of the connection.

@@ -37,6 +37,7 @@ pub mod robot;
 pub mod sender;
 pub mod sensor_inputs;
 pub mod setup;
+pub(crate) mod spectra;
 pub mod status;
 pub mod supervisor;
 pub mod temperatures;
@@ -274,10 +275,11 @@ fn start_threads(
     let cycle = start_cycle(config, settings, model, &ports, exchange)?;
     let below_cycle = below(config.realtime);
     let rules = setup::block_rules(config, settings.lockstep);
+    let overview = setup::overview(config);
     let vibration = start("vibration", exchange, move |exchange, started| {
         apply_realtime(below_cycle)?;
         let mut vibration_thread =
-            VibrationThread::join(&ports, force_processor)?.with_rules(rules);
+            VibrationThread::join(&ports, force_processor, overview)?.with_rules(rules);
         started();
         vibration_thread.run(exchange);
         Ok(())

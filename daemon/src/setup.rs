@@ -22,8 +22,8 @@ use recording::cell::{self, CellConfig};
 use recording::faults::Fault;
 use recording::model::RobotModel;
 use recording::series::Frame;
-use shm_schema::{FORCE_SAMPLES_MAX, JointBounds};
-use spectrum::{ConfigError, Stream, Watch, WatchConfig};
+use shm_schema::{FORCE_SAMPLES_MAX, JointBounds, SPECTRUM_BINS_MAX};
+use spectrum::{ConfigError, Overview, Stream, Watch, WatchConfig};
 
 /// Settings of the corrector.
 ///
@@ -81,18 +81,11 @@ pub fn force_processor(
     model: &RobotModel,
 ) -> Result<ForceProcessor, ConfigError> {
     let Some(force) = config.force else { return Ok(ForceProcessor::None) };
-    let sensor = WatchConfig {
-        rate_hz: force.rate_hz,
-        channels: force.channels,
-        full_scale_n: force.full_scale_n,
-        full_scale_nm: force.full_scale_nm,
-        ..WatchConfig::default()
-    };
+    let sensor = sensor(config, force);
     let Some(vibration) = config.vibration else {
         return Ok(ForceProcessor::Sensor(Box::new(Stream::new(&sensor))));
     };
     let watch = Watch::new(WatchConfig {
-        band_hz: [vibration.band_hz.0, vibration.band_hz.1],
         modes: modes(model, config.wrench.frame).collect(),
         least_amplitude_n: vibration.least_amplitude_n,
         least_amplitude_nm: vibration.least_amplitude_nm,
@@ -100,6 +93,25 @@ pub fn force_processor(
         ..sensor
     })?;
     Ok(ForceProcessor::Watch(Box::new(watch)))
+}
+
+/// Spectra for displays: of the monitored band, or of the monitor's default one.
+pub(crate) fn overview(config: &CellConfig) -> Option<Box<Overview>> {
+    let sensor = sensor(config, config.force?);
+    Some(Box::new(Overview::new(&sensor, SPECTRUM_BINS_MAX)))
+}
+
+fn sensor(config: &CellConfig, force: cell::Force) -> WatchConfig {
+    let standard = WatchConfig::default();
+    let band_hz = config.vibration.map_or(standard.band_hz, |v| [v.band_hz.0, v.band_hz.1]);
+    WatchConfig {
+        rate_hz: force.rate_hz,
+        channels: force.channels,
+        full_scale_n: force.full_scale_n,
+        full_scale_nm: force.full_scale_nm,
+        band_hz,
+        ..standard
+    }
 }
 
 /// Conditions under which the wrench of a force block is used. In lockstep blocks carry the

@@ -1,18 +1,19 @@
-//! The force processor: analyses force samples, publishes verdicts, passes the newest wrench to the cycle and the sensor status to the supervisor.
+//! The force processor: analyses force samples, publishes verdicts and spectra, passes the newest wrench to the cycle and the sensor status to the supervisor.
 //!
 //! Thread `vibration`, at the rate of the blocks. After [`VibrationThread::join`] nothing is allocated
-//! except the transport's one block per verdict; an unreadable block is counted and reported. While
+//! except the transport's one block per message; an unreadable block is counted and reported. While
 //! blocks arrive, it waits at most `LOOK_EVERY_NS`.
 
 use crate::exchange::{Exchange, SensorStatus, count};
 use crate::pacer::sleep_until;
 use crate::sensor_inputs::Measured;
+use crate::spectra::Spectra;
 use crate::verdicts;
 use shm_schema::{
     DaemonPorts, FORCE_CHANNELS_MAX, FORCE_SAMPLES_MAX, ForceBlock, Payload, PortError, Publisher,
     SensorFault, Subscriber, Verdict, monotonic_ns,
 };
-use spectrum::{Block, Health, State, Stream, Verdicts, Watch};
+use spectrum::{Block, Health, Overview, State, Stream, Verdicts, Watch};
 use std::sync::atomic::Ordering::Relaxed;
 
 /// Polling interval of the thread, ns.
@@ -102,6 +103,7 @@ pub struct BlockRules {
 pub struct VibrationThread {
     blocks: Subscriber<ForceBlock>,
     verdicts: Publisher<Verdict>,
+    spectra: Spectra,
     force_processor: ForceProcessor,
     rules: BlockRules,
     /// Recent faults of the clock, each with the time until which it is reported.
@@ -112,14 +114,19 @@ pub struct VibrationThread {
 }
 
 impl VibrationThread {
-    /// Creates the ports, in the thread that will use them.
+    /// Creates the ports, in the thread that will use them. Without an `overview` no spectra are published.
     ///
     /// # Errors
     /// If the transport refuses a port.
-    pub fn join(ports: &DaemonPorts, force_processor: ForceProcessor) -> Result<Self, PortError> {
+    pub fn join(
+        ports: &DaemonPorts,
+        force_processor: ForceProcessor,
+        overview: Option<Box<Overview>>,
+    ) -> Result<Self, PortError> {
         Ok(Self {
             blocks: ports.subscriber()?,
             verdicts: ports.publisher()?,
+            spectra: Spectra::join(ports, overview)?,
             force_processor,
             rules: BlockRules::default(),
             clock_faults: [(SensorFault::InFuture, 0), (SensorFault::Late, 0)],
@@ -133,6 +140,12 @@ impl VibrationThread {
     #[must_use]
     pub fn with_rules(self, rules: BlockRules) -> Self {
         Self { rules, ..self }
+    }
+
+    /// Number of spectra sent.
+    #[must_use]
+    pub fn spectra_sent(&self) -> u64 {
+        self.spectra.sent()
     }
 
     /// Runs until the exchange is stopped.
@@ -149,6 +162,7 @@ impl VibrationThread {
             }
             self.send_sensor_status(exchange);
             let now_ns = monotonic_ns();
+            self.spectra.send_if_due(now_ns);
             heard_ns = if blocks > 0 { now_ns } else { heard_ns };
             let silent = now_ns - heard_ns > SILENT_AFTER_NS;
             if blocks < BLOCKS_PER_LOOK {
@@ -166,9 +180,11 @@ impl VibrationThread {
             }
         }
         if let Some(ports) = exchange.new_ports[1].pop()
-            && let (Ok(blocks), Ok(verdicts)) = (ports.subscriber(), ports.publisher())
+            && let (Ok(blocks), Ok(verdicts), Ok(spectra)) =
+                (ports.subscriber(), ports.publisher(), ports.publisher())
         {
             (self.blocks, self.verdicts) = (blocks, verdicts);
+            self.spectra.move_to(spectra);
         }
     }
 
@@ -187,7 +203,7 @@ impl VibrationThread {
                 self.interleaved[i * channels + channel] = *value;
             }
         }
-        let (is_good, news) = self.force_processor.take(&Block {
+        let samples = Block {
             session: block.session,
             seq: block.seq,
             samples_before: Some(block.samples_before),
@@ -195,7 +211,11 @@ impl VibrationThread {
             rate_hz: block.rate_hz,
             channels,
             samples: &self.interleaved[..channels * samples],
-        });
+        };
+        let (is_good, news) = self.force_processor.take(&samples);
+        if is_good {
+            self.spectra.take(&samples);
+        }
         self.say(exchange, &news);
         if is_good {
             count(&exchange.counters.force_blocks);

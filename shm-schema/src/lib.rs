@@ -14,6 +14,7 @@
 //! | `/horizon` | [`Horizon`] | cell to daemon | the newest |
 //! | `/measured` | [`MeasuredPoint`] | instrument to daemon | the newest 64 points |
 //! | `/vibration` | [`Verdict`] | daemon to all | the last 8, also for late joiners |
+//! | `/spectrum` | [`Spectrum`] | daemon to all, while somebody reads | the newest 4 |
 //! | `/status` | [`Status`] | daemon to all | the last one, also for late joiners |
 //! | `/control` | [`Request`], [`Response`] | all to daemon and back | one at a time per client |
 
@@ -32,6 +33,7 @@ mod robot;
 mod sensor;
 mod sentence;
 mod services;
+mod spectrum;
 mod status;
 mod text;
 mod vibration;
@@ -55,6 +57,7 @@ pub use port::{
 pub use robot::RobotState;
 pub use sensor::{CHANNEL_NAMES, ForceFault, SensorFault, channel_name};
 pub use services::{CONTRACT_HASH, CONTRACT_VERSION, Topic};
+pub use spectrum::{SPECTRUM_BINS_MAX, Spectrum};
 pub use status::{
     Health, JointBounds, LATENCY_BUCKETS, Mode, ROBOT_BYTES_MAX, RecorderState, Status, WatchState,
     latency_below_ns,

@@ -13,12 +13,12 @@ use iceoryx2::service::port_factory::{publish_subscribe, request_response};
 
 use crate::layout::{Payload, hash_text, mix};
 use crate::{
-    Command, Corrected, ForceBlock, Horizon, MeasuredPoint, Request, Response, RobotState, Status,
-    Verdict,
+    Command, Corrected, ForceBlock, Horizon, MeasuredPoint, Request, Response, RobotState,
+    Spectrum, Status, Verdict,
 };
 
 /// Version of services and payloads as a whole: changes with any change of meaning.
-pub const CONTRACT_VERSION: u32 = 6;
+pub const CONTRACT_VERSION: u32 = 7;
 
 /// Layout hash of all payloads together.
 pub const CONTRACT_HASH: u64 = {
@@ -30,6 +30,7 @@ pub const CONTRACT_HASH: u64 = {
     let hash = mix(hash, Horizon::LAYOUT_HASH);
     let hash = mix(hash, MeasuredPoint::LAYOUT_HASH);
     let hash = mix(hash, Verdict::LAYOUT_HASH);
+    let hash = mix(hash, Spectrum::LAYOUT_HASH);
     let hash = mix(hash, Status::LAYOUT_HASH);
     let hash = mix(hash, Request::LAYOUT_HASH);
     mix(hash, Response::LAYOUT_HASH)
@@ -40,7 +41,7 @@ pub(crate) const TRANSPORT_VERSION: &str = "0.10.0";
 
 /// Most processes in one epoch: daemon, cell, force source, monitors, and the dead not yet cleaned.
 const NODES_MAX: usize = 32;
-/// Monitors: readers of `/vibration` and `/status`, and clients of `/control`.
+/// Monitors: readers of `/vibration`, `/spectrum` and `/status`, and clients of `/control`.
 const MONITORS_MAX: usize = 16;
 /// Places for them and for the cell, which is never kept out by those who only look.
 pub(crate) const READERS_MAX: usize = MONITORS_MAX + 1;
@@ -106,6 +107,8 @@ topics! {
         Keeping { subscribers: 1, buffer: MEASURED_KEPT, history: 0, overflow: true };
     Verdict = vibration "vibration"
         Keeping { subscribers: READERS_MAX, buffer: 16, history: 8, overflow: true };
+    Spectrum = spectrum "spectrum"
+        Keeping { subscribers: READERS_MAX, buffer: 4, history: 0, overflow: true };
     Status = status "status"
         Keeping { subscribers: READERS_MAX, buffer: 1, history: 1, overflow: true };
 }
@@ -133,6 +136,7 @@ pub struct Services<S: Service> {
     horizon: PubSub<S, Horizon>,
     measured: PubSub<S, MeasuredPoint>,
     vibration: PubSub<S, Verdict>,
+    spectrum: PubSub<S, Spectrum>,
     status: PubSub<S, Status>,
     pub(crate) control: Control<S>,
 }
@@ -154,6 +158,7 @@ impl<S: Service> Services<S> {
             horizon: pub_sub(node, way)?,
             measured: pub_sub(node, way)?,
             vibration: pub_sub(node, way)?,
+            spectrum: pub_sub(node, way)?,
             status: pub_sub(node, way)?,
             control: control(node, way)?,
         })

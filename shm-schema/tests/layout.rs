@@ -96,6 +96,26 @@ fn the_layout_of_verdict_stands() {
 }
 
 #[test]
+fn the_layout_of_spectrum_stands() {
+    assert_eq!(SPECTRUM_BINS_MAX, 256);
+    pinned!(Spectrum: 2104 bytes, hash 0xe4d0_e8cc_a7d5_d94d,
+        seq at 0, t_ns at 8, made_ns at 16, window_s at 24, first_hz at 32, bin_hz at 40, layout at 48,
+        bins at 52, amplitude_n at 56);
+}
+
+#[test]
+fn a_spectrum_is_read_only_where_its_bins_can_be() {
+    let mut spectrum = Spectrum { bins: 3, first_hz: 10.0, bin_hz: 5.0, ..Spectrum::default() };
+    assert_eq!(spectrum.check(), Ok(()));
+    assert_eq!((spectrum.amplitudes_n().len(), spectrum.frequency_hz(2)), (3, 20.0));
+    for bins in [0, 257, u32::MAX] {
+        spectrum.bins = bins;
+        assert_eq!(spectrum.check().unwrap_err().field, "bins");
+        assert!(spectrum.amplitudes_n().len() <= SPECTRUM_BINS_MAX);
+    }
+}
+
+#[test]
 fn the_layout_of_request_stands() {
     pinned!(Request: 512 bytes, hash 0x2ecb_a7f9_e68f_2291,
         seq at 0, session at 8, t_ns at 16, spindle_rpm at 24, feed_mm_s at 32, sigma_m
@@ -175,6 +195,6 @@ fn a_horizon_is_copied_without_the_points_that_are_not_set() {
 
 #[test]
 fn the_contract_stands() {
-    assert_eq!(CONTRACT_VERSION, 6);
-    assert_eq!(CONTRACT_HASH, 0xe354_c5c7_40d7_e6de, "{CONTRACT_HASH:#018x}");
+    assert_eq!(CONTRACT_VERSION, 7);
+    assert_eq!(CONTRACT_HASH, 0xae3d_2452_67fe_44ac, "{CONTRACT_HASH:#018x}");
 }

@@ -186,3 +186,59 @@ fn single_and_double_precision_lead_to_the_same_verdicts() {
         assert!((a.amplitude - b.amplitude).abs() < 1e-4, "{a} against {b}");
     }
 }
+
+#[test]
+fn a_tone_stands_in_the_spectrum_at_its_frequency_with_its_amplitude_once_somebody_reads() {
+    let (place, _daemon) = watching(10_000.0, 3);
+    let mut sensor = Sensor::join(&place, 10_000.0, 3);
+    let mut reader = Monitor::connect_to(&place.cell(), LIMIT).expect("a daemon that is ready");
+    sensor.run(1.0, quiet);
+    let _ = sensor.settled();
+    assert!(reader.spectrum().is_none(), "nothing is made for nobody");
+    let begun = Instant::now();
+    let mut spectra = Vec::new();
+    while spectra.len() < 4 {
+        assert!(begun.elapsed() < LIMIT, "{} spectra", spectra.len());
+        sensor.run(0.1, tone(684.0, 8.0));
+        spectra.extend(std::iter::from_fn(|| reader.spectrum()));
+    }
+    assert_eq!(spectra[0].seq, 1, "none was made before");
+    let newest = &spectra[3];
+    let all = newest.amplitudes_n().iter().enumerate();
+    let (bin, &largest) = all.max_by(|a, b| a.1.total_cmp(b.1)).expect("bins");
+    assert!((newest.frequency_hz(bin) - 684.0).abs() <= 0.5 * newest.bin_hz, "{bin}");
+    assert!((largest / 8.0 - 1.0).abs() < 0.03, "{largest} N");
+    let far = |bin: &usize| (newest.frequency_hz(*bin) - 684.0).abs() > 20.0;
+    let rest = (0..newest.bins as usize).filter(far).map(|bin| newest.amplitude_n[bin]);
+    assert!(rest.fold(0.0, f64::max) < 0.3, "noise of 0.6 N rms over all bins");
+    let pauses_ns = spectra.windows(2).map(|pair| pair[1].made_ns - pair[0].made_ns);
+    assert!(pauses_ns.min() > Some(99_000_000), "ten a second at most");
+    assert!(spectra.windows(2).all(|pair| pair[1].t_ns > pair[0].t_ns));
+}
+
+/// Verdicts on a line, and what became of the blocks; with a reader of spectra that never reads, or without.
+fn verdicts(stalled_reader: bool) -> Vec<(u32, u32, u64, u64)> {
+    let (place, _daemon) = watching(10_000.0, 3);
+    let mut reader = Monitor::connect_to(&place.cell(), LIMIT).expect("a daemon that is ready");
+    if stalled_reader {
+        assert!(reader.spectrum().is_none(), "it only joins");
+    }
+    let mut sensor = Sensor::join(&place, 10_000.0, 3);
+    sensor.run(2.0, quiet);
+    // Long enough for more spectra than the reader's buffer holds.
+    for _ in 0..40 {
+        std::thread::sleep(Duration::from_millis(20));
+        sensor.run(0.01, quiet);
+    }
+    sensor.run(1.0, tone(72.0, 4.0));
+    let status = sensor.settled();
+    assert_eq!((status.force_blocks, status.force_gaps, status.force_refused), (sensor.sent, 0, 0));
+    assert!(confirmed(&sensor.said).is_some());
+    let of = |v: &Verdict| (v.state, v.class, v.frequency_hz.to_bits(), v.amplitude.to_bits());
+    sensor.said.iter().map(of).collect()
+}
+
+#[test]
+fn a_reader_of_spectra_that_never_reads_changes_no_verdict_and_costs_no_block() {
+    assert_eq!(verdicts(true), verdicts(false));
+}

@@ -13,12 +13,12 @@ use daemon::vibration::{ForceProcessor, VibrationThread};
 use envelope::Limits;
 use recording::model::presets::preset;
 use shm_schema::{
-    Command, Corrected, DaemonPorts, DaemonSide, ForceBlock, JOINTS_MAX, Joined, Role, Seat,
-    Verdict, monotonic_ns,
+    Command, Corrected, DaemonPorts, DaemonSide, ForceBlock, JOINTS_MAX, Joined, Role,
+    SPECTRUM_BINS_MAX, Seat, Spectrum, Verdict, monotonic_ns,
 };
-use spectrum::{MODES_MAX, ProcessState, WHEELS_MAX, Watch, WatchConfig, Wheel};
+use spectrum::{MODES_MAX, Overview, ProcessState, WHEELS_MAX, Watch, WatchConfig, Wheel};
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 use tests::cell_loop::{JOINTS, path};
 use tests::place::{MODEL, Place};
@@ -126,19 +126,30 @@ fn the_cycle_takes_one_block_per_published_target_and_gives_it_back() {
 }
 
 #[test]
-fn the_vibration_thread_takes_one_block_per_verdict_and_gives_it_back() {
+fn the_vibration_thread_takes_one_block_per_verdict_and_spectrum_and_gives_it_back() {
     let place = Place::new("full", "");
     let domain = DaemonSide::create(&place.cell()).unwrap();
     let ports = domain.ports();
     let [warm, exchange] = [0, 1].map(|_| Exchange::new(Mode::Full, false));
     let made = AtomicBool::new(false);
+    let spectra = AtomicU64::new(0);
     let heap = std::thread::scope(|scope| {
         let subject = scope.spawn(|| {
             let config = WatchConfig { rate_hz: 10_000.0, channels: 3, ..WatchConfig::default() };
+            let overview = Some(Box::new(Overview::new(&config, SPECTRUM_BINS_MAX)));
             let force_processor = ForceProcessor::Watch(Box::new(Watch::new(config).unwrap()));
-            let mut vibration_thread = VibrationThread::join(&ports, force_processor).unwrap();
+            let mut vibration_thread =
+                VibrationThread::join(&ports, force_processor, overview).unwrap();
             made.store(true, Relaxed);
-            counted(&mut vibration_thread, |l| l.run(&warm), |l| l.run(&exchange))
+            let first = |thread: &mut VibrationThread| {
+                thread.run(&warm);
+                spectra.store(thread.spectra_sent(), Relaxed);
+            };
+            let then = |thread: &mut VibrationThread| {
+                thread.run(&exchange);
+                spectra.store(thread.spectra_sent() - spectra.load(Relaxed), Relaxed);
+            };
+            counted(&mut vibration_thread, first, then)
         });
         while !made.load(Relaxed) {
             std::thread::sleep(Duration::from_millis(1));
@@ -151,6 +162,7 @@ fn the_vibration_thread_takes_one_block_per_verdict_and_gives_it_back() {
         };
         let mut blocks = force.publisher::<ForceBlock>().unwrap();
         let _verdicts = monitor.subscriber::<Verdict>().unwrap();
+        let _spectra = monitor.subscriber::<Spectrum>().unwrap();
         let mut block = Box::<ForceBlock>::default();
         (block.channels, block.samples, block.rate_hz) = (3, 100, 10_000.0);
         for seq in 0..BLOCKS {
@@ -176,7 +188,9 @@ fn the_vibration_thread_takes_one_block_per_verdict_and_gives_it_back() {
         [&counters.force_gaps, &counters.force_refused, &counters.malformed]
             .map(|counter| counter.load(Relaxed));
     assert!(gaps > 0 && refused > 0 && malformed > 0, "{gaps}, {refused}, {malformed}");
-    assert_eq!(heap.count_total, said, "one block per verdict: {heap:?}");
+    let spectra = spectra.into_inner();
+    assert!(spectra > 3, "{spectra} spectra");
+    assert_eq!(heap.count_total, said + spectra, "one block per message: {heap:?}");
     assert_eq!((heap.count_current, heap.bytes_current), (0, 0), "each given back: {heap:?}");
 }
 

@@ -10,7 +10,7 @@ use physics::{Model, Wrench};
 use recording::model::presets::preset;
 use shm_schema::{
     Command, Corrected, Current, ForceBlock, Horizon, MeasuredPoint, Payload, Request, Response,
-    RobotState, Status, Verdict,
+    RobotState, Spectrum, Status, Verdict,
 };
 use spectrum::{Block, Watch, WatchConfig};
 use std::fmt::Debug;
@@ -98,7 +98,7 @@ pub(super) fn force(bytes: &[u8]) {
 /// first byte selects it.
 pub(super) fn all_others(bytes: &[u8]) {
     let Some((kind, rest)) = bytes.split_first() else { return };
-    match kind % 9 {
+    match kind % 10 {
         0 => each::<RobotState>(rest, |state| format!("{state:?}")),
         1 => each::<Request>(rest, |request| {
             format!("{:?} {}", request.operation(), request.path.as_str())
@@ -117,7 +117,8 @@ pub(super) fn all_others(bytes: &[u8]) {
             let _ = Current::parse(&String::from_utf8_lossy(rest));
         }
         7 => each::<MeasuredPoint>(rest, |point| format!("{point:?}")),
-        _ => horizons(rest),
+        8 => horizons(rest),
+        _ => each::<Spectrum>(rest, |spectrum| format!("{:?}", spectrum.amplitudes_n())),
     }
 }
 
