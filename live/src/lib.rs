@@ -8,14 +8,18 @@
 //! | --- | --- | --- |
 //! | `/` | `page.html` | the page |
 //! | `/status` | [`report`] | the status as JSON, schema `trued.status/1` |
-//! | `/events` | `web` | the same with each change, and what is drawn of the robot, as server-sent events |
+//! | `/events` | `web` | the same with each change, what is drawn of the robot, and the last five minutes (`history`), as server-sent events |
 //! | `/metrics` | [`metrics_text`] | OpenMetrics text |
 //! | WebSocket | `foxglove` | topics and schemas of the recordings, protocol `foxglove.sdk.v1` |
 
 #[cfg(feature = "views")]
 mod access;
 #[cfg(feature = "views")]
+mod changes;
+#[cfg(feature = "views")]
 mod foxglove;
+#[cfg(feature = "views")]
+mod history;
 #[cfg(feature = "views")]
 mod metrics;
 pub mod report;

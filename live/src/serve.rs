@@ -80,7 +80,7 @@ impl Live {
         let mut live = Self { http, foxglove: stream, stop, threads: Vec::new() };
         let (name, seen) = (cell.to_owned(), Arc::clone(&watch));
         let robot = settings.model.clone().map(Robot::new);
-        live.spawn("watch", move |stop| watch::run(&name, monitor, robot, &seen, stop))?;
+        live.spawn("watch", move |stop| watch::run(&name, monitor, robot, true, &seen, stop))?;
         let seen = Arc::clone(&watch);
         live.spawn("web", move |stop| web.run(&seen, stop))?;
         if let Some(server) = foxglove {

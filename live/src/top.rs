@@ -53,7 +53,7 @@ pub fn run(
     let (answer, answers) = mpsc::channel();
     let looks = {
         let (name, watch, ended) = (cell.to_owned(), Arc::clone(&watch), Arc::clone(&ended));
-        spawn("watch", move || watch::run(&name, looking, None, &watch, &ended))?
+        spawn("watch", move || watch::run(&name, looking, None, false, &watch, &ended))?
     };
     // It ends when `ask` is dropped; a daemon that does not respond is not waited for.
     spawn("ask", move || ask::run(asking, &asked, &answer))?;

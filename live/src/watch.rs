@@ -1,12 +1,13 @@
-//! Present state of the cell, from one monitor shared by all viewers.
+//! Present state of the cell and its last five minutes, from one monitor shared by all viewers.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use shm_schema::{Status, Verdict};
 use trued_client::Monitor;
 
+use crate::history::{Entries, History, Mark};
 use crate::report::Report;
 use crate::robot::{Drawing, Robot};
 
@@ -38,6 +39,7 @@ struct Known {
     seen: Option<Arc<Seen>>,
     verdicts: Vec<Numbered>,
     verdict_number: u64,
+    history: History,
 }
 
 /// Shared state of the cell; readers wait for changes.
@@ -88,8 +90,14 @@ impl Watch {
         News { seen, verdicts }
     }
 
+    /// Entries of the history since `mark`; they come with [`Watch::news`], at the latest after a second.
+    pub(crate) fn history(&self, mark: &mut Mark) -> Entries {
+        self.known().history.since(mark)
+    }
+
     pub(crate) fn see(&self, seen: Seen) {
         let mut known = self.known();
+        known.history.status(unix_ms(), &seen.report);
         known.number += 1;
         known.seen = Some(Arc::new(seen));
         drop(known);
@@ -99,6 +107,7 @@ impl Watch {
     fn hear(&self, verdict: Verdict) {
         let mut known = self.known();
         let number = known.verdict_number;
+        known.history.verdict(unix_ms(), &verdict);
         known.verdict_number += 1;
         known.verdicts.push((number, verdict));
         let surplus = known.verdicts.len().saturating_sub(VERDICTS_KEPT);
@@ -108,11 +117,18 @@ impl Watch {
     }
 }
 
-/// Polls the cell until `stop` is set.
+/// This computer's clock, ms since 1970.
+pub(crate) fn unix_ms() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_millis()).unwrap_or(u64::MAX)
+}
+
+/// Polls the cell until `stop` is set; with its spectra if something `shows_spectra`, as the daemon makes them only then.
 pub(crate) fn run(
     cell: &str,
     mut monitor: Monitor,
     mut robot: Option<Robot>,
+    shows_spectra: bool,
     watch: &Watch,
     stop: &AtomicBool,
 ) {
@@ -121,6 +137,9 @@ pub(crate) fn run(
     while !stop.load(Relaxed) {
         while let Some(verdict) = monitor.vibration() {
             watch.hear(verdict);
+        }
+        while let Some(spectrum) = shows_spectra.then(|| monitor.spectrum()).flatten() {
+            watch.known().history.spectrum(unix_ms(), &spectrum);
         }
         if let Some(status) = monitor.status() {
             let away = monitor.away().map(|away| away.to_string());

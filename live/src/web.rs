@@ -7,11 +7,13 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 use std::thread;
 use std::time::Duration;
 
+use serde::Serialize;
 use tiny_http::{Header, Method, Request, Response, StatusCode};
 
 use crate::access::Asked;
+use crate::history::{Entries, Mark, SPAN_MS, STEP_MS};
 use crate::report::Report;
-use crate::watch::{Reader, Watch};
+use crate::watch::{Reader, Watch, unix_ms};
 use crate::{Access, LiveError, metrics};
 
 /// The page: no other file, no other server.
@@ -160,16 +162,14 @@ fn follow(
 }
 
 fn send_events(to: &mut impl Write, watch: &Watch, stop: &AtomicBool) -> io::Result<()> {
-    let mut reader = Reader::default();
+    let (mut reader, mut mark, mut is_first) = (Reader::default(), Mark::default(), true);
     let mut drawn = String::new();
     to.write_all(EVENTS.as_bytes())?;
     to.flush()?;
     while !stop.load(Relaxed) {
         let news = watch.news(&mut reader, BEAT_AFTER);
-        for verdict in &news.verdicts {
-            let words = serde_json::json!({ "says": verdict.to_string() });
-            write!(to, "event: vibration\ndata: {words}\n\n")?;
-        }
+        send_history(to, &watch.history(&mut mark), is_first)?;
+        is_first = false;
         match news.seen {
             Some(seen) => {
                 if let Some(robot) = &seen.robot {
@@ -187,6 +187,22 @@ fn send_events(to: &mut impl Write, watch: &Watch, stop: &AtomicBool) -> io::Res
         to.flush()?;
     }
     Ok(())
+}
+
+/// The first time all that is kept, as one event, so that a page draws it once; then each new entry.
+fn send_history(to: &mut impl Write, entries: &Entries, is_first: bool) -> io::Result<()> {
+    if is_first {
+        let whole = serde_json::json!({ "now_ms": unix_ms(), "span_ms": SPAN_MS, "step_ms": STEP_MS, "entries": entries });
+        return send(to, "history", &whole);
+    }
+    entries.latency.iter().try_for_each(|one| send(to, "latency", one))?;
+    entries.events.iter().try_for_each(|one| send(to, "happened", one))?;
+    entries.spectra.iter().try_for_each(|one| send(to, "spectrum", one.as_ref()))
+}
+
+fn send(to: &mut impl Write, event: &str, data: &impl Serialize) -> io::Result<()> {
+    let data = serde_json::to_string(data).unwrap_or_default();
+    write!(to, "event: {event}\ndata: {data}\n\n")
 }
 
 #[cfg(test)]
@@ -237,7 +253,8 @@ mod tests {
             let mut page = Page { watch: &watch, stop: &stop, shifts_mm, text: String::new() };
             send_events(&mut page, &watch, &stop).expect("written");
             assert_eq!(page.text.matches("event: robot").count(), 3, "{}", page.text);
-            assert_eq!(page.text.matches("\ndata: {\"").count(), 3 + 5, "{}", page.text);
+            assert_eq!(page.text.matches("event: history").count(), 1, "{}", page.text);
+            assert_eq!(page.text.matches("\ndata: {\"").count(), 1 + 3 + 5, "{}", page.text);
         }
     }
 }

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use tests::cell_loop::CellLoop;
 use tests::place::{CELL, Place};
 use tests::process::Process;
+use tests::sensor::{ANY_CLOCK, Sensor};
 use trued_client::Monitor;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::http::HeaderValue;
@@ -208,6 +209,64 @@ fn the_robot_is_drawn_with_its_correction_while_its_file_is_the_model_in_use() {
     while !is_left(drawing(&mut lines)) {
         assert!(Instant::now() < end, "the former model is still drawn");
     }
+}
+
+/// A cell whose force vibrates with 4 N at 72 Hz, until the view has several columns of it. The sensor keeps it alive.
+fn vibrating() -> (Place, Process, Sensor, View) {
+    let tables = format!(
+        "[force]\nrate_Hz = 10000.0\nchannels = 3\n{ANY_CLOCK}[vibration]\nenabled = true\n"
+    );
+    let place = Place::new("full", &tables);
+    let daemon = Process::ready_daemon(TRUED, &place);
+    let file = place.file("cell.toml");
+    let view = View::of_cell(&place, file.to_str().expect("a plain path"));
+    let mut sensor = Sensor::join(&place, 10_000.0, 3);
+    sensor.run(2.0, |_, _| 0.0);
+    let tone = |channel: u32, t_s: f64| {
+        if channel == 1 { 4.0 * (std::f64::consts::TAU * 72.0 * t_s).sin() } else { 0.0 }
+    };
+    let begun = Instant::now();
+    loop {
+        sensor.run(0.1, tone);
+        std::thread::sleep(Duration::from_millis(50));
+        if history(&view)["spectra"].as_array().is_some_and(|spectra| spectra.len() >= 4) {
+            break;
+        }
+        assert!(begun.elapsed() < 2 * LIMIT, "no columns");
+    }
+    (place, daemon, sensor, view)
+}
+
+/// What a page gets first.
+fn history(view: &View) -> Value {
+    let mut lines = view.events();
+    let first = lines.find(|line| line.starts_with("event: ")).expect("an event");
+    assert_eq!(first, "event: history", "before anything else");
+    let data = lines.next().expect("its data");
+    let mut whole: Value = serde_json::from_str(data.strip_prefix("data: ").unwrap()).unwrap();
+    whole["entries"].take()
+}
+
+#[test]
+fn a_page_that_is_opened_later_gets_the_spectra_and_events_of_before_at_once() {
+    let (_place, _daemon, mut sensor, view) = vibrating();
+    let before = history(&view);
+    let newest = before["spectra"].as_array().and_then(|all| all.last()).expect("spectra");
+    let number = |value: &Value| value.as_f64().expect("a number");
+    let amplitudes = newest["amplitude_N"].as_array().expect("bins").iter().map(number);
+    let (bin, most) = amplitudes.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).expect("bins");
+    let hz = number(&newest["first_Hz"]) + bin as f64 * number(&newest["bin_Hz"]);
+    assert!((hz - 72.0).abs() < 5.0 && (most - 4.0).abs() < 0.3, "{most} N at {hz} Hz");
+    let events = before["events"].as_array().expect("events");
+    let alarm = events.iter().find(|one| one["state"] == "alarm").expect("an alarm");
+    assert!((number(&alarm["frequency_Hz"]) - 72.0).abs() < 2.0, "{alarm}");
+    assert!(before["latency"].as_array().is_some_and(|latency| !latency.is_empty()));
+    let mut later = view.events().filter(|line| line.starts_with("event: "));
+    assert_eq!(later.next().as_deref(), Some("event: history"));
+    let begun = Instant::now();
+    let mut names = later.inspect(|_| sensor.run(0.05, |_, _| 0.0));
+    let is_new = |name: String| name == "event: spectrum";
+    assert!(names.any(is_new) && begun.elapsed() < LIMIT, "then each new one");
 }
 
 #[test]

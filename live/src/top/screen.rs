@@ -8,7 +8,7 @@ use shm_schema::Status;
 use trued_client::Mode;
 
 use super::ask::{Answered, Request};
-use crate::report::Report;
+use crate::changes::Changes;
 use crate::watch::{News, Seen};
 
 /// Number of events kept.
@@ -57,8 +57,7 @@ pub(super) struct Screen {
     /// Commands per second; `None` without commands.
     pub(super) rate_hz: Option<f64>,
     counted: VecDeque<Count>,
-    /// States of the last status: a change is an event.
-    last: Option<(&'static str, &'static str, bool)>,
+    changes: Changes,
 }
 
 impl Screen {
@@ -73,7 +72,7 @@ impl Screen {
             events: VecDeque::new(),
             rate_hz: None,
             counted: VecDeque::new(),
-            last: None,
+            changes: Changes::default(),
         }
     }
 
@@ -84,7 +83,9 @@ impl Screen {
         }
         let Some(seen) = news.seen else { return };
         self.count(&seen.status);
-        self.note_changes(&seen.report);
+        for says in self.changes.since_last(&seen.report) {
+            self.happened(says);
+        }
         if self.frozen {
             self.waiting = Some(seen);
         } else {
@@ -158,25 +159,6 @@ impl Screen {
         self.events.truncate(EVENTS_KEPT);
     }
 
-    fn note_changes(&mut self, report: &Report) {
-        let health = if report.away.is_some() { "no daemon" } else { report.health };
-        let now = (health, report.mode, report.bypassed);
-        let Some((health_before, mode_before, bypassed_before)) = self.last.replace(now) else {
-            return;
-        };
-        if health != health_before {
-            let why = report.away.as_deref().unwrap_or(&report.message);
-            self.happened(format!("{health_before} -> {health}: {why}"));
-        }
-        if report.mode != mode_before {
-            self.happened(format!("mode {mode_before} -> {}", report.mode));
-        }
-        if report.bypassed != bypassed_before {
-            let word = if report.bypassed { "bypassed" } else { "bypass ended" };
-            self.happened(word.to_owned());
-        }
-    }
-
     fn count(&mut self, status: &Status) {
         let now = Count { t_ns: status.t_ns, commands: status.commands };
         if self.counted.back().is_some_and(|last| last.commands > now.commands) {
@@ -198,6 +180,7 @@ impl Screen {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::Report;
 
     fn press(screen: &mut Screen, key: char) -> Effect {
         screen.key(KeyEvent::new(KeyCode::Char(key), KeyModifiers::NONE))
