@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use serde::{Serialize, Serializer};
-use shm_schema::{Spectrum, Verdict, VibrationClass, VibrationState, channel_name};
+use shm_schema::{Spectrum, Status, Verdict, VibrationClass, VibrationState, channel_name};
 
 use crate::changes::Changes;
 use crate::report::Report;
@@ -26,6 +26,9 @@ pub(crate) struct Latency {
     /// 99th percentile since the start of the daemon; 0 before the first.
     #[serde(rename = "p99_us")]
     pub(crate) p99_us: f64,
+    /// Time and number of commands by the daemon, for their period.
+    #[serde(skip)]
+    pub(crate) counted: (u64, u64),
 }
 
 /// Something that happened.
@@ -150,14 +153,15 @@ fn columns<S: Serializer>(all: &[Arc<Column>], to: S) -> Result<S::Ok, S::Error>
 
 impl History {
     /// Takes a status.
-    pub(crate) fn status(&mut self, t_ms: u64, report: &Report) {
+    pub(crate) fn status(&mut self, t_ms: u64, status: &Status, report: &Report) {
         self.pass(t_ms);
         for says in self.changes.since_last(report) {
             self.events.push(Event { t_ms, says, line: None });
         }
         let is_due = self.latency.kept.back().is_none_or(|last| t_ms >= last.t_ms + STEP_MS);
         if is_due && report.away.is_none() {
-            self.latency.push(Latency { t_ms, p99_us: report.latency_us.p99 });
+            let counted = (status.t_ns, status.commands);
+            self.latency.push(Latency { t_ms, p99_us: report.latency_us.p99, counted });
         }
     }
 
@@ -222,7 +226,6 @@ impl History {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shm_schema::Status;
 
     const NOW_MS: u64 = 1_700_000_000_000;
 
@@ -256,7 +259,7 @@ mod tests {
         for step in 0..2000 {
             let t_ms = NOW_MS + step * STEP_MS;
             let status = Status { t_ns: t_ms * 1_000_000, joints: 6, ..Status::default() };
-            history.status(t_ms, &Report::of("cell", &status, None));
+            history.status(t_ms, &status, &Report::of("cell", &status, None));
             history.spectrum(t_ms, &spectrum(1.0));
             (0..5).for_each(|_| history.verdict(t_ms, &Verdict::default()));
         }
@@ -274,7 +277,7 @@ mod tests {
         let mut history = History::default();
         for (after_ms, mode) in [(0, 0), (40, 0), (80, 2)] {
             let status = Status { mode, ..Status::default() };
-            history.status(NOW_MS + after_ms, &Report::of("cell", &status, None));
+            history.status(NOW_MS + after_ms, &status, &Report::of("cell", &status, None));
         }
         let events = history.since(&mut Mark::default()).events;
         assert_eq!((events.len(), events[0].t_ms), (1, NOW_MS + 80));

@@ -9,6 +9,7 @@
 //! | `/` | `page.html` | the page |
 //! | `/status` | [`report`] | the status as JSON, schema `trued.status/1` |
 //! | `/events` | `web` | the same with each change, what is drawn of the robot, and the last five minutes (`history`), as server-sent events |
+//! | `/report` | `moment` | this moment as a page to keep |
 //! | `/metrics` | [`metrics_text`] | OpenMetrics text |
 //! | WebSocket | `foxglove` | topics and schemas of the recordings, protocol `foxglove.sdk.v1` |
 
@@ -22,6 +23,8 @@ mod foxglove;
 mod history;
 #[cfg(feature = "views")]
 mod metrics;
+#[cfg(feature = "views")]
+mod moment;
 pub mod report;
 #[cfg(feature = "views")]
 mod robot;

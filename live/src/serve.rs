@@ -16,7 +16,7 @@ use crate::{foxglove, web};
 /// Addresses and access.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// The address of page, status and metrics. Port 0: a free port.
+    /// The address of page, report, status and metrics. Port 0: a free port.
     pub http: SocketAddr,
     /// The address of the stream for Foxglove; `None`: no stream.
     pub foxglove: Option<SocketAddr>,

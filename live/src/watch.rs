@@ -97,7 +97,7 @@ impl Watch {
 
     pub(crate) fn see(&self, seen: Seen) {
         let mut known = self.known();
-        known.history.status(unix_ms(), &seen.report);
+        known.history.status(unix_ms(), &seen.status, &seen.report);
         known.number += 1;
         known.seen = Some(Arc::new(seen));
         drop(known);

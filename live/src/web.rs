@@ -12,8 +12,9 @@ use tiny_http::{Header, Method, Request, Response, StatusCode};
 
 use crate::access::Asked;
 use crate::history::{Entries, Mark, SPAN_MS, STEP_MS};
+use crate::moment::Moment;
 use crate::report::Report;
-use crate::watch::{Reader, Watch, unix_ms};
+use crate::watch::{Reader, Seen, Watch, unix_ms};
 use crate::{Access, LiveError, metrics};
 
 /// The page: no other file, no other server.
@@ -101,9 +102,14 @@ impl Server {
                 let text = metrics::text(cell, report).unwrap_or_default();
                 respond(request, 200, OPEN_METRICS, text);
             }
+            "/report" => match seen {
+                Some(seen) => save(request, watch, seen),
+                None => respond(request, 503, TEXT, "no status received yet\n".to_owned()),
+            },
             "/events" => follow(request, watch, followers, stop),
             _ => {
-                let places = "not found; available: /, /status, /events, /metrics\n".to_owned();
+                let places =
+                    "not found; available: /, /status, /events, /metrics, /report\n".to_owned();
                 respond(request, 404, TEXT, places);
             }
         }
@@ -122,13 +128,26 @@ fn json(report: &Report) -> String {
     with_schema.to_string()
 }
 
+/// The report, under the name by which a browser saves it.
+fn save(request: Request, watch: &Watch, seen: Arc<Seen>) {
+    let entries = watch.history(&mut Mark::default());
+    let moment = Moment { seen, entries, now_ms: unix_ms() };
+    let saved = format!("attachment; filename=\"{}\"", moment.file_name());
+    respond_as(request, 200, HTML, moment.html(), Some(("Content-Disposition", &saved)));
+}
+
 fn respond(request: Request, code: u16, kind: &str, text: String) {
+    respond_as(request, code, kind, text, None);
+}
+
+fn respond_as(request: Request, code: u16, kind: &str, text: String, also: Option<(&str, &str)>) {
     let header = |name: &str, value: &str| Header::from_bytes(name, value).ok();
     let headers = [
         header("Content-Type", kind),
         header("Cache-Control", "no-store"),
         header("X-Content-Type-Options", "nosniff"),
         header("Content-Security-Policy", "default-src 'self' 'unsafe-inline'; img-src data:"),
+        also.and_then(|(name, value)| header(name, value)),
     ];
     let mut response = Response::from_string(text).with_status_code(StatusCode(code));
     headers.into_iter().flatten().for_each(|header| response.add_header(header));

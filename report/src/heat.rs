@@ -5,7 +5,7 @@
 //! readable without colour vision.
 
 use crate::axis::Axis;
-use crate::canvas::{Anchor, Area, Canvas, Px, Svg};
+use crate::canvas::{Anchor, Area, Canvas, Px, Svg, shortened, text_width};
 use crate::frame::{self, Frame, Mark};
 use crate::number::quantity;
 use crate::scale::{Scale, Span, drawable, ticks};
@@ -43,6 +43,15 @@ pub struct HeatMap {
     values: Vec<f64>,
     marks_x: Vec<Mark>,
     marks_y: Vec<Mark>,
+    outlines: Vec<Outline>,
+}
+
+/// A frame around a part of the map.
+#[derive(Debug, Clone)]
+struct Outline {
+    x: (f64, f64),
+    y: (f64, f64),
+    label: String,
 }
 
 impl HeatMap {
@@ -51,8 +60,8 @@ impl HeatMap {
     #[must_use]
     pub fn new(title: impl Into<String>, x: Axis, y: Axis, value: Axis) -> Self {
         let (columns, rows, values) = (0, 0, Vec::new());
-        let (marks_x, marks_y) = (Vec::new(), Vec::new());
-        Self { title: title.into(), x, y, value, columns, rows, values, marks_x, marks_y }
+        let (marks_x, marks_y, outlines) = (Vec::new(), Vec::new(), Vec::new());
+        Self { title: title.into(), x, y, value, columns, rows, values, marks_x, marks_y, outlines }
     }
 
     /// An upright line at `value`, in the unit of x, e.g. an event; not drawn outside the range.
@@ -67,6 +76,13 @@ impl HeatMap {
     #[must_use]
     pub fn mark_y(mut self, value: f64, label: impl Into<String>) -> Self {
         self.marks_y.push(Mark { value, label: label.into() });
+        self
+    }
+
+    /// A frame around what lies between these values of x and y, e.g. an event in time and frequency; what lies outside the range is cut off.
+    #[must_use]
+    pub fn outline(mut self, x: (f64, f64), y: (f64, f64), label: impl Into<String>) -> Self {
+        self.outlines.push(Outline { x, y, label: label.into() });
         self
     }
 
@@ -102,6 +118,7 @@ impl HeatMap {
         let place = frame::Place { outer, left: frame::label_px(outer, y) };
         let frame = frame::draw(&mut canvas, place, (&self.x, x), (&y_axis, y));
         self.draw_cells(&mut canvas, &frame, value);
+        self.draw_outlines(&mut canvas, &frame);
         frame::mark_x(&mut canvas, &frame, &self.marks_x, frame::ON_COLOURS);
         frame::mark_y(&mut canvas, &frame, &self.marks_y, frame::ON_COLOURS);
         self.draw_key(&mut canvas, frame.inner, value);
@@ -132,6 +149,42 @@ impl HeatMap {
         }
         for (level, data) in levels.iter().enumerate() {
             canvas.cells(&colour(level), data);
+        }
+    }
+
+    /// Frames of at least a visible size; each label above its frame, on the next level up where it would overlap another, or omitted.
+    fn draw_outlines(&self, canvas: &mut Canvas, frame: &Frame) {
+        let inner = frame.inner;
+        let mut taken: Vec<Area> = Vec::new();
+        let apart = |x: &(f64, f64), span: Span| x.1 < span.low || x.0 > span.high;
+        let seen = |one: &&Outline| !apart(&one.x, frame.x.span) && !apart(&one.y, frame.y.span);
+        for one in self.outlines.iter().filter(seen) {
+            let (left, right) = (frame.x.held(one.x.0), frame.x.held(one.x.1));
+            let (bottom, top) = (frame.y.held(one.y.0), frame.y.held(one.y.1));
+            let (left, right) = (left - 2.0, right.max(left + 3.0) + 2.0);
+            let (top, bottom) = (top - 5.0, bottom + 5.0);
+            let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
+            for (k, from) in corners.iter().enumerate() {
+                canvas.line(frame::ON_COLOURS, *from, corners[(k + 1) % 4]);
+            }
+            let label = shortened(&one.label, inner.width * 0.6);
+            let width = text_width(&label);
+            let at = left.min(inner.right() - width).max(inner.left);
+            let place = |level: usize| {
+                let top = top - 15.0 * (level + 1) as f64;
+                Area { left: at, top, width, height: 14.0 }
+            };
+            let is_free = |place: &Area| {
+                place.top >= inner.top && !taken.iter().any(|other| place.overlaps(other))
+            };
+            let below = Area { left: at, top: bottom + 2.0, width, height: 14.0 };
+            let fits_below = below.bottom() <= inner.bottom()
+                && !taken.iter().any(|other| below.overlaps(other));
+            let found = (0..3).map(place).find(is_free).or(fits_below.then_some(below));
+            if let Some(place) = found.filter(|_| !label.is_empty()) {
+                canvas.text("note", (place.left, place.top + 11.0), Anchor::Start, &label);
+                taken.push(place);
+            }
         }
     }
 
@@ -226,6 +279,26 @@ mod tests {
             .render();
         assert_eq!(svg.as_str().matches("class=\"mark over\"").count(), 2);
         assert!(svg.as_str().contains("alarm") && !svg.as_str().contains("outside"));
+    }
+
+    #[test]
+    fn an_outline_is_drawn_around_its_part_and_labels_that_would_overlap_are_apart() {
+        let map = |outlines: &[(f64, f64)]| {
+            let map = HeatMap::new("t", axis("x"), axis("y"), axis("v"));
+            let map = map.cells(4, (0..16).map(f64::from).collect());
+            let outline = |map: HeatMap, at: &(f64, f64)| {
+                map.outline((at.0, at.0 + 1.0), (at.1, at.1), "684 Hz")
+            };
+            outlines.iter().fold(map, outline).render().as_str().to_owned()
+        };
+        let count = |svg: &str, what: &str| svg.matches(what).count();
+        let one = map(&[(1.0, 2.0)]);
+        assert_eq!((count(&one, "class=\"mark over\""), count(&one, ">684 Hz<")), (4, 1));
+        assert_eq!(count(&map(&[(9.0, 2.0)]), "684 Hz"), 0, "outside");
+        let two = map(&[(1.0, 2.0), (1.0, 2.0)]);
+        let levels: Vec<&str> =
+            two.split("class=\"note\"").skip(1).filter_map(|s| s.split('"').nth(3)).collect();
+        assert!(levels.len() == 2 && levels[0] != levels[1], "{levels:?}");
     }
 
     #[test]

@@ -112,6 +112,7 @@ pub struct Page {
     title: String,
     kicker: String,
     robot: String,
+    about: Vec<(String, String)>,
     provenance: Option<Provenance>,
     body: String,
     /// Where in the body the first section begins.
@@ -136,6 +137,7 @@ impl Page {
             title: title.into(),
             kicker: String::new(),
             robot: String::new(),
+            about: Vec::new(),
             provenance: None,
             body: String::new(),
             details_at: None,
@@ -156,6 +158,13 @@ impl Page {
     #[must_use]
     pub fn robot(mut self, robot: impl Into<String>) -> Self {
         self.robot = robot.into();
+        self
+    }
+
+    /// What else the page is about, after the robot in the strip: a cell, a model.
+    #[must_use]
+    pub fn about(mut self, name: impl Into<String>, value: impl Into<String>) -> Self {
+        self.about.push((name.into(), value.into()));
         self
     }
 
@@ -315,7 +324,9 @@ impl Page {
             robot => strip::entry("Robot", &escape(robot)),
         };
         let made = self.provenance.as_ref().map_or(String::new(), Provenance::strip);
-        match robot + &made {
+        let about =
+            self.about.iter().map(|(name, value)| strip::entry(&escape(name), &escape(value)));
+        match robot + &about.collect::<String>() + &made {
             entries if entries.is_empty() => entries,
             entries => format!("<dl class=\"strip\">{entries}</dl>\n"),
         }

@@ -44,7 +44,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     // Of `daemon` only its states as messages of a recording.
-    ("live", &["client", "shm-schema", "recording", "physics", "daemon"]),
+    ("live", &["client", "shm-schema", "recording", "physics", "daemon", "report"]),
     ("challenge", &[]),
     // Of `daemon` only the real-time settings of a thread, so that everything compared has the same ones.
     ("harness", &["client", "shm-schema", "daemon", "report"]),

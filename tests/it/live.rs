@@ -1,4 +1,4 @@
-//! A cell seen from outside: page, status, events, metrics and the stream for Foxglove, while the
+//! A cell seen from outside: page, report, status, events, metrics and the stream for Foxglove, while the
 //! daemon runs, is bypassed, stalls and dies.
 
 use crate::TRUED;
@@ -58,6 +58,17 @@ impl View {
         stream.read_to_string(&mut answer).expect("an answer");
         let (head, body) = answer.split_once("\r\n\r\n").expect("a head and a body");
         (head.to_owned(), body.to_owned())
+    }
+
+    /// The head of the answer to a request that would change something.
+    fn post(&self, target: &str) -> String {
+        let mut stream = TcpStream::connect(self.http).expect("a server");
+        stream.set_read_timeout(Some(LIMIT)).expect("a limit");
+        write!(stream, "POST {target} HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
+            .unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).expect("an answer");
+        answer
     }
 
     /// The lines of the server-sent events.
@@ -267,6 +278,61 @@ fn a_page_that_is_opened_later_gets_the_spectra_and_events_of_before_at_once() {
     let mut names = later.inspect(|_| sensor.run(0.05, |_, _| 0.0));
     let is_new = |name: String| name == "event: spectrum";
     assert!(names.any(is_new) && begun.elapsed() < LIMIT, "then each new one");
+}
+
+/// The page that the button of a vibrating cell saves, for the audit of pages.
+pub(crate) fn saved_report() -> String {
+    let (_place, _daemon, _sensor, view) = vibrating();
+    view.get("/report").1
+}
+
+#[test]
+fn the_report_has_the_numbers_of_the_status_and_is_saved_under_a_name_of_its_own() {
+    let (place, _daemon, _sensor, view) = vibrating();
+    let mut robot = CellLoop::join(&place.cell(), LIMIT).expect("a daemon");
+    assert!(robot.tick_until(LIMIT, |_, tick| tick.largest() > 1e-4));
+    ticks(&mut robot, 100);
+    drop(robot);
+    let commands = || view.status()["counts"]["commands"].as_u64();
+    let begun = Instant::now();
+    loop {
+        let before = commands();
+        std::thread::sleep(Duration::from_millis(200));
+        if before == commands() && before >= Some(100) {
+            break;
+        }
+        assert!(begun.elapsed() < LIMIT, "{before:?} commands");
+    }
+    let status = view.status();
+    let (head, page) = view.get("/report");
+    assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/html"), "{head}");
+    let name = head.split("filename=\"").nth(1).and_then(|rest| rest.split('"').next());
+    let name = name.expect("a name").to_owned();
+    let digits = name.strip_prefix("cell-").and_then(|rest| rest.strip_suffix(".html"));
+    let is_time = |text: &str| text.len() == 15 && text.as_bytes()[8] == b'-';
+    assert!(digits.is_some_and(is_time), "{name}");
+    let text = |value: &Value| value.as_str().map_or(value.to_string(), str::to_owned);
+    for (key, part) in
+        [("model", "hash"), ("counts", "commands"), ("counts", "cycles"), ("robot", "serial")]
+    {
+        let value = text(&status[key][part]);
+        assert!(page.contains(&value), "{key}.{part} {value}");
+    }
+    for words in [
+        "72 Hz",
+        "Force over time and frequency",
+        "Robot from the side",
+        "Latency over time",
+        "trued mark",
+    ] {
+        assert!(page.contains(words), "{words}");
+    }
+    let page = page.replace("http://www.w3.org/", "");
+    for outside in ["<script", "http://", "https://", "src="] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    let post = view.post("/report");
+    assert!(post.starts_with("HTTP/1.1 405"), "{post}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::program::Place;
-use crate::{spectrum, stability, surface, tap};
+use crate::{live, spectrum, stability, surface, tap};
 use tests::clients::{has, root, skipped};
 use tests::python::tried;
 
@@ -90,6 +90,7 @@ fn make_pages(place: &Place) {
         place.succeed(&[&["challenge"], &cases[..]].concat());
     }
     place.run(&["bench", "--quick", "--out", "bench"]);
+    place.file("live.html", &live::saved_report());
 }
 
 /// All pages below a folder.
@@ -117,7 +118,7 @@ fn no_page_is_clipped_overlaps_or_bars_a_reader_on_any_screen_or_on_paper() {
     let place = Place::new();
     make_pages(&place);
     let pages = pages_in(&place.path("."));
-    assert!(pages.len() >= 12, "{pages:?}");
+    assert!(pages.len() >= 13, "{pages:?}");
     let audit = root().join("tests/pages/audit.mjs");
     let mut command = Command::new("node");
     let done = command.current_dir(home).arg(audit).arg(browser).args(pages).output().unwrap();

@@ -29,7 +29,7 @@ const TOKEN: &str = "TRUED_LIVE_TOKEN";
 /// Monitor a running cell in a browser, in Foxglove or PlotJuggler, and with Prometheus
 ///
 /// A separate, read-only process: the daemon opens no socket, and no request from the network reaches it. Serves a page (/),
-/// the status as JSON (/status) and as server-sent events (/events), metrics (/metrics), and on a second port a WebSocket stream of the
+/// this moment as a page to keep (/report), the status as JSON (/status) and as server-sent events (/events), metrics (/metrics), and on a second port a WebSocket stream of the
 /// topics of the recordings (protocol foxglove.sdk.v1). Listens on this computer only; to listen on another address, set `TRUED_LIVE_TOKEN` and open
 /// http://HOST:PORT/?token=TOKEN. Runs until interrupted, and reconnects after a restart of the daemon.
 #[derive(Debug, Args)]
