@@ -149,7 +149,9 @@ fn respond_as(request: Request, code: u16, kind: &str, text: String, also: Optio
         header("Content-Security-Policy", "default-src 'self' 'unsafe-inline'; img-src data:"),
         also.and_then(|(name, value)| header(name, value)),
     ];
-    let mut response = Response::from_string(text).with_status_code(StatusCode(code));
+    // In one piece, of a stated length: a browser shows how much of a saved report is there.
+    let response = Response::from_string(text).with_chunked_threshold(usize::MAX);
+    let mut response = response.with_status_code(StatusCode(code));
     headers.into_iter().flatten().for_each(|header| response.add_header(header));
     // A client that has left needs no answer.
     let _ = request.respond(response);

@@ -127,6 +127,7 @@ fn page_status_and_metrics_show_a_bypass_and_the_end_of_the_daemon_and_its_retur
     ticks(&mut robot, 200);
     let (head, page) = view.get("/");
     assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/html"), "{head}");
+    assert!(head.contains(&format!("Content-Length: {}", page.len())), "{head}");
     let names = page.replace("http://www.w3.org/2000/svg", "");
     assert!(!names.contains("http://") && !names.contains("https://"), "no other host is needed");
     let _ = within(|| view.status()["counts"]["commands"].as_u64().is_some_and(|n| n >= 200));
