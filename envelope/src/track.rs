@@ -110,9 +110,11 @@ impl Track {
         self.newest.value
     }
 
-    /// The largest rate at the newest samples, as far as the uncertainty of their times allows.
+    /// The largest rate at the samples before the newest of `times`, as far as the uncertainty of
+    /// their times allows. One that came right after its node contains no information on the rate.
     pub(crate) fn fastest(&self, times: &Times) -> f64 {
-        let mean = self.newest.rate.abs().max(self.node.rate.abs());
+        let newest = if times.is_renewed { self.newest.rate.abs() } else { 0.0 };
+        let mean = newest.max(self.node.rate.abs());
         mean + self.filtered.acceleration.abs() * times.spans_s()
     }
 
