@@ -113,9 +113,14 @@ impl Track {
     /// The largest rate at the samples before the newest of `times`, as far as the uncertainty of
     /// their times allows. One that came right after its node contains no information on the rate.
     pub(crate) fn fastest(&self, times: &Times) -> f64 {
-        let newest = if times.is_renewed { self.newest.rate.abs() } else { 0.0 };
+        let (newest, change) = if times.is_renewed {
+            (self.newest.rate.abs(), (self.newest.rate - self.node.rate).abs())
+        } else {
+            (0.0, self.node.acceleration.abs() * (times.node_s + times.before_s) / 2.0)
+        };
         let mean = newest.max(self.node.rate.abs());
-        mean + self.filtered.acceleration.abs() * times.spans_s()
+        // The receiver sees the samples alone: a plan that has just begun has more acceleration.
+        mean + (self.filtered.acceleration.abs() * times.spans_s()).min(3.0 * change)
     }
 
     /// Mean rate since the node before.
