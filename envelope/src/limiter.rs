@@ -282,18 +282,19 @@ impl Limiter {
 
     /// Puts out `wanted` and its offset, if both are known and the limits allow it.
     fn follow(&mut self, limits: &Limits, dt_s: f64) -> bool {
-        let Some(offset) = &mut self.offset else { return false };
+        let Some(offset) = &self.offset else { return false };
         let wanted = self.wanted.value() + offset.ahead(dt_s).value;
         let (output, jerk) = self.output.with(wanted, &self.times, limits.jerk());
         let motion = output.motion();
         let excused = self.times.jerk_of_jitter(self.output.fastest(&self.times));
         let allowed = jerk.abs() <= limits.jerk() + excused
             && output.rate().abs() <= limits.rate()
+            && self.keeps_rate(motion, limits, dt_s)
             && motion.stops_inside(limits)
             && !(self.times.are_uncertain()
                 && output.jerk_of_leaving(&self.times) > LEAVING_JITTER * excused);
         if allowed {
-            offset.pass(dt_s);
+            self.offset.iter_mut().for_each(|offset| offset.pass(dt_s));
             (self.output, self.motion) = (output, motion);
         }
         allowed

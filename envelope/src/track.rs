@@ -39,6 +39,8 @@ pub(crate) struct Times {
     dt_s: f64,
     /// Uncertainty of the times.
     jitter_s: f64,
+    /// See [`Times::sum_of_weights`]; zero while the times are certain.
+    weights: f64,
 }
 
 impl Times {
@@ -50,6 +52,7 @@ impl Times {
         is_renewed: false,
         dt_s: 0.0,
         jitter_s: 0.0,
+        weights: 0.0,
     };
 
     /// Another sample, `dt_s > 0` later; its time is uncertain by `jitter_s`.
@@ -62,6 +65,7 @@ impl Times {
         self.since_s += dt_s;
         let span_s = self.since_s + self.node_s;
         self.per_s = [1.0 / self.since_s, 2.0 / span_s, 3.0 / (span_s + self.before_s)];
+        self.weights = if jitter_s > 0.0 { self.sum_of_weights() } else { 0.0 };
     }
 
     pub(crate) fn are_uncertain(&self) -> bool {
@@ -70,12 +74,21 @@ impl Times {
 
     /// The apparent jerk that uncertain times can cause in a signal that moves at `rate`.
     ///
-    /// Its four samples enter a third difference with weights 1, 3, 3, 1. Times that are off by up to
-    /// `e` to either side spread their intervals by up to `4 e`, and by about `3 e` among the few
-    /// that [`Intervals`](crate::Intervals) looks at.
+    /// Times that are off by up to `e` to either side spread their intervals by up to `4 e`, and by
+    /// about `3 e` among the few that [`Intervals`](crate::Intervals) looks at. Each of the four
+    /// samples of a third difference is then off by up to `rate · e`, times its weight.
     pub(crate) fn jerk_of_jitter(&self, rate: f64) -> f64 {
-        let [first, second, third] = self.per_s;
-        8.0 / 3.0 * rate * self.jitter_s * first * second * third
+        rate * self.jitter_s / 3.0 * self.weights
+    }
+
+    /// Sum of the magnitudes of the weights of four samples in a third difference: 8 over the cube
+    /// of the interval if they are even. At the start of a signal that of the newest sample.
+    fn sum_of_weights(&self) -> f64 {
+        let ([first, second, third], node_s, before_s) = (self.per_s, self.node_s, self.before_s);
+        let newest = first * second * third;
+        let nodes = node_s * before_s * (node_s + before_s);
+        let of_nodes = first * before_s + second / 2.0 * (node_s + before_s) + third / 3.0 * node_s;
+        if nodes > 0.0 { newest + 6.0 * of_nodes / nodes } else { newest }
     }
 
     /// Relative error of a mean rate between two samples.

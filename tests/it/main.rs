@@ -35,6 +35,7 @@ mod guide;
 mod in_time;
 mod invariants;
 mod kill;
+mod limiter;
 mod live;
 mod log;
 mod outputs;
