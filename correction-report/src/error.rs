@@ -5,6 +5,7 @@ use std::fmt::Display;
 use std::path::Path;
 
 use recording::files::FileError;
+use recording::series::Recording;
 
 /// Why a recording cannot be corrected.
 #[derive(Debug, thiserror::Error)]
@@ -32,6 +33,14 @@ impl Error {
     /// For `map_err`: the fault is in the system.
     pub(crate) fn system(error: impl Into<Box<dyn StdError + Send + Sync>>) -> Self {
         Self::System(error.into())
+    }
+
+    /// A faulty input with its row, from 0, in the file.
+    pub(crate) fn in_row(self, recording: &Recording, row: usize) -> Self {
+        let Self::Input(why) = self else { return self };
+        let t_s = recording.t_s.get(row).copied().unwrap_or(f64::NAN);
+        let file = recording.file.display();
+        Self::input(format!("{file}: row {} of the data (t_s = {t_s}): {why}", row + 1))
     }
 
     /// For `map_err`: what is wrong with the content of the file `path`, whose message does not name it.

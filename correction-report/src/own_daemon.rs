@@ -78,11 +78,11 @@ impl OwnDaemon {
                         return Ok(answer);
                     }
                 }
-                Err(invalid @ NotSent::Invalid { .. }) => return Err(Error::input(invalid)),
-                Err(_) => {
+                Err(NotSent::Away(_) | NotSent::Lost) => {
                     std::thread::sleep(Duration::from_millis(1));
                     sent = self.client.send(&row.setpoint);
                 }
+                Err(never_sent) => return Err(Error::input(never_sent)),
             }
             check(stop)?;
             if let Some(status) = self.child.ended() {

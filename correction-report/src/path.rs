@@ -150,8 +150,8 @@ pub fn statically(
 ) -> Result<(Corrections, bool), Error> {
     let mut cycle = cycle(model, recording, cell)?;
     let mut corrections = Corrections::of(model);
-    for row in Setpoints::of(recording, model.physics.arm.count()) {
-        let answer = cycle.answer(&row)?;
+    for (place, row) in Setpoints::of(recording, model.physics.arm.count()).enumerate() {
+        let answer = cycle.answer(&row).map_err(|why| why.in_row(recording, place))?;
         let left = cycle.left_with(&answer);
         corrections.take(row.setpoint.joints(), &answer, left).map_err(Error::system)?;
     }

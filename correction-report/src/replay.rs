@@ -87,14 +87,14 @@ impl Replay {
         let mut latency = Histogram::new_with_max(LATENCY_NS_MAX, DIGITS).map_err(Error::system)?;
         let start = Instant::now();
         let mut first_ns = None;
-        for row in Setpoints::of(&recording, model.physics.arm.count()) {
+        for (place, row) in Setpoints::of(&recording, model.physics.arm.count()).enumerate() {
             let due_ns = row.t_ns - *first_ns.get_or_insert(row.t_ns);
             if in_real_time {
                 wait(start, Duration::from_nanos(due_ns), stop)?;
             }
             check(stop)?;
             let sent = Instant::now();
-            let answer = daemon.ask(&row, stop)?;
+            let answer = daemon.ask(&row, stop).map_err(|why| why.in_row(&recording, place))?;
             latency.saturating_record(u64::try_from(sent.elapsed().as_nanos()).unwrap_or(u64::MAX));
             judge.take(row, answer)?;
             row_done();

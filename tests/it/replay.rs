@@ -90,6 +90,26 @@ fn column(table: &str, name: &str) -> Vec<f64> {
 
 /// The same path, as input and corrected: an existing correction is replaced, not doubled.
 #[test]
+fn a_row_without_a_joint_is_refused_by_its_number_with_a_daemon_and_without() {
+    let place = Place::new();
+    let lacking = path().lines().enumerate().fold(String::new(), |text, (line, row)| {
+        let mut cells: Vec<&str> = row.split(',').collect();
+        if line == 3 {
+            cells[4] = "";
+        }
+        text + &cells.join(",") + "\n"
+    });
+    place.file("path.csv", &lacking);
+    for command in [&["replay"][..], &["correct", "--out", "corrected.csv"]] {
+        let done = place.run(&[command, &["--model", THESIS, "path.csv"]].concat());
+        assert_eq!(done.code, Some(2), "{command:?}: {}", done.err);
+        let named =
+            done.err.contains("path.csv: row 3 of the data") && done.err.contains("joint 3");
+        assert!(named, "{command:?}: {}", done.err);
+    }
+}
+
+#[test]
 fn what_was_corrected_can_be_corrected_again() {
     let place = Place::new();
     place.file("path.csv", &path());
