@@ -1,7 +1,7 @@
 //! This moment of a cell as a page to keep (`/report`): the status, and the last five minutes.
 //!
-//! In the skeleton of all reports: what it is about, a verdict, one picture, four numbers, what to do next; then the details. Made of what the live view knows; nothing is
-//! asked of the cell, nothing is written on this computer.
+//! Laid out as all reports: subject, verdict, one picture, four numbers, next step; then the details. Computed from the state and the history that the live view
+//! has received; sends no request to the cell and writes no file.
 
 mod episodes;
 mod pictures;
@@ -24,8 +24,6 @@ use shm_schema::VibrationState;
 const OLD_S: f64 = 1.0;
 /// Rows of the table of events at most.
 const EVENTS: usize = 100;
-/// A correction above this share of its limit needs attention, 0 to 1.
-const NEAR_LIMIT: f64 = 0.8;
 
 /// What a page is made of.
 pub(crate) struct Moment {
@@ -37,8 +35,8 @@ pub(crate) struct Moment {
     pub(crate) now_ms: u64,
 }
 
-/// What is said first.
-struct Said {
+/// The verdict and the next step.
+struct Headline {
     tone: Tone,
     word: String,
     sentence: String,
@@ -59,7 +57,7 @@ impl Moment {
     pub(crate) fn html(&self) -> String {
         let report = &self.seen.report;
         let episodes = episodes::all(&self.entries.events, self.now_ms);
-        let said = self.said(&episodes);
+        let headline = self.headline(&episodes);
         let robot = &report.robot;
         let serial = if robot.serial.is_empty() {
             String::new()
@@ -68,7 +66,7 @@ impl Moment {
         };
         let named = [robot.maker.as_str(), &robot.kind, &serial];
         let named: Vec<&str> = named.into_iter().filter(|name| !name.is_empty()).collect();
-        let mut page = Page::new(format!("Cell {}: {}", report.cell, said.word))
+        let mut page = Page::new(format!("Cell {}: {}", report.cell, headline.word))
             .kicker("trued live")
             .robot(named.join(" "))
             .about("Cell", &report.cell)
@@ -82,7 +80,7 @@ impl Moment {
                 command: format!("trued live {}", report.cell),
                 ..Provenance::default()
             })
-            .verdict(said.tone, &said.word, &said.sentence);
+            .verdict(headline.tone, &headline.word, &headline.sentence);
         let rings = episodes.iter().any(|one| one.is_alarm);
         let force = pictures::spectrogram(&self.entries.spectra, &episodes, self.now_ms);
         let force_caption = "Amplitude of the force over frequency and time, the largest of the force channels; outlined: vibration events, empty: no force samples.";
@@ -93,7 +91,7 @@ impl Moment {
         };
         page = page
             .numbers(self.numbers(&episodes))
-            .next(said.next, Some(&format!("{} {}", said.command, report.cell)))
+            .next(headline.next, Some(&format!("{} {}", headline.command, report.cell)))
             .section("Joints");
         if force.is_some() && rings {
             page = page.figure(joints_caption, &joint_bars(report));
@@ -120,12 +118,12 @@ impl Moment {
     }
 
     /// The first of these that holds: not there, restricted, not correcting; otherwise it corrects.
-    fn said(&self, episodes: &[Episode]) -> Said {
+    fn headline(&self, episodes: &[Episode]) -> Headline {
         let found = self.absent().or_else(|| self.restricted()).or_else(|| self.uncorrected());
         found.unwrap_or_else(|| self.correcting(episodes))
     }
 
-    fn absent(&self) -> Option<Said> {
+    fn absent(&self) -> Option<Headline> {
         let report = &self.seen.report;
         let (word, why) = match &report.away {
             Some(why) => ("no daemon", capitalised(why)),
@@ -134,7 +132,7 @@ impl Moment {
             }
             None => return None,
         };
-        Some(Said {
+        Some(Headline {
             tone: Tone::Bad,
             word: word.to_owned(),
             sentence: format!("{why}. All values are the last known ones."),
@@ -143,13 +141,13 @@ impl Moment {
         })
     }
 
-    fn restricted(&self) -> Option<Said> {
+    fn restricted(&self) -> Option<Headline> {
         let report = &self.seen.report;
         let state = self.seen.status.verdict.state();
         let rings = matches!(state, Ok(VibrationState::Alarm | VibrationState::Confirmed));
         let line = report.vibration.line.as_ref().filter(|_| rings && report.health != "fault");
         if let Some(line) = line {
-            return Some(Said {
+            return Some(Headline {
                 tone: Tone::Bad,
                 word: "vibration alarm".to_owned(),
                 sentence: format!("{}.", capitalised(line)),
@@ -164,7 +162,7 @@ impl Moment {
         };
         let details = self.details();
         let sentence = if details.is_empty() { otherwise } else { &details };
-        Some(Said {
+        Some(Headline {
             tone,
             word: report.health.to_owned(),
             sentence: format!("{}.", capitalised(sentence)),
@@ -173,7 +171,7 @@ impl Moment {
         })
     }
 
-    fn uncorrected(&self) -> Option<Said> {
+    fn uncorrected(&self) -> Option<Headline> {
         let report = &self.seen.report;
         let (word, sentence, next, command) = if report.bypassed {
             (
@@ -192,16 +190,16 @@ impl Moment {
         } else {
             return None;
         };
-        Some(Said { tone: Tone::Caution, word, sentence, next, command })
+        Some(Headline { tone: Tone::Caution, word, sentence, next, command })
     }
 
-    fn correcting(&self, episodes: &[Episode]) -> Said {
+    fn correcting(&self, episodes: &[Episode]) -> Headline {
         let report = &self.seen.report;
         let word = format!("{}, mode {}", report.health, report.mode);
         let alarms: Vec<&Episode> = episodes.iter().filter(|one| one.is_alarm).collect();
         if let Some(last) = alarms.last() {
             let alarms = count(alarms.len(), "vibration alarm");
-            return Said {
+            return Headline {
                 tone: Tone::Caution,
                 word,
                 sentence: format!(
@@ -216,7 +214,7 @@ impl Moment {
         let details = self.details();
         let also =
             if details.is_empty() { details } else { format!(" {}.", capitalised(&details)) };
-        Said {
+        Headline {
             tone: Tone::Good,
             word,
             sentence: format!("{}{also}", self.used()),
@@ -238,7 +236,7 @@ impl Moment {
     fn numbers(&self, episodes: &[Episode]) -> [Number; 4] {
         let report = &self.seen.report;
         let (joint, share) = largest(report);
-        let tone = if share >= NEAR_LIMIT { Tone::Caution } else { Tone::Plain };
+        let tone = if share >= 1.0 { Tone::Caution } else { Tone::Plain };
         let counts = &report.counts;
         let refused = counts.rejected + counts.held + counts.commands_lost;
         let period = period_s(&self.entries.latency);

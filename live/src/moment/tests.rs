@@ -1,4 +1,4 @@
-//! Pages of moments: what is said first, and that the numbers are those of the status.
+//! Pages of moments: the verdict, and that the numbers are those of the status.
 
 use super::*;
 use crate::history::{History, Mark};

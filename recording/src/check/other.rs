@@ -10,7 +10,7 @@ use crate::files::FileError;
 use crate::urdf::{self, Ends};
 use crate::waves::{self, Grid, Options, Waves};
 
-/// What a file is, is told by this many bytes.
+/// The format of a file is recognised from this many bytes at its start.
 const HEAD_BYTES: u64 = 4096;
 
 /// The findings in such a file; `None` for a table.
